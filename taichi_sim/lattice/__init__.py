@@ -1,0 +1,17 @@
+"""The beam lattice: soft bodies of voxels joined by beams, after Voxelyze (Hiller & Lipson 2014)."""
+
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
+from taichi_sim.lattice.materials import Material
+from taichi_sim.lattice.program import LatticeProgram, ProgramBuilder, Quantity
+
+__all__ = [
+    "LatticeBody",
+    "LatticeEngine",
+    "LatticeProgram",
+    "LatticeResult",
+    "LatticeState",
+    "Material",
+    "ProgramBuilder",
+    "Quantity",
+]

@@ -1,0 +1,118 @@
+"""The description of a lattice body: voxels, materials, regions, cut links, fixed voxels, pressurised faces."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_mass
+from taichi_sim.lattice.topology import Topology, build_topology
+
+
+def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """A read-only copy of the given shape (-1 is any), or a one-line ValueError."""
+    given = np.asarray(array)
+    fits = given.ndim == len(shape) and all(want in (-1, have) for want, have in zip(shape, given.shape, strict=True))
+    if not fits:
+        wanted = "(" + ", ".join("n" if s == -1 else str(s) for s in shape) + ")"
+        raise ValueError(f"{name}: shape {given.shape} is not allowed; it must be {wanted}")
+    if given.dtype.kind == "f" and not np.all(np.isfinite(given) & (given == np.round(given))):
+        raise ValueError(f"{name}: only whole numbers are allowed")
+    result = given.astype(dtype)
+    result.setflags(write=False)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeBody:
+    """A body of cubic voxels whose neighbours are joined by beams.
+
+    Attributes:
+        voxels: places on the lattice, shape (V, 3), whole numbers; voxel i starts at ``voxel_size * voxels[i]`` [m].
+        materials: the materials in use.
+        material_index: material of each voxel, shape (V,).
+        voxel_size: edge h [m].
+        regions: label of the group that a program can address, shape (V,), 0 to R-1; by default the material.
+        cut_links: pairs of neighbouring voxels without a beam, shape (C, 2), indices into ``voxels``.
+        fixed: degrees of freedom held by the world (x, y, z, rotation about x, y, z), shape (V, 6).
+        pressure_normals: sum of the outward normals of the faces that feel the region's pressure, in the voxel
+            frame, shape (V, 3), entries -1, 0, 1; zero where no face does.
+
+    Raises:
+        ValueError: one line that names the field, the value and what is allowed.
+    """
+
+    voxels: np.ndarray
+    materials: tuple[Material, ...]
+    material_index: np.ndarray
+    voxel_size: float
+    regions: np.ndarray | None = None
+    cut_links: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    fixed: np.ndarray | None = None
+    pressure_normals: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 - a frozen dataclass fills itself
+        put("voxels", _frozen(self.voxels, np.int64, "voxels", (-1, 3)))
+        count = len(self.voxels)
+        if count == 0:
+            raise ValueError("voxels: the body is empty; give at least one voxel")
+        places, counts = np.unique(self.voxels, axis=0, return_counts=True)
+        if counts.max() > 1:
+            raise ValueError(f"voxels: {counts.max()} voxels at {tuple(places[counts.argmax()].tolist())}; one is allowed")
+        if not (np.isfinite(self.voxel_size) and self.voxel_size > 0):
+            raise ValueError(f"voxel_size: {self.voxel_size!r} is not allowed; it must be positive")
+        put("voxel_size", float(self.voxel_size))
+        put("materials", tuple(self.materials))
+        put("material_index", _frozen(self.material_index, np.int64, "material_index", (count,)))
+        put("regions", _frozen(self.material_index if self.regions is None else self.regions, np.int64, "regions", (count,)))
+        if self.material_index.min() < 0 or self.material_index.max() >= len(self.materials):
+            raise ValueError(f"material_index: must lie in 0..{len(self.materials) - 1}")
+        if self.regions.min() < 0:  # type: ignore[union-attr]
+            raise ValueError("regions: negative labels are not allowed")
+        put("fixed", _frozen(np.zeros((count, 6)) if self.fixed is None else self.fixed, bool, "fixed", (count, 6)))
+        normals = np.zeros((count, 3)) if self.pressure_normals is None else self.pressure_normals
+        put("pressure_normals", _frozen(normals, np.int8, "pressure_normals", (count, 3)))
+        if np.abs(self.pressure_normals).max(initial=0) > 1:  # type: ignore[arg-type]
+            raise ValueError("pressure_normals: entries must be -1, 0 or 1")
+        put("cut_links", _frozen(self.cut_links, np.int64, "cut_links", (-1, 2)))
+        self._check_cut_links()
+
+    def _check_cut_links(self) -> None:
+        for first, second in self.cut_links:
+            known = 0 <= min(first, second) and max(first, second) < len(self.voxels)
+            if not known or np.abs(self.voxels[first] - self.voxels[second]).sum() != 1:
+                raise ValueError(f"cut_links: ({first}, {second}) are not neighbouring voxels; only their link can be cut")
+
+    @property
+    def voxel_count(self) -> int:
+        """V."""
+        return len(self.voxels)
+
+    @property
+    def region_count(self) -> int:
+        """R, one more than the largest label."""
+        return int(self.regions.max()) + 1  # type: ignore[union-attr]
+
+    @property
+    def start_positions(self) -> np.ndarray:
+        """Voxel centres before the simulation [m], shape (V, 3)."""
+        return self.voxels * self.voxel_size
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Links, faces and contact exclusions, derived once."""
+        return build_topology(self.voxels, self.cut_links)
+
+    @cached_property
+    def recommended_time_step(self) -> float:
+        """Largest stable step 1 / (2 pi sqrt(max a1 / min(m-, m+))) [s]; without links, that of a voxel on the floor."""
+        stiffest = 0.0
+        ends = self.material_index[self.topology.links] if len(self.topology.links) else np.zeros((0, 2), int)
+        for minus, plus in np.unique(ends, axis=0):
+            a, b = self.materials[minus], self.materials[plus]
+            lightest = min(voxel_mass(a, self.voxel_size), voxel_mass(b, self.voxel_size))
+            stiffest = max(stiffest, axial_stiffness_modulus(a, b) * self.voxel_size / lightest)
+        if stiffest == 0.0:
+            stiffest = max(m.youngs_modulus * self.voxel_size / voxel_mass(m, self.voxel_size) for m in self.materials)
+        return float(1 / (2 * np.pi * np.sqrt(stiffest)))

@@ -1,0 +1,217 @@
+"""The lattice engine: a batch of robots of one topology, advanced by programs."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim import runtime
+from taichi_sim.lattice import stages
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.fused import FusedDriver
+from taichi_sim.lattice.program import LatticeProgram
+from taichi_sim.lattice.tables import build_tables, pack_program
+
+DRIVERS = ("auto", "fused", "stepped")
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeState:
+    """Motion of the voxels of a batch, world frame, in the body's voxel order.
+
+    Attributes:
+        positions: [m], shape (B, V, 3).
+        orientations: unit quaternions (w, x, y, z), shape (B, V, 4).
+        velocities: [m/s], shape (B, V, 3).
+        angular_velocities: [rad/s], shape (B, V, 3).
+    """
+
+    positions: np.ndarray
+    orientations: np.ndarray
+    velocities: np.ndarray
+    angular_velocities: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeResult:
+    """How the run of a program ended.
+
+    Attributes:
+        status: "ok" or "diverged", shape (B,).
+        steps: steps done; for a diverged robot the step in which it diverged, shape (B,).
+        positions: recorded voxel centres [m], shape (B, S, V, 3); NaN where a robot never got there.
+        orientations: recorded quaternions (w, x, y, z), shape (B, S, V, 4).
+        strains: recorded strain of every link, shape (B, S, L).
+    """
+
+    status: np.ndarray
+    steps: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+    strains: np.ndarray
+
+
+class LatticeEngine:
+    """Simulates a batch of robots that share voxels, links and regions and may differ in everything else.
+
+    The numbers of a robot do not depend on the size of the batch, on its place or neighbours in it, or on the number
+    of threads; in f64 on a CPU they are the same bits. A robot that diverges is reported and does not disturb others.
+
+    Example:
+        >>> rubber = Material(youngs_modulus=1e6, density=1e3)
+        >>> bar = LatticeBody(voxels=[(x, 0, 0) for x in range(5)], materials=(rubber,), material_index=[0] * 5,
+        ...                   voxel_size=0.01)
+        >>> engine = LatticeEngine(bar, batch=2, gravity=9.80665, floor=True)
+        >>> engine.run(ProgramBuilder(robot_count=2).build(lengths=1000)).status.tolist()
+        ['ok', 'ok']
+    """
+
+    def __init__(
+        self,
+        body: LatticeBody | Sequence[LatticeBody],
+        batch: int | None = None,
+        *,
+        time_step: float | None = None,
+        floor: bool = False,
+        self_contact: bool = True,
+        gravity: float = 0.0,
+        device: str = "cpu",
+        precision: str = "f64",
+        threads: int | None = None,
+        driver: str = "auto",
+        width: int | None = None,
+    ) -> None:
+        """Set the robots up at rest at their start positions.
+
+        Args:
+            body: one body for all robots, or one per robot; they may differ in the values of their materials only.
+            batch: number of robots B.
+            time_step: dt [s]; by default the largest that is stable for all bodies.
+            floor: whether there is a floor at z = -h/2.
+            self_contact: whether voxels of a robot collide with each other.
+            gravity: uniform acceleration along -z [m/s^2].
+            device: "cpu", "cuda", "vulkan" or "metal".
+            precision: "f32" or "f64".
+            threads: CPU threads; all cores by default.
+            driver: "fused" (CPU lanes), "stepped" (a kernel per stage of a step) or "auto": fused on a CPU.
+            width: robots per native vector of the fused driver (1 or the machine's 16 x f32, 8 x f64); chosen by default.
+
+        Raises:
+            ValueError: one line that names the argument, the value and what is allowed.
+        """
+        bodies = [body] if isinstance(body, LatticeBody) else list(body)
+        batch = len(bodies) if batch is None else batch
+        if not isinstance(batch, int | np.integer) or batch < 1:
+            raise ValueError(f"batch: {batch!r} is not allowed; give a whole number of at least 1")
+        bodies = bodies * batch if len(bodies) == 1 else bodies
+        self._check_bodies(bodies, int(batch))
+        self.body, self.batch = bodies[0], int(batch)
+        stable = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
+        self.time_step = stable if time_step is None else float(time_step)
+        if not (math.isfinite(self.time_step) and self.time_step > 0):
+            raise ValueError(f"time_step: {time_step!r} is not allowed; it must be positive")
+        if not math.isfinite(gravity):
+            raise ValueError(f"gravity: {gravity!r} is not a finite number")
+        if driver not in DRIVERS:
+            raise ValueError(f"driver: {driver!r} is unknown; choose one of {', '.join(DRIVERS)}")
+        if driver == "fused" and device != "cpu":
+            raise ValueError(f"driver: 'fused' runs on a cpu only, not on {device!r}; use 'auto'")
+        self.gravity = float(gravity)
+        self._configuration = (device, precision, threads)
+        running = runtime.start(*self._configuration)
+        self._order = self.body.topology.order
+        self._tables = build_tables(bodies, self.time_step)
+        poisson = any(m.poissons_ratio > 0 for b in bodies for m in b.materials)
+        switches = (bool(floor), bool(self_contact), poisson)
+        if driver == "stepped" or device != "cpu":
+            from taichi_sim.lattice.stepped import SteppedDriver
+
+            self._driver: FusedDriver | SteppedDriver = SteppedDriver(self._tables, self.batch, precision, switches)
+        else:
+            self._driver = FusedDriver(self._tables, self.batch, precision, running.threads, switches, width)
+        self._diverged = np.zeros(self.batch, bool)
+        self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
+
+    @staticmethod
+    def _check_bodies(bodies: list[LatticeBody], batch: int) -> None:
+        if len(bodies) != batch:
+            raise ValueError(f"body: {len(bodies)} bodies for a batch of {batch}; give one, or one per robot")
+        first = bodies[0]
+        for other in bodies[1:]:
+            same = other is first or (
+                other.voxel_size == first.voxel_size
+                and len(other.materials) == len(first.materials)
+                and all(
+                    np.array_equal(getattr(first, n), getattr(other, n))
+                    for n in ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals")
+                )
+            )
+            if not same:
+                raise ValueError("body: bodies of one batch may differ in the values of their materials only")
+
+    @property
+    def bytes_per_robot(self) -> int:
+        """Memory of the batch per robot [B], without recordings."""
+        return self._driver.bytes_per_robot
+
+    def set_positions(self, positions: np.ndarray) -> None:
+        """Put every robot at rest, upright, at these voxel centres [m], shape (B, V, 3); links forget their past.
+
+        Fixed voxels are held where the body says, whatever their start.
+        """
+        positions = np.asarray(positions, float)
+        if positions.shape != (self.batch, self.body.voxel_count, 3) or not np.isfinite(positions).all():
+            raise ValueError(f"positions: give finite numbers of shape ({self.batch}, {self.body.voxel_count}, 3)")
+        voxel = np.zeros((self.batch, self.body.voxel_count, stages.VOXEL_WIDTH))
+        voxel[:, :, :3] = positions[:, self._order]
+        voxel[:, :, 3] = 1.0
+        voxel[:, :, stages.STICKS] = 1.0  # every voxel starts in the static state
+        self._driver.write("voxel", voxel)
+        link = np.zeros((self.batch, len(self._tables.link), stages.LINK_WIDTH))
+        link[:, :, stages.LINK_STATE] = 2.0
+        self._driver.write("link", link)
+        self._driver.write("strain", np.zeros((self.batch, max(self._tables.strain_count, 1), stages.STRAIN_WIDTH)))
+        self._driver.forget_watch()
+        self._diverged[:] = False
+
+    def run(self, program: LatticeProgram, progress: Callable[[float], None] | None = None) -> LatticeResult:
+        """Advance every robot by its own number of steps; channels, state and damping memory carry over to the next run.
+
+        Args:
+            program: what happens, steps counted from now.
+            progress: called now and then with the fraction done, 0 to 1.
+
+        Raises:
+            ValueError: if the program is for another number of robots or names unknown regions.
+        """
+        if program.robot_count != self.batch:
+            raise ValueError(f"program: made for {program.robot_count} robots, the engine has {self.batch}")
+        packed = pack_program(program, self._tables.group_region)
+        runtime.start(*self._configuration)
+        steps, diverged, poses, strains = self._driver.run(
+            packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity, progress or (lambda fraction: None)
+        )
+        # A state that is not finite is no result, whatever the strains said.
+        diverged = diverged | ~np.isfinite(self._driver.read("voxel")).all(axis=(1, 2))
+        self._diverged |= diverged
+        back = np.empty_like(self._order)
+        back[self._order] = np.arange(len(self._order))
+        poses = poses[:, :, back]
+        strains = strains[:, :, : len(self.body.topology.links)]
+        for recorded in (poses, strains):
+            recorded[~np.isfinite(poses).all(axis=(2, 3))] = np.nan
+        status = np.where(self._diverged, "diverged", "ok")
+        return LatticeResult(status, steps, poses[..., :3], poses[..., 3:], strains)
+
+    def state(self) -> LatticeState:
+        """Where the voxels are and how they move; NaN for robots that diverged."""
+        voxel = np.empty((self.batch, self.body.voxel_count, stages.VOXEL_WIDTH))
+        voxel[:, self._order] = self._driver.read("voxel")
+        voxel[self._diverged] = np.nan
+        group = self._tables.voxel[:, stages.GROUP]
+        inverse = np.empty((self.batch, self.body.voxel_count, 2))
+        inverse[:, self._order] = self._tables.constant[:, group, :2]
+        velocities = voxel[..., stages.MOMENTUM : stages.MOMENTUM + 3] * inverse[..., :1]
+        spins = voxel[..., stages.SPIN : stages.SPIN + 3] * inverse[..., 1:]
+        return LatticeState(voxel[..., :3], voxel[..., 3:7], velocities, spins)

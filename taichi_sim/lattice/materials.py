@@ -1,0 +1,132 @@
+"""Materials of a beam lattice and the beam constants of a pair of materials.
+
+Source: Hiller & Lipson, "Dynamic Simulation of Soft Multimaterial 3D-Printed Objects", Soft Robotics 1(1), 2014.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic elastic material; a voxel of it is a point mass with rotational inertia.
+
+    Attributes:
+        youngs_modulus: E [Pa].
+        density: rho [kg/m^3].
+        poissons_ratio: nu, dimensionless, 0 to below 0.5.
+        static_friction: Coulomb coefficient mu_s against the floor.
+        kinetic_friction: Coulomb coefficient mu_k against the floor.
+        internal_damping: zeta_i, damping ratio of the links (1 is critical).
+        global_damping: zeta_g, damping ratio against the world.
+        collision_damping: zeta_c, damping ratio of floor and self-contact.
+        scale: rest size per axis (x, y, z) in voxel edges; the mass does not change with it.
+        thermal_expansion: alpha [1/K].
+        temperature: T relative to the stress-free state [K].
+        name: for people.
+    """
+
+    youngs_modulus: float
+    density: float
+    poissons_ratio: float = 0.0
+    static_friction: float = 0.0
+    kinetic_friction: float = 0.0
+    internal_damping: float = 1.0
+    global_damping: float = 0.0
+    collision_damping: float = 1.0
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    thermal_expansion: float = 0.0
+    temperature: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scale", tuple(float(s) for s in self.scale))
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name not in ("name", "scale") and not math.isfinite(value):
+                raise ValueError(f"{field.name}: {value!r} is not a finite number")
+        for name in ("youngs_modulus", "density"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; it must be positive")
+        if not 0 <= self.poissons_ratio < 0.5:
+            raise ValueError(f"poissons_ratio: {self.poissons_ratio!r} is not allowed; it must be at least 0 and below 0.5")
+        for name in ("static_friction", "kinetic_friction", "internal_damping", "global_damping", "collision_damping"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; it must not be negative")
+        if len(self.scale) != 3 or not all(math.isfinite(s) and s > 0 for s in self.scale):
+            raise ValueError(f"scale: {self.scale!r} is not allowed; give three positive numbers")
+        if 1 + self.thermal_expansion * self.temperature <= 0:
+            raise ValueError(f"temperature: {self.temperature!r} shrinks the material to nothing")
+
+
+# Columns of the table of beam constants, one row per pair of materials.
+(AXIAL, TRANSVERSE, POISSON, A2, B1, B2, B3, ROOT_A1, ROOT_A2, ROOT_B1, ROOT_B2, ROOT_B3,
+ DAMPING_MINUS, DAMPING_PLUS, SHARE_MINUS, SHARE_PLUS) = range(16)  # fmt: skip
+BEAM_COLUMNS = 16
+
+
+def voxel_mass(material: Material, edge: float) -> float:
+    """m = rho h^3 [kg]."""
+    return material.density * edge**3
+
+
+def link_modulus(minus: Material, plus: Material) -> float:
+    """Springs in series: E_l = 2 E- E+ / (E- + E+) [Pa]."""
+    return 2 * minus.youngs_modulus * plus.youngs_modulus / (minus.youngs_modulus + plus.youngs_modulus)
+
+
+def axial_stiffness_modulus(minus: Material, plus: Material) -> float:
+    """E_l / ((1 - 2 nu)(1 + nu)) [Pa]; E_l itself for nu = 0."""
+    nu = (minus.poissons_ratio + plus.poissons_ratio) / 2
+    return link_modulus(minus, plus) / ((1 - 2 * nu) * (1 + nu))
+
+
+def beam_constants(minus: Material, plus: Material, edge: float, time_step: float) -> np.ndarray:
+    """Constants of the Euler-Bernoulli beam between two voxels of edge h.
+
+    Args:
+        minus: material at the end with the smaller coordinate.
+        plus: material at the other end.
+        edge: voxel edge h [m].
+        time_step: dt [s].
+
+    Returns:
+        A row of the columns above: stiffnesses (Hiller & Lipson, eq. 6-13), damping roots, damping factors
+        g = 2 sqrt(m) zeta_i / dt of both ends, and each end's share of the link strain.
+    """
+    h, e = edge, link_modulus(minus, plus)
+    nu = (minus.poissons_ratio + plus.poissons_ratio) / 2
+    e_hat = axial_stiffness_modulus(minus, plus)
+    a1, a2 = e * h, e * h**3 / (12 * (1 + nu))
+    b1, b2, b3 = e * h, e * h**2 / 2, e * h**3 / 6
+    row = np.empty(BEAM_COLUMNS)
+    row[[AXIAL, TRANSVERSE, POISSON]] = e_hat * (1 - nu), e_hat * nu, nu
+    row[[A2, B1, B2, B3]] = a2, b1, b2, b3
+    row[[ROOT_A1, ROOT_A2]] = math.sqrt(a1), math.sqrt(a2 * h**2 / 6)
+    row[[ROOT_B1, ROOT_B2, ROOT_B3]] = math.sqrt(b1), math.sqrt(b2 * h / 2), math.sqrt(b3 * h**2 / 6)
+    for column, m in ((DAMPING_MINUS, minus), (DAMPING_PLUS, plus)):
+        row[column] = 2 * math.sqrt(voxel_mass(m, h)) * m.internal_damping / time_step
+    total = minus.youngs_modulus + plus.youngs_modulus
+    row[[SHARE_MINUS, SHARE_PLUS]] = 2 * plus.youngs_modulus / total, 2 * minus.youngs_modulus / total
+    return row
+
+
+# Columns of the table of voxel constants, one row per group of voxels.
+(INVERSE_MASS, INVERSE_INERTIA, MASS, CRITICAL_TRANSLATION, CRITICAL_ROTATION, STIFFNESS, CONTACT_DAMPING,
+ EXPANSION, NU) = range(9)  # fmt: skip
+CONSTANT_COLUMNS = 9
+
+
+def voxel_constants(material: Material, edge: float) -> np.ndarray:
+    """Constants of one voxel: masses, critical damping coefficients 2 sqrt(m E h) and 2 sqrt(I E h^3), contact."""
+    mass, e = voxel_mass(material, edge), material.youngs_modulus
+    inertia = mass * edge**2 / 6
+    critical = 2 * math.sqrt(mass * e * edge)
+    row = np.empty(CONSTANT_COLUMNS)
+    row[[INVERSE_MASS, INVERSE_INERTIA, MASS]] = 1 / mass, 1 / inertia, mass
+    row[[CRITICAL_TRANSLATION, CRITICAL_ROTATION]] = critical, 2 * math.sqrt(inertia * e * edge**3)
+    row[[STIFFNESS, CONTACT_DAMPING]] = 2 * e * edge, material.collision_damping * critical
+    row[[EXPANSION, NU]] = material.thermal_expansion, material.poissons_ratio
+    return row

@@ -1,0 +1,125 @@
+"""What the outside does to the robots of a batch over time.
+
+Every region of a body has a channel per quantity below. A channel holds a value that changes linearly:
+an event at step s sets it to ``value`` and lets it grow by ``rate`` per step from there on,
+
+    value(t) = value + rate (t - s)   for s <= t < step of the channel's next event.
+
+Before its first event a channel holds what the region's material says (zero for pressure, acceleration, force, ...).
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+
+class Quantity(IntEnum):
+    """What a channel controls. Vectors are consecutive: ``Quantity.FORCE + axis``."""
+
+    SCALE = 0  # rest size in voxel edges, x y z of the voxel frame
+    TEMPERATURE = 3  # [K] relative to the stress-free state
+    STATIC_FRICTION = 4
+    KINETIC_FRICTION = 5
+    GLOBAL_DAMPING = 6  # damping ratio against the world
+    PRESSURE = 7  # [Pa] on the faces named by LatticeBody.pressure_normals
+    ACCELERATION = 8  # [m/s^2] x y z, world frame: weight per mass
+    FORCE = 11  # [N] x y z on every voxel, world frame
+    MOMENT = 14  # [N m] x y z on every voxel, world frame
+    TRANSLATION = 17  # [m] x y z, displacement of fixed translations from the start
+    ROTATION = 20  # [rad] rotation vector x y z of fixed rotations
+
+
+QUANTITY_COUNT = 23
+
+EVENT = np.dtype(
+    [("robot", np.int32), ("step", np.int32), ("region", np.int32), ("quantity", np.int32), ("value", float), ("rate", float)]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeProgram:
+    """Events and lengths of a batch of robots. Steps count from the start of the run that the program drives.
+
+    Attributes:
+        lengths: time steps of each robot, shape (B,).
+        events: array of ``EVENT`` records; those of one channel and step: the last wins.
+        snapshots: steps after which each robot's pose is recorded, shape (B, S), ascending, -1 for none.
+    """
+
+    lengths: np.ndarray
+    events: np.ndarray
+    snapshots: np.ndarray
+
+    def __post_init__(self) -> None:
+        lengths = np.asarray(self.lengths, np.int64)
+        if lengths.ndim != 1 or len(lengths) == 0 or lengths.min() < 0 or lengths.max() > 2**30:
+            raise ValueError("lengths: give one number of steps per robot, from 0 to 2^30")
+        events = np.asarray(self.events, EVENT)
+        snapshots = np.asarray(self.snapshots, np.int64)
+        if snapshots.ndim != 2 or len(snapshots) != len(lengths) or (snapshots > lengths[:, None]).any():
+            raise ValueError(f"snapshots: shape {snapshots.shape}; give (robots, steps), none beyond a robot's last step")
+        for name in ("value", "rate"):
+            if not np.isfinite(events[name]).all():
+                raise ValueError(f"events: {name} must be finite, got {events[name][~np.isfinite(events[name])][0]}")
+        for name, limit in (("robot", len(lengths)), ("quantity", QUANTITY_COUNT), ("step", 2**30), ("region", 2**31 - 1)):
+            if len(events) and not (events[name].min() >= 0 and events[name].max() < limit):
+                raise ValueError(f"events: {name} must lie in 0..{limit - 1}")
+        for name, array in (("lengths", lengths), ("events", events), ("snapshots", snapshots)):
+            array = array.copy()
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @property
+    def robot_count(self) -> int:
+        """B."""
+        return len(self.lengths)
+
+
+class ProgramBuilder:
+    """Collects events, whole arrays of robots at a time.
+
+    Example:
+        >>> builder = ProgramBuilder(robot_count=2)
+        >>> builder.set(Quantity.PRESSURE, [[100.0], [200.0]], regions=[0], step=10)
+        >>> builder.build(lengths=[1000, 1000]).events.shape
+        (2,)
+    """
+
+    def __init__(self, robot_count: int) -> None:
+        """Start an empty program for ``robot_count`` robots."""
+        self.robot_count = robot_count
+        self._parts: list[np.ndarray] = []
+
+    def set(
+        self,
+        quantity: int,
+        value: object,
+        *,
+        regions: object,
+        step: object = 0,
+        rate: object = 0.0,
+        robots: object = None,
+    ) -> None:
+        """Let channels take a value at a step and change by a rate per step from there.
+
+        Args:
+            quantity: a ``Quantity``, plus the axis for vectors.
+            value: broadcast to shape (robots, regions).
+            regions: labels of the regions.
+            step: step at which the events happen, broadcast to (robots, regions).
+            rate: change per step, broadcast to (robots, regions).
+            robots: indices of the robots; all by default.
+        """
+        rows = np.arange(self.robot_count) if robots is None else np.atleast_1d(np.asarray(robots, int))
+        columns = np.atleast_1d(np.asarray(regions, int))
+        part = np.empty((len(rows), len(columns)), EVENT)
+        part["robot"], part["region"], part["quantity"] = rows[:, None], columns[None], quantity
+        part["step"], part["value"], part["rate"] = step, value, rate
+        self._parts.append(part.ravel())
+
+    def build(self, lengths: object, snapshots: object = None) -> LatticeProgram:
+        """The program; ``snapshots`` of shape (robots, steps), none by default."""
+        events = np.concatenate(self._parts) if self._parts else np.zeros(0, EVENT)
+        marks = np.zeros((self.robot_count, 0), int) if snapshots is None else snapshots
+        return LatticeProgram(np.broadcast_to(lengths, self.robot_count), events, marks)  # type: ignore[arg-type]

@@ -1,0 +1,184 @@
+"""A body as the tables that kernels read: integers shared by a batch, constants per robot, voxels in engine order."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim.lattice import stages
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.materials import BEAM_COLUMNS, beam_constants, voxel_constants
+from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram, Quantity
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Integer tables of a topology (columns in ``stages``) and constants of its robots.
+
+    Attributes:
+        link, voxel, rest: integer tables of links, voxels and classes of rest lengths.
+        surface: voxels of the surface slots, engine order.
+        excluded: bit matrix of pairs of surface voxels that never collide, shape (S, ceil(S / 32)).
+        start: start positions [m], engine order, shape (V, 3).
+        group_region: region of each group, shape (G,).
+        constant: voxel constants, shape (B, G, 9).
+        beam: beam constants, shape (B, C, 16).
+        channel: channels at the start, shape (B, 23 G, 4).
+        strain_count: number of gauged voxels.
+        ring: power of two that no link's voxel numbers differ by more than.
+    """
+
+    link: np.ndarray
+    voxel: np.ndarray
+    rest: np.ndarray
+    surface: np.ndarray
+    excluded: np.ndarray
+    start: np.ndarray
+    group_region: np.ndarray
+    constant: np.ndarray
+    beam: np.ndarray
+    channel: np.ndarray
+    strain_count: int
+    ring: int
+
+
+def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
+    """Tables of robots whose bodies share voxels, links, regions and material indices but not material values."""
+    body = bodies[0]
+    topology, order = body.topology, body.topology.order
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    kinds = np.stack([body.material_index, body.regions], axis=1)  # type: ignore[list-item]
+    groups, group_of = np.unique(kinds, axis=0, return_inverse=True)
+    links, axes = topology.links, topology.link_axes
+    beam_pairs, beam_of = np.unique(body.material_index[links].reshape(-1, 2), axis=0, return_inverse=True)
+    rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
+    rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
+    link_table = np.column_stack([place[links].reshape(-1, 2), axes, beam_of, rest_of])
+    poisson = any(m.poissons_ratio > 0 for each in bodies for m in each.materials)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, poisson)
+    used = sorted({id(b): b for b in bodies}.values(), key=id)
+    constant, beam, channel = {}, {}, {}
+    for each in used:
+        materials, h = each.materials, each.voxel_size
+        constant[id(each)] = np.array([voxel_constants(materials[m], h) for m, _ in groups])
+        rows = [beam_constants(materials[a], materials[b], h, time_step) for a, b in beam_pairs]
+        beam[id(each)] = np.array(rows).reshape(-1, BEAM_COLUMNS)
+        channel[id(each)] = _initial_channels([materials[m] for m, _ in groups])
+    return Tables(
+        link=_int_table(link_table, stages.LINK_COLUMNS),
+        voxel=voxel_table,
+        rest=_int_table(rests, 3),
+        surface=place[topology.surface].astype(np.int32),
+        excluded=_bit_matrix(topology.excluded),
+        start=body.start_positions[order],
+        group_region=groups[:, 1].copy(),
+        constant=np.array([constant[id(b)] for b in bodies]),
+        beam=np.array([beam[id(b)] for b in bodies]),
+        channel=np.array([channel[id(b)] for b in bodies]),
+        strain_count=strain_count,
+        ring=1 << int(np.ptp(place[links].reshape(-1, 2), axis=1).max(initial=0)).bit_length(),
+    )
+
+
+
+
+def _int_table(rows: np.ndarray, columns: int) -> np.ndarray:
+    """Rows as int32; a table without rows gets one, as kernels cannot take empty arrays."""
+    return np.ascontiguousarray(rows.reshape(-1, columns) if len(rows) else np.zeros((1, columns)), np.int32)
+
+
+def _voxel_table(
+    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, poisson: bool
+) -> tuple[np.ndarray, int]:
+    topology, count = body.topology, len(order)
+    table = np.full((count, stages.VOXEL_COLUMNS), -1, np.int32)
+    table[:, stages.GROUP] = group_of[order]
+    table[place[topology.surface], stages.SURFACE_SLOT] = np.arange(len(topology.surface))
+    table[:, stages.SIDE_LINK : stages.SIDE_LINK + 6] = topology.side_links[order]
+    table[:, stages.FIXED] = body.fixed[order] @ (1 << np.arange(6))  # type: ignore[index]
+    first = np.searchsorted(place[topology.links[:, 0]], np.arange(count + 1))
+    table[:, stages.FIRST_LINK], table[:, stages.END_LINK] = first[:-1], first[1:]
+    normals = body.pressure_normals[order]  # type: ignore[index]
+    table[:, stages.NORMAL : stages.NORMAL + 3] = normals
+    feels = (normals != 0).any(axis=1)
+    table[:, stages.FEELS_PRESSURE] = feels
+    gauged = np.flatnonzero(feels | poisson)
+    table[gauged, stages.STRAIN_SLOT] = np.arange(len(gauged))
+    return table, len(gauged)
+
+
+def _bit_matrix(flags: np.ndarray) -> np.ndarray:
+    """Rows of booleans packed into int32 words, lowest bit first."""
+    words = -(-flags.shape[1] // 32) or 1
+    padded = np.zeros((max(len(flags), 1), words * 32), bool)
+    padded[: len(flags), : flags.shape[1]] = flags
+    return np.packbits(padded, axis=1, bitorder="little").view(np.int32)
+
+
+def _initial_channels(materials: list) -> np.ndarray:
+    channels = np.zeros((len(materials), QUANTITY_COUNT, stages.CHANNEL_WIDTH))
+    base = channels[:, :, stages.BASE]
+    for row, material in zip(base, materials, strict=True):
+        row[Quantity.SCALE : Quantity.SCALE + 3] = material.scale
+        row[Quantity.TEMPERATURE] = material.temperature
+        row[Quantity.STATIC_FRICTION] = material.static_friction
+        row[Quantity.KINETIC_FRICTION] = material.kinetic_friction
+        row[Quantity.GLOBAL_DAMPING] = material.global_damping
+    channels[:, :, stages.VALUE] = base
+    return channels.reshape(-1, stages.CHANNEL_WIDTH)
+
+
+@dataclass(frozen=True, eq=False)
+class PackedProgram:
+    """A program as kernels read it.
+
+    Attributes:
+        marks: (step, target) of each event, sorted by robot and step; a target below 0 records snapshot -target - 1.
+        values: (base, rate) of each event.
+        first: first mark of each robot, and one past the last, shape (B + 1,).
+        lengths: shape (B,).
+        slots: snapshots per robot, S.
+    """
+
+    marks: np.ndarray
+    values: np.ndarray
+    first: np.ndarray
+    lengths: np.ndarray
+    slots: int
+
+
+def pack_program(program: LatticeProgram, group_region: np.ndarray) -> PackedProgram:
+    """Sort a program's events and address groups instead of regions.
+
+    Raises:
+        ValueError: if an event names a region that the body lacks.
+    """
+    events = program.events
+    limit = int(group_region.max()) + 1
+    if len(events) and events["region"].max() >= limit:
+        raise ValueError(f"events: region {events['region'].max()} is unknown; the body has 0..{limit - 1}")
+    parts = []
+    for group, region in enumerate(group_region):
+        part = events[events["region"] == region]
+        targets = group * QUANTITY_COUNT + part["quantity"]
+        parts.append(_marks(part["robot"], part["step"], targets, part["value"], part["rate"]))
+    robot, slot = np.nonzero(program.snapshots >= 0)
+    nothing = np.zeros(len(robot))
+    parts.append(_marks(robot, program.snapshots[robot, slot], -1 - slot, nothing, nothing))
+    marks = np.concatenate(parts)
+    marks = marks[np.lexsort((marks["step"], marks["robot"]))]  # stable: the last event of a step wins
+    first = np.searchsorted(marks["robot"], np.arange(program.robot_count + 1))
+    pairs = np.stack([marks["step"], marks["region"]], axis=1)
+    values = np.stack([marks["value"], marks["rate"]], axis=1)
+    if not len(marks):
+        pairs, values = np.zeros((1, 2)), np.zeros((1, 2))
+    return PackedProgram(
+        pairs.astype(np.int32), values, first.astype(np.int32), program.lengths.astype(np.int32), program.snapshots.shape[1]
+    )
+
+
+def _marks(robot: np.ndarray, step: np.ndarray, target: np.ndarray, value: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    marks = np.zeros(len(robot), EVENT)
+    marks["robot"], marks["step"], marks["region"], marks["value"], marks["rate"] = robot, step, target, value, rate
+    return marks
