@@ -75,6 +75,20 @@ class LatticeProgram:
         """B."""
         return len(self.lengths)
 
+    def values_after(self, robot: int, region: int, quantity: int, steps: np.ndarray) -> np.ndarray | None:
+        """What a channel was in the last of so many steps, shape of ``steps``; None if the program never sets it.
+
+        After no steps, and before the first event, it is the first event's value if that comes at step 0.
+        """
+        events = self.events
+        mine = events[(events["robot"] == robot) & (events["region"] == region) & (events["quantity"] == quantity)]
+        if not len(mine):
+            return None
+        mine = mine[np.argsort(mine["step"], kind="stable")]
+        last = np.maximum(np.asarray(steps) - 1, 0)
+        event = mine[np.maximum(np.searchsorted(mine["step"], last, side="right") - 1, 0)]
+        return event["value"] + event["rate"] * (last - event["step"])
+
 
 class ProgramBuilder:
     """Collects events, whole arrays of robots at a time.

@@ -1,0 +1,1 @@
+"""Robot models: they turn designs into programs for the physics, and know no optimisers."""

@@ -1,0 +1,259 @@
+"""The inflatable shape-changing robot: designs, and what they do on a terrain.
+
+Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
+et al., Nature Machine Intelligence 3, 51-59, 2021.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from robots.checks import number, whole_number
+from robots.files import read_text, write_text
+from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, SMALL, InflatableGeometry
+from robots.inflatable_program import ACTUATION, InflatableActuation, build_program, nominal_steps, play
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult, Quantity
+from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
+
+__all__ = [
+    "ACTUATION",
+    "INCHING",
+    "MAXIMUM_PRESSURE",
+    "NAMED_GEOMETRIES",
+    "PUBLISHED",
+    "ROLLING",
+    "SMALL",
+    "Frames",
+    "InflatableActuation",
+    "InflatableDesign",
+    "InflatableGeometry",
+    "InflatableResult",
+    "load_design",
+    "predicted_steps",
+    "save_design",
+    "simulate",
+]
+
+# Safety limit of the simulator [Pa]. The search space ends at 12 kPa; published evaluations reach 13,281 Pa.
+MAXIMUM_PRESSURE = 15e3
+DESIGN_FORMAT = "morpholab-inflatable-design-1"
+
+
+@dataclass(frozen=True)
+class InflatableDesign:
+    """Shape, orientation and control of the robot.
+
+    Attributes:
+        pressure: of the core [Pa], 0 (flat) to 15,000; 12,000 makes it round.
+        orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
+        schedule: when bladders inflate and feet grip.
+    """
+
+    pressure: float
+    orientation: float
+    schedule: GaitSchedule
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pressure", number("pressure", self.pressure, 0.0, MAXIMUM_PRESSURE, "Pa"))
+        object.__setattr__(self, "orientation", number("orientation", self.orientation, 0.0, 90.0, "degrees"))
+        if not isinstance(self.schedule, GaitSchedule):
+            raise ValueError(f"schedule: {type(self.schedule).__name__} is not allowed; give a GaitSchedule")
+
+
+INCHING = InflatableDesign(
+    pressure=0.0,
+    orientation=90.0,
+    schedule=GaitSchedule.from_text("/".join(["10101010"] * 4 + ["00000000"] * 4 + ["01010101", "10101010"])),
+)
+ROLLING = InflatableDesign(
+    pressure=12e3,
+    orientation=0.0,
+    schedule=GaitSchedule(np.vstack([np.eye(8)[::-1], np.zeros((2, 8))])),
+)
+
+
+def save_design(design: InflatableDesign, path: str | PathLike[str]) -> None:
+    """Write a design as JSON: pressure [Pa], orientation [degrees], rows of the schedule."""
+    record = {
+        "format": DESIGN_FORMAT,
+        "pressure": design.pressure,
+        "orientation": design.orientation,
+        "schedule": design.schedule.to_text().split("/"),
+        "repeats": design.schedule.repeats,
+    }
+    write_text(Path(path), json.dumps(record, indent=2) + "\n")
+
+
+def load_design(path: str | PathLike[str]) -> InflatableDesign:
+    """Read a design written by :func:`save_design`.
+
+    Raises:
+        ValueError: one line that names the file and what is wrong with it.
+    """
+    text = read_text(Path(path))
+    try:
+        record = json.loads(text)
+        if not isinstance(record, dict) or record.get("format") != DESIGN_FORMAT:
+            raise ValueError(f"it is not a design file (format {DESIGN_FORMAT!r})")
+        schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
+        return InflatableDesign(record["pressure"], record["orientation"], schedule)
+    except KeyError as missing:
+        raise ValueError(f"{path}: {missing} is missing") from None
+    except (ValueError, TypeError) as problem:
+        raise ValueError(f"{path}: {problem}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Recorded poses of a batch.
+
+    Attributes:
+        positions: voxel centres [m], shape (F, B, V, 3), voxels ordered as ``body.voxels``; NaN after a robot's end.
+        orientations: quaternions (w, x, y, z), shape (F, B, V, 4).
+        times: [s] from the end of the initialisation, shape (F,).
+        extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, B, V, 6).
+    """
+
+    positions: np.ndarray
+    orientations: np.ndarray
+    times: np.ndarray
+    extents: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class InflatableResult:
+    """What a batch of designs did.
+
+    Attributes:
+        distance: along the direction of travel, positive uphill [m], shape (B,); NaN unless the status is "ok".
+        speed: body lengths per second by the published convention: the time is that of a gait in which every column
+            moves (19.7968 s for the published robot), whatever the number of steps; shape (B,).
+        speed_simulated: body lengths per second of the time simulated, shape (B,).
+        status: "ok" or "diverged", shape (B,).
+        steps: time steps after the initialisation; those before divergence for a robot that diverged, shape (B,).
+        time_step: dt [s].
+        frames: recorded poses, or None.
+        body: the lattice.
+    """
+
+    distance: np.ndarray
+    speed: np.ndarray
+    speed_simulated: np.ndarray
+    status: np.ndarray
+    steps: np.ndarray
+    time_step: float
+    frames: Frames | None
+    body: LatticeBody
+
+
+def predicted_steps(
+    design: InflatableDesign, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION
+) -> int:
+    """Time steps of an evaluation, initialisation included; cheap."""
+    del geometry  # timing is counted in steps, whatever their length
+    return actuation.initial_steps(design.pressure) + play(design.schedule, actuation)[1]
+
+
+def simulate(
+    designs: Sequence[InflatableDesign] | InflatableDesign,
+    terrain: Terrain | None = None,
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    driver: str = "auto",
+    record_every: int | None = None,
+    perturbation: float = 0.0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> InflatableResult:
+    """Evaluate a batch of designs on a terrain.
+
+    Args:
+        designs: one design or several; one is a batch of one.
+        terrain: flat ground by default.
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates.
+        precision: "f32" or "f64".
+        device: "cpu", "cuda", "vulkan" or "metal".
+        threads: CPU threads; all cores by default. Results do not depend on it.
+        driver: see ``LatticeEngine``.
+        record_every: record the poses every so many time steps from the end of the initialisation on.
+        perturbation: standard deviation of noise on the start positions [m]; contact makes long runs chaotic, so a
+            few perturbed copies show how far a speed can be trusted.
+        seed: of that noise; robot i of a batch always draws the same.
+        progress: called now and then with the fraction done.
+
+    Raises:
+        ValueError: one line that names the argument, the value and what is allowed.
+    """
+    designs = [designs] if isinstance(designs, InflatableDesign) else list(designs)
+    if not designs or not all(isinstance(d, InflatableDesign) for d in designs):
+        raise ValueError("designs: give at least one InflatableDesign")
+    terrain = terrain or Terrain()
+    perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
+    seed = whole_number("seed", seed, 0)
+    record_every = None if record_every is None else whole_number("record_every", record_every, 1)
+    # Robots of a block wait for its slowest: put those of like length together.
+    order = np.argsort([predicted_steps(d, geometry, actuation) for d in designs], kind="stable")
+    body = geometry.body
+    engine = LatticeEngine(
+        body, len(designs), time_step=geometry.time_step, floor=True, device=device, precision=precision,
+        threads=threads, driver=driver,
+    )  # fmt: skip
+    if perturbation > 0:
+        noise = [np.random.default_rng([seed, robot]).normal(0.0, perturbation, body.voxels.shape) for robot in order]
+        engine.set_positions(body.start_positions + np.array(noise))
+    program = build_program([designs[i] for i in order], terrain, actuation, record_every)
+    run = engine.run(program, progress)
+    back = np.argsort(order)
+    run = LatticeResult(*(getattr(run, f)[back] for f in ("status", "steps", "positions", "orientations", "strains")))
+    return _summarise(designs, run, program.snapshots[back], geometry, actuation, record_every)
+
+
+def _summarise(
+    designs: list[InflatableDesign], run: LatticeResult, marks: np.ndarray, geometry: InflatableGeometry,
+    actuation: InflatableActuation, record_every: int | None,
+) -> InflatableResult:  # fmt: skip
+    body, dt = geometry.body, geometry.time_step
+    begin, end = marks[:, 0], marks[:, 1]
+    sizes = np.array([_voxel_sizes(body, d, actuation, m) for d, m in zip(designs, marks, strict=True)])
+    extents = half_extents(body, run.strains, sizes)
+    middle = mean_of_face_corners(body, run.positions[:, :2], run.orientations[:, :2], extents[:, :2])
+    heading = np.deg2rad([d.orientation for d in designs])
+    travel = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    distance = ((middle[:, 1, :2] - middle[:, 0, :2]) * travel).sum(axis=1)
+    ok = run.status == "ok"
+    distance = np.where(ok, distance, np.nan)
+    lengths = distance / geometry.body_length
+    nominal = np.array([nominal_steps(d.schedule.columns * d.schedule.repeats, actuation) for d in designs])
+    steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
+    frames = None
+    if record_every:
+        poses = (np.moveaxis(a[:, 2:], 0, 1) for a in (run.positions, run.orientations))
+        times = np.arange(marks.shape[1] - 2) * record_every * dt
+        frames = Frames(*poses, times, np.moveaxis(extents[:, 2:], 0, 1))
+    return InflatableResult(
+        distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, steps, dt, frames, body
+    )
+
+
+def _voxel_sizes(body: LatticeBody, design: InflatableDesign, actuation: InflatableActuation, marks: np.ndarray) -> np.ndarray:
+    """Rest size of every voxel at the recorded steps [m], shape (S, V, 3)."""
+    program = build_program([design], Terrain(), actuation)
+    scales = np.array([m.scale for m in body.materials])[body.material_index]
+    sizes = np.repeat(scales[None], len(marks), axis=0)
+    for axis in range(3):
+        for region in np.unique(body.regions):
+            values = program.values_after(0, int(region), Quantity.SCALE + axis, marks)
+            if values is not None:
+                sizes[:, body.regions == region, axis] = values[:, None]
+    return sizes * body.voxel_size

@@ -1,0 +1,161 @@
+"""The body of the inflatable shape-changing robot: a flat pouch of two skins with four bladders on either side.
+
+Source: Powers 2021 dissertation, ch. 5; Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021. Where the
+text and the published experiment differ, the defaults are those of the experiment.
+
+Layers from the ground up: lower bladders, lower skin, upper skin, upper bladders. Rolling is along x, inching along y.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+import numpy as np
+
+from taichi_sim.lattice import LatticeBody, Material
+
+# Regions that a program addresses. Foot seams are the third foot material of the published robot.
+SKIN, SEAM, FOOT_1, FOOT_2, FOOT_SEAM = range(5)
+FIRST_BLADDER = 5
+BLADDER_COUNT = 8
+REGION_COUNT = FIRST_BLADDER + BLADDER_COUNT
+SKIN_REGIONS = np.arange(FIRST_BLADDER)
+FOOT_REGIONS = np.array([FOOT_1, FOOT_2])
+BLADDER_REGIONS = np.arange(FIRST_BLADDER, REGION_COUNT)
+
+
+@dataclass(frozen=True)
+class InflatableGeometry:
+    """Shape and materials of the pouch. The defaults are the published robot: 1428 voxels, 3290 links.
+
+    Attributes:
+        bladder_columns: voxels across a bladder; the pouch is 4 bladders and the 3 seams between them wide.
+        rows: voxels along the pouch.
+        foot_rows: rows of the foot zone at either end, without bladders.
+        bladder_layers: voxels through a bladder.
+        voxel_size: h [m].
+        youngs_modulus: of the skin [Pa].
+        bladder_modulus: of the bladders [Pa].
+        density: [kg/m^3].
+        foot_seam_scale: rest size of foot seams across the pouch, in voxels.
+        internal_damping: damping ratio of links.
+        collision_damping: damping ratio of contacts.
+        time_step_safety: the largest stable time step is divided by this.
+    """
+
+    bladder_columns: int = 3
+    rows: int = 22
+    foot_rows: int = 3
+    bladder_layers: int = 2
+    voxel_size: float = 0.01
+    youngs_modulus: float = 400e3
+    bladder_modulus: float = 400e3 / 1.8
+    density: float = 3000.0
+    foot_seam_scale: float = 0.9
+    internal_damping: float = 1.0
+    collision_damping: float = 1.0
+    time_step_safety: float = 1.3
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{field.name}: {value!r} is not allowed; it must be positive")
+            if field.type in (int, "int") and value != int(value):
+                raise ValueError(f"{field.name}: {value!r} is not allowed; it must be a whole number")
+        if self.rows <= 2 * self.foot_rows:
+            raise ValueError(f"rows: {self.rows} is not allowed; two feet of {self.foot_rows} rows leave no room for bladders")
+
+    @property
+    def columns(self) -> int:
+        """Width of the pouch in voxels."""
+        return 4 * self.bladder_columns + 3
+
+    @property
+    def body_length(self) -> float:
+        """Length of the flat pouch [m], the unit of speeds."""
+        return self.rows * self.voxel_size
+
+    @property
+    def voxel_mass(self) -> float:
+        """[kg]"""
+        return self.density * self.voxel_size**3
+
+    @property
+    def body(self) -> LatticeBody:
+        """The lattice; built once per geometry."""
+        return _build(self)
+
+    @property
+    def time_step(self) -> float:
+        """dt [s]."""
+        return self.body.recommended_time_step / self.time_step_safety
+
+
+PUBLISHED = InflatableGeometry()
+SMALL = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
+NAMED_GEOMETRIES = {"published": PUBLISHED, "small": SMALL}
+
+
+def _skin_region(geometry: InflatableGeometry, x: int, y: int) -> int:
+    first_foot, last_foot = y <= geometry.foot_rows, y > geometry.rows - geometry.foot_rows
+    if x % (geometry.bladder_columns + 1) == 0:
+        return FOOT_SEAM if first_foot or last_foot else SEAM
+    return FOOT_1 if first_foot else FOOT_2 if last_foot else SKIN
+
+
+@lru_cache(maxsize=16)
+def _build(geometry: InflatableGeometry) -> LatticeBody:
+    """Voxels layer by layer: upper skin, lower skin, then bladder by bladder, away from the skin."""
+    layers, stride = geometry.bladder_layers, geometry.bladder_columns + 1
+    lower, upper = layers, layers + 1  # z of the skins
+    plan = [(x, y) for x in range(1, geometry.columns + 1) for y in range(1, geometry.rows + 1)]
+    voxels = [(x, y, z) for z in (upper, lower) for x, y in plan]
+    regions = [_skin_region(geometry, x, y) for _ in range(2) for x, y in plan]
+    under = [(x, y) for x, y in plan if x % stride and geometry.foot_rows < y <= geometry.rows - geometry.foot_rows]
+    for bladder in range(BLADDER_COUNT):
+        # Bladders 1 to 4 lie on top, in order of x; 8 to 5 are the same columns underneath.
+        on_top = bladder < 4
+        group = bladder if on_top else BLADDER_COUNT - 1 - bladder
+        depths = range(upper + 1, upper + 1 + layers) if on_top else range(lower - 1, -1, -1)
+        places = [(x, y, z) for x, y in under if x // stride == group for z in depths]
+        voxels += places
+        regions += [FIRST_BLADDER + bladder] * len(places)
+    skins = len(plan)
+    # The skins are joined along the two long edges only: the space between them is the core.
+    cut = [(i, i + skins) for i, (x, _) in enumerate(plan) if 1 < x < geometry.columns]
+    normals = np.zeros((len(voxels), 3), int)
+    normals[:skins, 2], normals[skins : 2 * skins, 2] = 1, -1
+    return LatticeBody(
+        voxels=np.array(voxels),
+        materials=_materials(geometry),
+        material_index=np.minimum(regions, FIRST_BLADDER),
+        voxel_size=geometry.voxel_size,
+        regions=np.array(regions),
+        cut_links=np.array(cut).reshape(-1, 2),
+        pressure_normals=normals,
+    )
+
+
+def _materials(geometry: InflatableGeometry) -> tuple[Material, ...]:
+    """One material per skin region and one for the bladders; friction and bladder scales belong to the program."""
+
+    def material(name: str, modulus: float, across: float = 1.0) -> Material:
+        return Material(
+            modulus,
+            geometry.density,
+            internal_damping=geometry.internal_damping,
+            collision_damping=geometry.collision_damping,
+            scale=(across, 1.0, 1.0),
+            name=name,
+        )
+
+    skin = geometry.youngs_modulus
+    return (
+        material("skin", skin),
+        material("seam", skin),
+        material("foot 1", skin),
+        material("foot 2", skin),
+        material("foot seam", skin, geometry.foot_seam_scale),
+        material("bladder", geometry.bladder_modulus),
+    )
