@@ -3,7 +3,7 @@
 The laws of the package are written once, over reals. With ``width == 1`` a real is a scalar (one robot per
 thread: GPU, gradients, a single robot); else it is a vector of ``width`` robots, which LLVM keeps as one
 machine vector. Only the operations below may touch a real: arithmetic, comparisons, ``&`` and ``|``,
-``ti.sqrt``, ``ti.min``, ``ti.max``, ``ti.select`` and the functions of this file. Unary minus, ``abs``,
+``ti.sqrt``, ``ti.select`` and the functions of this file. Unary minus, ``abs``,
 ``-=``, trigonometry and casts do not compile on native vectors.
 """
 
@@ -60,48 +60,54 @@ def _is_vector(x: Any) -> bool:
 @ti.func
 def any_lane(condition):
     """True if the condition holds for any robot of the real."""
-    count = 0
+    flag = 0
     if ti.static(_is_vector(condition)):
-        count = ti.select(condition, 1, 0).sum()  # LLVM folds this to a test of the mask
+        flag = ti.select(condition, 1, 0).max()  # LLVM makes this one test of the mask; a sum it would really sum
     else:
-        count = ti.select(condition, 1, 0)
-    return count != 0
+        flag = ti.select(condition, 1, 0)
+    return flag > 0
 
 
 @ti.func
 def all_lanes(condition):
     """True if the condition holds for every robot of the real (a NaN fails every comparison)."""
-    count = 0
+    flag = 0
     if ti.static(_is_vector(condition)):
-        count = ti.select(condition, 0, 1).sum()
+        flag = ti.select(condition, 0, 1).max()
     else:
-        count = ti.select(condition, 0, 1)
-    return count == 0
-
-
-@ti.func
-def load(a: ti.template(), b, i, c):
-    """Component c of item i in block b.
-
-    Blocks of lanes are laid out [block][item][component] with the lanes inside a real; scalars of a GPU
-    [item][component][robot][0], so that neighbouring threads read neighbouring memory. The number of axes tells.
-    """
-    if ti.static(len(a.shape) == 4):
-        return a[i, c, b, 0]
-    else:
-        return a[b, i, c]
-
-
-@ti.func
-def store(a: ti.template(), b, i, c, value):
-    """Write component c of item i in block b; layouts as for :func:`load`."""
-    if ti.static(len(a.shape) == 4):
-        a[i, c, b, 0] = value
-    else:
-        a[b, i, c] = value
+        flag = ti.select(condition, 0, 1)
+    return flag == 0
 
 
 @ti.func
 def absolute(x):
     """|x|."""
-    return ti.max(x, 0.0 - x)
+    return ti.select(x < 0.0, 0.0 - x, x)
+
+
+@ti.func
+def larger(x, y):
+    """The larger of two reals; y if x is not a number. (``ti.max`` spends two more operations on NaN.)"""
+    return ti.select(x > y, x, y)
+
+
+@ti.func
+def load(memory: ti.template(), k, slot):
+    """Read a slot of a robot's or block's memory.
+
+    Lanes lie block by block and k is the first slot of the block; on a GPU slots lie one after the other with the
+    robots side by side, so that neighbouring threads read neighbouring numbers, and k is the robot.
+    """
+    if ti.static(len(memory.shape) == 1):
+        return memory[k + slot]
+    else:
+        return memory[slot, k]
+
+
+@ti.func
+def store(memory: ti.template(), k, slot, value):
+    """Write a slot of a robot's or block's memory."""
+    if ti.static(len(memory.shape) == 1):
+        memory[k + slot] = value
+    else:
+        memory[slot, k] = value

@@ -6,7 +6,7 @@ A quaternion maps a vector from the body frame to the world frame.
 
 import numpy as np
 
-from taichi_sim.lanes import any_lane
+from taichi_sim.lanes import absolute, any_lane, larger
 from taichi_sim.runtime import single_precision, ti
 
 # Below this 1 - w^2 the engine that the lattice reproduces replaces the rotation vector by an approximation.
@@ -77,12 +77,12 @@ def _horner(u, coefficients: ti.template()):
 @ti.func
 def _arc_factor(w):
     """acos(w)/sqrt(1 - w^2) for w in (-1, 1]; each lane's value does not depend on its neighbours."""
-    u = 1.0 - ti.min(w, 1.0)
+    u = 1.0 - w
     result = _horner(u, ti.static(_SHORT[single_precision()]))
     if any_lane(u > _NEAR):
-        v = 1.0 - ti.min(ti.max(w, 0.0 - w), 1.0)
+        v = 1.0 - absolute(w)
         far = _horner(v, ti.static(_LONG[single_precision()]))
-        sine = ti.sqrt(ti.max(v * (2.0 - v), 1e-30))
+        sine = ti.sqrt(larger(v * (2.0 - v), 1e-30))
         far = ti.select(w < 0.0, 3.141592653589793 / sine - far, far)  # acos(w) = pi - acos(-w)
         result = ti.select(u > _NEAR, far, result)
     return result
@@ -95,7 +95,7 @@ def rotation_vector_factor(w):
     The exact 2 acos(w)/sqrt(1 - w^2), but 2 sqrt(2/(1 + w)) where 1 - w^2 < 2.4e-3: the small jump is part of the
     published engine. (Its zero at |w| = 1 is not: in single precision it would be a dead zone of 0.04 degrees.)
     """
-    u = 1.0 - ti.min(w, 1.0)
+    u = 1.0 - w  # rounding may leave w a little above 1; both series continue there
     result = 2.0 + u * (0.5 + u * (0.1875 + u * 0.078125))  # series of 2 sqrt(2/(1 + w)), exact to 1e-13 here
     if any_lane(u * (2.0 - u) >= SMALL_SINE_SQUARED):
         result = ti.select(u * (2.0 - u) >= SMALL_SINE_SQUARED, 2.0 * _arc_factor(w), result)

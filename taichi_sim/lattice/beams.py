@@ -6,8 +6,8 @@ across its axis, so turning the voxel frame onto the link frame is a cyclic exch
 Source: Hiller & Lipson 2014 (section "Beam model"), with the angle regimes and the damping of Voxelyze.
 """
 
-from taichi_sim.lanes import absolute, any_lane
-from taichi_sim.rotations import multiply, multiply_conjugate, rotate_back, rotation_vector_factor
+from taichi_sim.lanes import absolute, larger
+from taichi_sim.rotations import multiply_conjugate, rotate_back
 from taichi_sim.runtime import ti
 
 # States of a link; a new one is small but remembers nothing yet.
@@ -43,11 +43,11 @@ def angle_regime(x, y, z, rest, state):
 def turn_onto_axis(x, y, z, length):
     """Quaternion (w, 0, y, z) that turns the offset (x, y, z) onto +x."""
     inverse = 1.0 / length
-    w = ti.sqrt(ti.max(0.5 * (1.0 + x * inverse), 1e-12))
+    w = ti.sqrt(larger(0.5 * (1.0 + x * inverse), 1e-12))
     k = 0.5 * inverse / w
     slope_y = y / x
     slope_z = z / x
-    straight = ti.max(absolute(slope_y), absolute(slope_z)) < STRAIGHT
+    straight = (absolute(slope_y) < STRAIGHT) & (absolute(slope_z) < STRAIGHT)
     sy = 0.5 * slope_z
     sz = -0.5 * slope_y
     return (
@@ -58,29 +58,41 @@ def turn_onto_axis(x, y, z, length):
 
 
 @ti.func
-def shear(b1, b2, dy, dz, t1y, t1z, t2y, t2z, bent: ti.template()):
-    """Transverse forces (b1 dy - b2 (t1z + t2z), b1 dz + b2 (t1y + t2y)); with bent = False t1 is zero, not read."""
+def end_forces(edge, k, damping, pull, twist, hx, dy, dz, hy, hz, t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template()):
+    """Force on one end and moments on both, elastic and damped: (F, M-, M+) without the twist of M+.
+
+    The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
+    damping roots have the same proportions: B1 = s, B2 = s h/2, B3 = s h^2/6 with s = sqrt(E h). So strains and their
+    half changes (h...) are joined first, with the weights k and g s (half of it for moments), and bent once.
+
+    With bent = False the rotation t1 is zero and not read.
+    """
+    arm = 0.5 * edge
     ty = t2y
     tz = t2z
+    gy = h2y
+    gz = h2z
     if ti.static(bent):
         ty = t1y + ty
         tz = t1z + tz
-    return b1 * dy - b2 * tz, b1 * dz + b2 * ty
-
-
-@ti.func
-def end_moments(a2, b2, b3, dy, dz, t1y, t1z, t2x, t2y, t2z, bent: ti.template()):
-    """Moments on the two ends: (M-, M+); with bent = False t1 is zero and not read."""
-    mx = a2 * t2x
-    sy = b2 * dz
-    sz = b2 * dy
-    uy = t2y
-    uz = t2z
-    vy = 2.0 * t2y
-    vz = 2.0 * t2z
+        gy = h1y + gy
+        gz = h1z + gz
+    fx = pull + damping * hx
+    fy = (k * dy + damping * hy) - arm * (k * tz + damping * gz)
+    fz = (k * dz + damping * hz) + arm * (k * ty + damping * gy)
+    half = 0.5 * damping
+    lever = (1 / 6) * edge * edge
+    sy = arm * (k * dz + half * hz)
+    sz = arm * (k * dy + half * hy)
+    uy = lever * (k * t2y + half * h2y)
+    uz = lever * (k * t2z + half * h2z)
+    vy = uy + uy
+    vz = uz + uz
     if ti.static(bent):
-        uy = 2.0 * t1y + uy
-        uz = 2.0 * t1z + uz
-        vy = t1y + vy
-        vz = t1z + vz
-    return mx, 0.0 - sy - b3 * uy, sz - b3 * uz, 0.0 - mx, 0.0 - sy - b3 * vy, sz - b3 * vz
+        wy = lever * (k * t1y + half * h1y)
+        wz = lever * (k * t1z + half * h1z)
+        uy = 2.0 * wy + uy
+        uz = 2.0 * wz + uz
+        vy = wy + vy
+        vz = wz + vz
+    return fx, fy, fz, twist, 0.0 - sy - uy, sz - uz, 0.0 - sy - vy, sz - vz

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.lattice import stages
+from taichi_sim.lattice import beams, memory
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.fused import FusedDriver
 from taichi_sim.lattice.program import LatticeProgram
@@ -122,14 +122,13 @@ class LatticeEngine:
         running = runtime.start(*self._configuration)
         self._order = self.body.topology.order
         self._tables = build_tables(bodies, self.time_step)
-        poisson = any(m.poissons_ratio > 0 for b in bodies for m in b.materials)
-        switches = (bool(floor), bool(self_contact), poisson)
+        switches = (bool(floor), bool(self_contact))
         if driver == "stepped" or device != "cpu":
             from taichi_sim.lattice.stepped import SteppedDriver
 
-            self._driver: FusedDriver | SteppedDriver = SteppedDriver(self._tables, self.batch, precision, switches)
+            self._driver: FusedDriver | SteppedDriver = SteppedDriver(self._tables, self.batch, precision, *switches)
         else:
-            self._driver = FusedDriver(self._tables, self.batch, precision, running.threads, switches, width)
+            self._driver = FusedDriver(self._tables, self.batch, precision, running.threads, *switches, width)
         self._diverged = np.zeros(self.batch, bool)
         self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
 
@@ -163,15 +162,15 @@ class LatticeEngine:
         positions = np.asarray(positions, float)
         if positions.shape != (self.batch, self.body.voxel_count, 3) or not np.isfinite(positions).all():
             raise ValueError(f"positions: give finite numbers of shape ({self.batch}, {self.body.voxel_count}, 3)")
-        voxel = np.zeros((self.batch, self.body.voxel_count, stages.VOXEL_WIDTH))
+        voxel = np.zeros((self.batch, self.body.voxel_count, memory.VOXEL_WIDTH))
         voxel[:, :, :3] = positions[:, self._order]
         voxel[:, :, 3] = 1.0
-        voxel[:, :, stages.STICKS] = 1.0  # every voxel starts in the static state
-        self._driver.write("voxel", voxel)
-        link = np.zeros((self.batch, len(self._tables.link), stages.LINK_WIDTH))
-        link[:, :, stages.LINK_STATE] = 2.0
-        self._driver.write("link", link)
-        self._driver.write("strain", np.zeros((self.batch, max(self._tables.strain_count, 1), stages.STRAIN_WIDTH)))
+        voxel[:, :, memory.STICKS] = 1.0  # every voxel starts in the static state
+        self._driver.write(memory.VOXEL, voxel)
+        link = np.zeros((self.batch, len(self._tables.link_ends), memory.LINK_WIDTH))
+        link[:, :, memory.REGIME] = beams.NEW
+        self._driver.write(memory.LINK, link)
+        self._driver.write(memory.STRAIN, np.zeros((self.batch, self._tables.gauges, memory.STRAIN_WIDTH)))
         self._driver.forget_watch()
         self._diverged[:] = False
 
@@ -193,7 +192,7 @@ class LatticeEngine:
             packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity, progress or (lambda fraction: None)
         )
         # A state that is not finite is no result, whatever the strains said.
-        diverged = diverged | ~np.isfinite(self._driver.read("voxel")).all(axis=(1, 2))
+        diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))
         self._diverged |= diverged
         back = np.empty_like(self._order)
         back[self._order] = np.arange(len(self._order))
@@ -206,12 +205,11 @@ class LatticeEngine:
 
     def state(self) -> LatticeState:
         """Where the voxels are and how they move; NaN for robots that diverged."""
-        voxel = np.empty((self.batch, self.body.voxel_count, stages.VOXEL_WIDTH))
-        voxel[:, self._order] = self._driver.read("voxel")
+        voxel = np.empty((self.batch, self.body.voxel_count, memory.VOXEL_WIDTH))
+        voxel[:, self._order] = self._driver.read(memory.VOXEL)
         voxel[self._diverged] = np.nan
-        group = self._tables.voxel[:, stages.GROUP]
         inverse = np.empty((self.batch, self.body.voxel_count, 2))
-        inverse[:, self._order] = self._tables.constant[:, group, :2]
-        velocities = voxel[..., stages.MOMENTUM : stages.MOMENTUM + 3] * inverse[..., :1]
-        spins = voxel[..., stages.SPIN : stages.SPIN + 3] * inverse[..., 1:]
+        inverse[:, self._order] = self._tables.constant[:, self._tables.group, :2]
+        velocities = voxel[..., memory.MOMENTUM : memory.MOMENTUM + 3] * inverse[..., :1]
+        spins = voxel[..., memory.SPIN : memory.SPIN + 3] * inverse[..., 1:]
         return LatticeState(voxel[..., :3], voxel[..., 3:7], velocities, spins)

@@ -1,5 +1,6 @@
 """The floor z = -h/2: normal force and stick-slip friction (Voxelyze's CVX_Voxel::floorForce)."""
 
+from taichi_sim.lanes import larger
 from taichi_sim.runtime import ti
 
 
@@ -21,7 +22,7 @@ def sliding_friction(vx, vy, kinetic_friction, normal):
     """Coulomb friction [N] against the slip velocity; zero at rest."""
     speed_squared = vx * vx + vy * vy
     moving = speed_squared > 1e-30
-    k = ti.select(moving, kinetic_friction * normal / ti.sqrt(ti.max(speed_squared, 1e-30)), 0.0)
+    k = ti.select(moving, kinetic_friction * normal / ti.sqrt(larger(speed_squared, 1e-30)), 0.0)
     return 0.0 - k * vx, 0.0 - k * vy
 
 

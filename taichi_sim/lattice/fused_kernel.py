@@ -11,8 +11,12 @@ began, so that it cannot slow the others. Neither touches the other lanes.
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.lanes import NATIVE_WIDTH, Real, any_lane, load, store
+from taichi_sim.lanes import NATIVE_WIDTH, Real, any_lane, larger, load, store
 from taichi_sim.lattice import stages
+from taichi_sim.lattice.memory import (
+    AGE, BASE, CHANNEL, CHANNEL_WIDTH, CONTACT, CONTACT_ON, CONSTANT, DIVERGED, FORCE, LINK, LINK_WIDTH, LINKS, MONITOR,
+    MOVED, RATE, REST, RING_MASK, STATE_SLOTS, SURFACE, VOXEL, VOXEL_WIDTH, VOXELS,
+)  # fmt: skip
 from taichi_sim.lattice.watch import LIST, NOWHERE, rebuild_lane
 from taichi_sim.runtime import ti
 
@@ -26,209 +30,184 @@ LANE_EVENT, LANE_LAST_EVENT, LANE_LENGTH, LANE_STATE, LANE_STEP, LANE_ROBOT = ra
 LANE_COLUMNS = 6
 LANE_ACTIVE, LANE_ENDED, LANE_DIVERGED = 0, 1, 2
 
-# Columns of the counts and switches that kernels read.
-(SIZE_VOXELS, SIZE_GROUPS, SIZE_RESTS, SIZE_SURFACE, SIZE_PAIRS, USES_FLOOR, USES_CONTACT, USES_POISSON,
- RING_MASK) = range(9)  # fmt: skip
-SIZES = 9
-
 # Taichi runs an outer loop of at most this many iterations on one thread, so each block gets as many.
 GRAIN = 512
 
 
 @ti.func
-def copy_lane(source: ti.template(), target: ti.template(), k, lane):
-    """Copy one robot's part of an array of scalars [block, item, component, lane]."""
-    for i in range(source.shape[1]):
-        for c in range(source.shape[2]):
-            target[k, i, c, lane] = source[k, i, c, lane]
+def park(ms: ti.template(), parked: ti.template(), block, k, lane, plan: ti.template()):
+    """Copy a robot's state away."""
+    for slot in range(plan[STATE_SLOTS]):
+        parked[block * plan[STATE_SLOTS] + slot, lane] = ms[k + slot, lane]
 
 
 @ti.func
-def apply_event(k, lane, e, robot, event: ti.template(), event_value: ti.template(), channel: ti.template(),
-                voxel: ti.template(), link: ti.template(), rest: ti.template(), link_table: ti.template(),
-                poses: ti.template(), strains: ti.template(), sizes: ti.template()):  # fmt: skip
+def apply_event(ms: ti.template(), k, lane, e, robot, plan: ti.template(), link_table: ti.template(), event: ti.template(),
+                event_value: ti.template(), poses: ti.template(), strains: ti.template()):  # fmt: skip
     """Set a channel, or record the robot's pose if the event's target is negative."""
     target = event[e, 1]
     if target >= 0:
-        channel[k, target, stages.BASE, lane] = event_value[e, 0]
-        channel[k, target, stages.RATE, lane] = event_value[e, 1]
-        channel[k, target, stages.AGE, lane] = 0.0
+        slot = k + plan[CHANNEL] + target * CHANNEL_WIDTH
+        ms[slot + BASE, lane] = event_value[e, 0]
+        ms[slot + RATE, lane] = event_value[e, 1]
+        ms[slot + AGE, lane] = 0.0
     else:
-        slot = 0 - target - 1
-        for v in range(sizes[SIZE_VOXELS]):
+        for v in range(plan[VOXELS]):
             for c in range(7):
-                poses[robot, slot, v, c] = voxel[k, v, c, lane]
-        for l in range(strains.shape[2]):
-            strains[robot, slot, l] = link[k, l, 0, lane] * rest[k, link_table[l, stages.LINK_REST], 1, lane]
+                poses[robot, 0 - target - 1, v, c] = ms[k + plan[VOXEL] + v * VOXEL_WIDTH + c, lane]
+        for l in range(plan[LINKS]):
+            rest = plan[REST] + link_table[l * stages.LINK_COLUMNS + stages.LINK_REST] + 1
+            strains[robot, 0 - target - 1, l] = ms[k + plan[LINK] + l * LINK_WIDTH, lane] * ms[k + rest, lane]
 
 
 @ti.func
-def handle_marks(k, t, width: ti.template(), sizes: ti.template(), lanes: ti.template(), info: ti.template(), event: ti.template(),
-                 event_value: ti.template(), link_table: ti.template(), channel_s: ti.template(),
-                 voxel_s: ti.template(), link_s: ti.template(), strain_s: ti.template(), rest_s: ti.template(),
-                 parked_voxel: ti.template(), parked_link: ti.template(), parked_strain: ti.template(),
-                 parked_channel: ti.template(), poses: ti.template(), strains: ti.template()):  # fmt: skip
+def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.template(), link_table: ti.template(),
+                 lanes: ti.template(), info: ti.template(), event: ti.template(), event_value: ti.template(),
+                 parked: ti.template(), poses: ti.template(), strains: ti.template()):  # fmt: skip
     """Events due at step t; robots that end here are parked; the block ends with its last robot."""
     upcoming = NOWHERE
     active = 0
     for lane in range(width):
-        if lanes[k, lane, LANE_STATE] == LANE_ACTIVE:
-            e = lanes[k, lane, LANE_EVENT]
+        if lanes[block, lane, LANE_STATE] == LANE_ACTIVE:
+            e = lanes[block, lane, LANE_EVENT]
             due = 1
             while due == 1:
                 due = 0
-                if e < lanes[k, lane, LANE_LAST_EVENT]:
+                if e < lanes[block, lane, LANE_LAST_EVENT]:
                     if event[e, 0] <= t:
-                        apply_event(k, lane, e, lanes[k, lane, LANE_ROBOT], event, event_value, channel_s, voxel_s,
-                                    link_s, rest_s, link_table, poses, strains, sizes)  # fmt: skip
+                        apply_event(ms, k, lane, e, lanes[block, lane, LANE_ROBOT], plan, link_table, event, event_value,
+                                    poses, strains)  # fmt: skip
                         e += 1
                         due = 1
                     else:
                         upcoming = ti.min(upcoming, event[e, 0])
-            lanes[k, lane, LANE_EVENT] = e
-            if lanes[k, lane, LANE_LENGTH] == t:
-                lanes[k, lane, LANE_STATE] = LANE_ENDED
-                lanes[k, lane, LANE_STEP] = t
-                copy_lane(voxel_s, parked_voxel, k, lane)
-                copy_lane(link_s, parked_link, k, lane)
-                copy_lane(strain_s, parked_strain, k, lane)
-                copy_lane(channel_s, parked_channel, k, lane)
+            lanes[block, lane, LANE_EVENT] = e
+            if lanes[block, lane, LANE_LENGTH] == t:
+                lanes[block, lane, LANE_STATE] = LANE_ENDED
+                lanes[block, lane, LANE_STEP] = t
+                park(ms, parked, block, k, lane, plan)
             else:
                 active += 1
-                upcoming = ti.min(upcoming, lanes[k, lane, LANE_LENGTH])
-    info[k, INFO_NEXT_MARK] = upcoming
+                upcoming = ti.min(upcoming, lanes[block, lane, LANE_LENGTH])
+    info[block, INFO_NEXT_MARK] = upcoming
     if active == 0:
-        info[k, INFO_STATE] = FINISHED
+        info[block, INFO_STATE] = FINISHED
 
 
 @ti.func
-def collide(k, lane_bits, sizes: ti.template(), voxel_table: ti.template(), surface: ti.template(),
-            voxel: ti.template(), current: ti.template(), constant: ti.template(), contact: ti.template(),
+def collide(m: ti.template(), block, k, lane_bits, plan: ti.template(), voxel_table: ti.template(), surface: ti.template(),
             touched: ti.template(), row: ti.template(), partner: ti.template(), mask: ti.template(),
             info: ti.template()):  # fmt: skip
     """Contact forces of all watched pairs, in the order of the list."""
-    for s in range(sizes[SIZE_SURFACE]):
-        for q in range(row[k, info[k, LIST], s], row[k, info[k, LIST], s + 1]):
-            other = partner[k, info[k, LIST], q]
-            watched = (lane_bits & mask[k, info[k, LIST], q]) != 0
-            touches, fx, fy, fz = stages.contact_stage(
-                k, surface[s], surface[other], watched, voxel_table, voxel, current, constant
-            )
+    current = info[block, LIST]
+    for s in range(plan[SURFACE]):
+        for q in range(row[block, current, s], row[block, current, s + 1]):
+            other = partner[block, current, q]
+            watched = (lane_bits & mask[block, current, q]) != 0
+            touches, fx, fy, fz = stages.contact_stage(m, k, surface[s], surface[other], watched, plan, voxel_table)
             if touches:
-                add_contact(k, s, 1.0, fx, fy, fz, contact, touched)
-                add_contact(k, other, -1.0, fx, fy, fz, contact, touched)
+                add_contact(m, block, k, s, 1.0, fx, fy, fz, plan, touched)
+                add_contact(m, block, k, other, -1.0, fx, fy, fz, plan, touched)
 
 
 @ti.func
-def add_contact(k, slot, sign, fx, fy, fz, contact: ti.template(), touched: ti.template()):
+def add_contact(m: ti.template(), block, k, s, sign, fx, fy, fz, plan: ti.template(), touched: ti.template()):
     """Add a contact force to a surface voxel; sums are cleared when they are used, not in every step."""
-    if touched[k, slot] == 0:
-        touched[k, slot] = 1
+    slot = plan[CONTACT] + 3 * s
+    if touched[block, s] == 0:
+        touched[block, s] = 1
         for c in ti.static(range(3)):
-            store(contact, k, slot, c, 0.0 * fx)
-    store(contact, k, slot, 0, load(contact, k, slot, 0) + sign * fx)
-    store(contact, k, slot, 1, load(contact, k, slot, 1) + sign * fy)
-    store(contact, k, slot, 2, load(contact, k, slot, 2) + sign * fz)
+            store(m, k, slot + c, 0.0 * fx)
+    store(m, k, slot, load(m, k, slot) + sign * fx)
+    store(m, k, slot + 1, load(m, k, slot + 1) + sign * fy)
+    store(m, k, slot + 2, load(m, k, slot + 2) + sign * fz)
 
 
 @ti.func
-def add_force(k, slot, axis, fx, fy, fz, mx, my, mz, ring: ti.template()):
+def add_force(m: ti.template(), k, slot, a, b, c, fx, fy, fz, mx, my, mz):
     """Add a link's force and moment, link axis first, to a voxel's sums."""
-    c1 = (axis + 1) % 3
-    c2 = (axis + 2) % 3
-    store(ring, k, slot, axis, load(ring, k, slot, axis) + fx)
-    store(ring, k, slot, c1, load(ring, k, slot, c1) + fy)
-    store(ring, k, slot, c2, load(ring, k, slot, c2) + fz)
-    store(ring, k, slot, 3 + axis, load(ring, k, slot, 3 + axis) + mx)
-    store(ring, k, slot, 3 + c1, load(ring, k, slot, 3 + c1) + my)
-    store(ring, k, slot, 3 + c2, load(ring, k, slot, 3 + c2) + mz)
+    store(m, k, slot + a, load(m, k, slot + a) + fx)
+    store(m, k, slot + b, load(m, k, slot + b) + fy)
+    store(m, k, slot + c, load(m, k, slot + c) + fz)
+    store(m, k, slot + 3 + a, load(m, k, slot + 3 + a) + mx)
+    store(m, k, slot + 3 + b, load(m, k, slot + 3 + b) + my)
+    store(m, k, slot + 3 + c, load(m, k, slot + 3 + c) + mz)
 
 
 @ti.func
-def step(k, t, dt, edge, gravity, lane_bits, sizes: ti.template(), link_table: ti.template(),
+def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.template(), link_table: ti.template(),
          voxel_table: ti.template(), rest_table: ti.template(), surface: ti.template(), start: ti.template(),
-         voxel: ti.template(), link: ti.template(), channel: ti.template(), current: ti.template(),
-         constant: ti.template(), beam: ti.template(), rest: ti.template(), strain: ti.template(),
-         contact: ti.template(), watch: ti.template(), monitor: ti.template(), ring: ti.template(),
          touched: ti.template(), row: ti.template(), partner: ti.template(), mask: ti.template(),
          info: ti.template()):  # fmt: skip
     """One time step of a block: channels, contact forces, then links and integration voxel by voxel."""
-    poisson = sizes[USES_POISSON]
-    stages.advance_channels(k, sizes[SIZE_GROUPS], edge, gravity, channel, constant, current)
-    stages.update_rest_lengths(k, sizes[SIZE_RESTS], rest_table, current, rest)
-    if sizes[USES_CONTACT] != 0:
-        collide(k, lane_bits, sizes, voxel_table, surface, voxel, current, constant, contact, touched, row, partner,
-                mask, info)  # fmt: skip
-    nought = 0.0 * load(constant, k, 0, 0)
+    stages.advance_channels(m, k, plan, edge, gravity)
+    stages.update_rest_lengths(m, k, plan, rest_table)
+    if plan[CONTACT_ON] != 0:
+        collide(m, block, k, lane_bits, plan, voxel_table, surface, touched, row, partner, mask, info)
+    nought = 0.0 * load(m, k, plan[CONSTANT])
     moved = nought
-    for v in range(sizes[SIZE_VOXELS]):
-        here = v & sizes[RING_MASK]
-        for l in range(voxel_table[v, stages.FIRST_LINK], voxel_table[v, stages.END_LINK]):
-            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = stages.link_stage(
-                k, l, poisson, edge, link_table, voxel_table, voxel, link, beam, rest, strain, monitor
-            )
-            add_force(k, here, link_table[l, stages.LINK_AXIS], fx, fy, fz, mx, my, mz, ring)
-            there = link_table[l, stages.LINK_PLUS] & sizes[RING_MASK]
-            add_force(k, there, link_table[l, stages.LINK_AXIS], gx, gy, gz, nx, ny, nz, ring)
+    for v in range(plan[VOXELS]):
+        here = plan[FORCE] + 6 * (v & plan[RING_MASK])
+        entry = v * stages.VOXEL_COLUMNS
+        for l in range(voxel_table[entry + stages.FIRST_LINK], voxel_table[entry + stages.END_LINK]):
+            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = stages.link_stage(m, k, l, edge, plan, link_table, voxel_table)
+            link = l * stages.LINK_COLUMNS
+            a = link_table[link + stages.LINK_ALONG]
+            b = link_table[link + stages.LINK_SIDE_1]
+            c = link_table[link + stages.LINK_SIDE_2]
+            add_force(m, k, here, a, b, c, fx, fy, fz, mx, my, mz)
+            there = plan[FORCE] + 6 * (link_table[link + stages.LINK_SECOND] & plan[RING_MASK])
+            add_force(m, k, there, a, b, c, gx, gy, gz, nx, ny, nz)
         cx, cy, cz = nought, nought, nought
-        slot = voxel_table[v, stages.SURFACE_SLOT]
-        if slot >= 0:
-            if touched[k, slot] != 0:
-                touched[k, slot] = 0
-                cx, cy, cz = load(contact, k, slot, 0), load(contact, k, slot, 1), load(contact, k, slot, 2)
+        s = voxel_table[entry + stages.SURFACE_SLOT]
+        if s >= 0:
+            if touched[block, s] != 0:
+                touched[block, s] = 0
+                slot = plan[CONTACT] + 3 * s
+                cx, cy, cz = load(m, k, slot), load(m, k, slot + 1), load(m, k, slot + 2)
         x, y, z = stages.voxel_stage(
-            k, v, dt, edge, sizes[USES_FLOOR], load(ring, k, here, 0), load(ring, k, here, 1), load(ring, k, here, 2),
-            load(ring, k, here, 3), load(ring, k, here, 4), load(ring, k, here, 5), cx, cy, cz,
-            voxel_table, start, voxel, strain, channel, current, constant,
+            m, k, v, dt, edge, load(m, k, here), load(m, k, here + 1), load(m, k, here + 2),
+            load(m, k, here + 3), load(m, k, here + 4), load(m, k, here + 5), cx, cy, cz, plan, voxel_table, start,
         )  # fmt: skip
         for c in ti.static(range(6)):
-            store(ring, k, here, c, nought)
-        if voxel_table[v, stages.STRAIN_SLOT] >= 0:
-            stages.gauge_stage(k, v, poisson, link_table, voxel_table, link, beam, rest, strain, channel, constant)
-        if slot >= 0 and sizes[USES_CONTACT] != 0:
-            dx = x - load(watch, k, slot, 0)
-            dy = y - load(watch, k, slot, 1)
-            dz = z - load(watch, k, slot, 2)
-            moved = ti.max(moved, dx * dx + dy * dy + dz * dz)
-    store(monitor, k, 0, stages.MOVED, moved)
+            store(m, k, here + c, nought)
+        if voxel_table[entry + stages.GAUGE] >= 0:
+            stages.gauge_stage(m, k, v, plan, link_table, voxel_table)
+        if s >= 0 and plan[CONTACT_ON] != 0:
+            moved = larger(stages.squared_move(m, k, s, x, y, z, plan), moved)
+    store(m, k, plan[MONITOR] + MOVED, moved)
 
 
 @ti.func
-def retire_diverged(k, t, width: ti.template(), lanes: ti.template(), info: ti.template(), monitor_s: ti.template(),
-                    parked_voxel: ti.template(), parked_link: ti.template(), parked_strain: ti.template(),
-                    parked_channel: ti.template(), voxel_s: ti.template(), link_s: ti.template(),
-                    strain_s: ti.template(), channel_s: ti.template()):  # fmt: skip
+def retire_diverged(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.template(), lanes: ti.template(),
+                    info: ti.template(), parked: ti.template()):  # fmt: skip
     """Note the step at which robots diverged and put them back to the start of the run, out of the others' way."""
     for lane in range(width):
-        if monitor_s[k, 0, stages.DIVERGED, lane] > 0.5:
-            monitor_s[k, 0, stages.DIVERGED, lane] = 0.0
-            if lanes[k, lane, LANE_STATE] == LANE_ACTIVE:
-                lanes[k, lane, LANE_STATE] = LANE_DIVERGED
-                lanes[k, lane, LANE_STEP] = t + 1
-            copy_lane(parked_voxel, voxel_s, k, lane)
-            copy_lane(parked_link, link_s, k, lane)
-            copy_lane(parked_strain, strain_s, k, lane)
-            copy_lane(parked_channel, channel_s, k, lane)
-    info[k, INFO_NEXT_MARK] = t + 1
+        if ms[k + plan[MONITOR] + DIVERGED, lane] > 0.5:
+            ms[k + plan[MONITOR] + DIVERGED, lane] = 0.0
+            if lanes[block, lane, LANE_STATE] == LANE_ACTIVE:
+                lanes[block, lane, LANE_STATE] = LANE_DIVERGED
+                lanes[block, lane, LANE_STEP] = t + 1
+            for slot in range(plan[STATE_SLOTS]):
+                ms[k + slot, lane] = parked[block * plan[STATE_SLOTS] + slot, lane]
+    info[block, INFO_NEXT_MARK] = t + 1
 
 
 @ti.func
-def refresh_watch(k, width: ti.template(), bunch: ti.template(), radius, distance, sizes: ti.template(),
-                  surface: ti.template(), excluded: ti.template(), voxel_s: ti.template(), watch_s: ti.template(),
-                  monitor_s: ti.template(), scratch: ti.template(), scratch_s: ti.template(), fresh: ti.template(),
-                  row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
-                  lanes: ti.template()):  # fmt: skip
+def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.template(), radius, distance,
+                  plan: ti.template(), surface: ti.template(), excluded: ti.template(), scratch: ti.template(),
+                  scratch_s: ti.template(), fresh: ti.template(), row: ti.template(), partner: ti.template(),
+                  mask: ti.template(), info: ti.template(), lanes: ti.template()):  # fmt: skip
     """Build the lists of those robots again that have moved too far; halts the block if they do not fit."""
     for lane in range(width):
-        if monitor_s[k, 0, stages.MOVED, lane] > distance * distance and lanes[k, lane, LANE_STATE] == LANE_ACTIVE:
-            fits = rebuild_lane(
-                k, lane, width, bunch, sizes[SIZE_SURFACE], sizes[SIZE_PAIRS], radius * radius, surface, excluded,
-                voxel_s, watch_s, scratch, scratch_s, fresh, row, partner, mask, info,
-            )  # fmt: skip
+        moved = k + plan[MONITOR] + MOVED
+        if ms[moved, lane] > distance * distance and lanes[block, lane, LANE_STATE] == LANE_ACTIVE:
+            fits = rebuild_lane(ms, block, k, lane, bunch, radius * radius, plan, surface, excluded, scratch, scratch_s,
+                                fresh, row, partner, mask, info)  # fmt: skip
             if fits == 0:
-                info[k, INFO_STATE] = OUT_OF_PAIRS
+                info[block, INFO_STATE] = OUT_OF_PAIRS
             else:
-                monitor_s[k, 0, stages.MOVED, lane] = 0.0
+                ms[moved, lane] = 0.0
 
 
 @lru_cache
@@ -236,47 +215,40 @@ def fused_kernel(real: Real) -> Any:
     """The kernel for one kind of real. Everything that differs between bodies and runs is an argument."""
     width = real.width
     bunch = NATIVE_WIDTH[real.precision]
-    reals = ti.types.ndarray(dtype=real.type, ndim=3)
-    scalars = ti.types.ndarray(dtype=real.scalar, ndim=4)
+    reals = ti.types.ndarray(dtype=real.type, ndim=1)
     bunches = ti.types.ndarray(dtype=ti.types.vector(bunch, real.scalar), ndim=3)
     bits_type = ti.types.ndarray(dtype=ti.i32 if width == 1 else ti.types.vector(width, ti.i32), ndim=1)
     ints1, ints2, ints3 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3))
-    scalars2, scalars3 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3))
+    scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
     @ti.kernel
-    def run(blocks: ti.i32, steps: ti.i32, dt: real.scalar, edge: real.scalar, gravity: real.scalar,
-            watch_radius: real.scalar, rebuild_distance: real.scalar,
-            sizes: ints1, link_table: ints2, voxel_table: ints2, rest_table: ints2, surface: ints1, excluded: ints2,
-            start: scalars2, bits: bits_type, voxel: reals, link: reals, channel: reals, current: reals, constant: reals,
-            beam: reals, rest: reals, strain: reals, contact: reals, watch: reals, monitor: reals, ring: reals,
-            voxel_s: scalars, link_s: scalars, channel_s: scalars, rest_s: scalars, strain_s: scalars, watch_s: scalars,
-            monitor_s: scalars, parked_voxel: scalars, parked_link: scalars, parked_strain: scalars,
-            parked_channel: scalars, scratch: bunches, scratch_s: scalars, touched: ints2, fresh: ints2, row: ints3,
-            partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2, event_value: scalars2,
-            poses: scalars, strains: scalars3):  # fmt: skip
+    def run(blocks: ti.i32, slots: ti.i32, steps: ti.i32, dt: real.scalar, edge: real.scalar, gravity: real.scalar,
+            watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2, parked: scalars2,
+            plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1, excluded: ints2,
+            start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, touched: ints2, fresh: ints2,
+            row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2, event_value: scalars2,
+            poses: scalars4, strains: scalars3):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
-                k = i // GRAIN
+                block = i // GRAIN
+                k = block * slots
                 left = steps
-                while left > 0 and info[k, INFO_STATE] == RUNNING:
+                while left > 0 and info[block, INFO_STATE] == RUNNING:
                     left -= 1
-                    t = info[k, INFO_STEP]
-                    if t == info[k, INFO_NEXT_MARK]:
-                        handle_marks(k, t, width, sizes, lanes, info, event, event_value, link_table, channel_s, voxel_s,
-                                     link_s, strain_s, rest_s, parked_voxel, parked_link, parked_strain, parked_channel,
+                    t = info[block, INFO_STEP]
+                    if t == info[block, INFO_NEXT_MARK]:
+                        handle_marks(ms, block, k, t, width, plan, link_table, lanes, info, event, event_value, parked,
                                      poses, strains)  # fmt: skip
-                    if info[k, INFO_STATE] == RUNNING and sizes[USES_CONTACT] != 0:
-                        if any_lane(load(monitor, k, 0, stages.MOVED) > rebuild_distance * rebuild_distance):
-                            refresh_watch(k, width, bunch, watch_radius, rebuild_distance, sizes, surface, excluded,
-                                          voxel_s, watch_s, monitor_s, scratch, scratch_s, fresh, row, partner, mask,
-                                          info, lanes)  # fmt: skip
-                    if info[k, INFO_STATE] == RUNNING:
-                        step(k, t, dt, edge, gravity, bits[0], sizes, link_table, voxel_table, rest_table, surface, start,
-                             voxel, link, channel, current, constant, beam, rest, strain, contact, watch, monitor, ring,
-                             touched, row, partner, mask, info)  # fmt: skip
-                        info[k, INFO_STEP] = t + 1
-                        if any_lane(load(monitor, k, 0, stages.DIVERGED) > 0.5):
-                            retire_diverged(k, t, width, lanes, info, monitor_s, parked_voxel, parked_link, parked_strain,
-                                            parked_channel, voxel_s, link_s, strain_s, channel_s)  # fmt: skip
+                    if info[block, INFO_STATE] == RUNNING and plan[CONTACT_ON] != 0:
+                        if any_lane(load(m, k, plan[MONITOR] + MOVED) > rebuild_distance * rebuild_distance):
+                            refresh_watch(ms, block, k, width, bunch, watch_radius, rebuild_distance, plan, surface,
+                                          excluded, scratch, scratch_s, fresh, row, partner, mask, info,
+                                          lanes)  # fmt: skip
+                    if info[block, INFO_STATE] == RUNNING:
+                        step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table, surface,
+                             start, touched, row, partner, mask, info)  # fmt: skip
+                        info[block, INFO_STEP] = t + 1
+                        if any_lane(load(m, k, plan[MONITOR] + DIVERGED) > 0.5):
+                            retire_diverged(ms, block, k, t, width, plan, lanes, info, parked)
 
     return run

@@ -62,9 +62,8 @@ class Material:
 
 
 # Columns of the table of beam constants, one row per pair of materials.
-(AXIAL, TRANSVERSE, POISSON, A2, B1, B2, B3, ROOT_A1, ROOT_A2, ROOT_B1, ROOT_B2, ROOT_B3,
- DAMPING_MINUS, DAMPING_PLUS, SHARE_MINUS, SHARE_PLUS) = range(16)  # fmt: skip
-BEAM_COLUMNS = 16
+AXIAL, TRANSVERSE, STIFF, DAMP_MINUS, DAMP_PLUS, TWIST, TWIST_ROOT, SHARE_MINUS, SHARE_PLUS = range(9)
+BEAM_COLUMNS = 9
 
 
 def voxel_mass(material: Material, edge: float) -> float:
@@ -93,21 +92,19 @@ def beam_constants(minus: Material, plus: Material, edge: float, time_step: floa
         time_step: dt [s].
 
     Returns:
-        A row of the columns above: stiffnesses (Hiller & Lipson, eq. 6-13), damping roots, damping factors
-        g = 2 sqrt(m) zeta_i / dt of both ends, and each end's share of the link strain.
+        A row of the columns above (Hiller & Lipson, eq. 6-13, for a square beam as long as it is wide):
+        forces E^ (1 - nu) h^2 and E^ nu h^2 per strain; b1 = E_l h; g sqrt(E_l h) with g = 2 sqrt(m) zeta_i / dt for
+        both ends; the twisting stiffness a2 and sqrt(a2 h^2 / 6) / sqrt(E_l h); the ends' shares of the link strain.
     """
     h, e = edge, link_modulus(minus, plus)
     nu = (minus.poissons_ratio + plus.poissons_ratio) / 2
     e_hat = axial_stiffness_modulus(minus, plus)
-    a1, a2 = e * h, e * h**3 / (12 * (1 + nu))
-    b1, b2, b3 = e * h, e * h**2 / 2, e * h**3 / 6
+    a2 = e * h**3 / (12 * (1 + nu))
     row = np.empty(BEAM_COLUMNS)
-    row[[AXIAL, TRANSVERSE, POISSON]] = e_hat * (1 - nu), e_hat * nu, nu
-    row[[A2, B1, B2, B3]] = a2, b1, b2, b3
-    row[[ROOT_A1, ROOT_A2]] = math.sqrt(a1), math.sqrt(a2 * h**2 / 6)
-    row[[ROOT_B1, ROOT_B2, ROOT_B3]] = math.sqrt(b1), math.sqrt(b2 * h / 2), math.sqrt(b3 * h**2 / 6)
-    for column, m in ((DAMPING_MINUS, minus), (DAMPING_PLUS, plus)):
-        row[column] = 2 * math.sqrt(voxel_mass(m, h)) * m.internal_damping / time_step
+    row[[AXIAL, TRANSVERSE, STIFF]] = e_hat * (1 - nu) * h**2, e_hat * nu * h**2, e * h
+    for column, m in ((DAMP_MINUS, minus), (DAMP_PLUS, plus)):
+        row[column] = 2 * math.sqrt(voxel_mass(m, h)) * m.internal_damping / time_step * math.sqrt(e * h)
+    row[[TWIST, TWIST_ROOT]] = a2, math.sqrt(a2 * h**2 / 6) / math.sqrt(e * h)
     total = minus.youngs_modulus + plus.youngs_modulus
     row[[SHARE_MINUS, SHARE_PLUS]] = 2 * plus.youngs_modulus / total, 2 * minus.youngs_modulus / total
     return row

@@ -1,5 +1,6 @@
 """Integration of a voxel: symplectic Euler on momenta, and the degrees of freedom that the world holds."""
 
+from taichi_sim.lanes import larger
 from taichi_sim.rotations import from_rotation_vector, multiply, renormalise
 from taichi_sim.runtime import ti
 
@@ -13,18 +14,12 @@ def rotate_by_momentum(w, x, y, z, lx, ly, lz, k):
 
 
 @ti.func
-def voxel_share(strain, own_share):
-    """Share of a link's strain that belongs to one of its voxels: 2 eps E_other / (E_self + E_other)."""
-    return strain * own_share
-
-
-@ti.func
 def power(base, exponent):
     """base ** exponent for 0.01 < base < 100 and |exponent| <= 0.5, without transcendental functions.
 
     log by the series of atanh after four square roots, exp by its series after halving four times.
     """
-    root = ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(ti.max(base, 1e-2)))))
+    root = ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(larger(base, 1e-2)))))
     z = (root - 1.0) / (root + 1.0)
     zz = z * z
     series = 1 / 15 + 0.0 * zz

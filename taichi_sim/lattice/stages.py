@@ -1,28 +1,20 @@
 """The stages of one time step: load reals, apply a law, store. Both drivers run exactly these.
 
-Arrays of reals (see ``lanes.load`` for the two layouts; b is a block of lanes or one robot):
-
-    voxel     [b, V, 14]  position 3, orientation 4, momentum 3, angular momentum 3, sticking to the floor
-    link      [b, L, 7]   damping memory (offset and rotations of the last step) 6, state
-    channel   [b, 23 G, 4] base, rate, age, value of every channel of every group
-    current   [b, G, 9]   what follows from the channels in this step
-    constant  [b, G, 9]   materials.voxel_constants of every group
-    beam      [b, C, 16]  materials.beam_constants of every pair of materials
-    rest      [b, R, 2]   rest length and its inverse of every pair of groups and axis
-    strain    [b, N, 6]   strain per axis of gauged voxels, and with Poisson's effect
-    contact   [b, S, 3]   contact force on surface voxels
-    watch     [b, S, 3]   positions of surface voxels when the watch list was built
-    monitor   [b, 1, 2]   largest squared distance from there; 1 once diverged
-
-Groups are the regions of a body, split where a region mixes materials.
+``m`` is the memory of all robots and k a robot's or block's key to it (see ``lanes.load``); ``plan`` says where the
+sections lie (see ``memory``). The integer tables are shared by all robots; they hold slots relative to a section.
 """
 
-from taichi_sim.lanes import all_lanes, any_lane, load, store
+from taichi_sim.lanes import all_lanes, any_lane, larger, load, store
 from taichi_sim.lattice import beams, contact, floor, motion
 from taichi_sim.lattice.materials import (
-    A2, AXIAL, B1, B2, B3, CONTACT_DAMPING, CRITICAL_ROTATION, CRITICAL_TRANSLATION, DAMPING_MINUS, DAMPING_PLUS,
-    EXPANSION, INVERSE_INERTIA, INVERSE_MASS, MASS, NU, ROOT_A1, ROOT_A2, ROOT_B1, ROOT_B2, ROOT_B3, SHARE_MINUS,
-    SHARE_PLUS, STIFFNESS, TRANSVERSE,
+    AXIAL, BEAM_COLUMNS, CONSTANT_COLUMNS, CONTACT_DAMPING, CRITICAL_ROTATION, CRITICAL_TRANSLATION, DAMP_MINUS,
+    DAMP_PLUS, EXPANSION, INVERSE_INERTIA, INVERSE_MASS, MASS, NU, SHARE_MINUS, SHARE_PLUS, STIFF, STIFFNESS, TRANSVERSE,
+    TWIST, TWIST_ROOT,
+)  # fmt: skip
+from taichi_sim.lattice.memory import (
+    AGE, BASE, BEAM, CHANNEL, CHANNEL_WIDTH, CONSTANT, CURRENT, CURRENT_WIDTH, DIVERGED, DRAG, FLOOR_ON, GROUPS,
+    LINK, LINK_WIDTH, MEAN_SIZE, MOMENTUM, MONITOR, ORIENTATION, POISSON_ON, PUSH, RATE, REGIME, REST, REST_WIDTH, RESTS,
+    SIZE, SPIN, SPIN_DRAG, STICKS, STRAIN, STRAIN_WIDTH, VALUE, VOXEL, VOXEL_WIDTH, WATCH,
 )  # fmt: skip
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 from taichi_sim.rotations import (
@@ -35,21 +27,21 @@ from taichi_sim.rotations import (
 )
 from taichi_sim.runtime import ti
 
-VOXEL_WIDTH, LINK_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, STRAIN_WIDTH = 14, 7, 4, 9, 6
-MOMENTUM, SPIN, STICKS = 7, 10, 13
-LINK_STATE = 6
-BASE, RATE, AGE, VALUE = range(4)
-SIZE, MEAN_SIZE, WEIGHT, DRAG, SPIN_DRAG = 0, 3, 4, 7, 8  # columns of ``current``
-MOVED, DIVERGED = 0, 1
+# Columns of the table of links: slots of the two voxels in VOXEL, of the beam in BEAM and of the rest length in REST;
+# the components along and across the link's axis; whether both ends are damped alike; numbers of the two voxels.
+(LINK_MINUS, LINK_PLUS, LINK_BEAM, LINK_REST, LINK_ALONG, LINK_SIDE_1, LINK_SIDE_2, LINK_SYMMETRIC, LINK_FIRST,
+ LINK_SECOND) = range(10)  # fmt: skip
+LINK_COLUMNS = 10
 
-# Columns of the integer tables that the robots of a batch share.
-LINK_MINUS, LINK_PLUS, LINK_AXIS, LINK_BEAM, LINK_REST = range(5)
-LINK_COLUMNS = 5
-GROUP, SURFACE_SLOT, STRAIN_SLOT, FIXED, FIRST_LINK, END_LINK, SIDE_LINK = 0, 1, 2, 3, 4, 5, 6
-NORMAL, FEELS_PRESSURE = 12, 15
-VOXEL_COLUMNS = 16
+# Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface
+# slot and the gauge's slot in STRAIN (-1 without); bits of fixed degrees of freedom; the voxel's own links; the link
+# on each side (-1 without); sum of the normals of pressurised faces, and whether there are any.
+(GROUP, CHANNELS, SURFACE_SLOT, GAUGE, FIXED, FIRST_LINK, END_LINK, SIDE_LINK) = range(8)
+NORMAL, FEELS_PRESSURE = 13, 16
+VOXEL_COLUMNS = 17
 REST_MINUS, REST_PLUS, REST_AXIS = range(3)
 
+CHANNELS_PER_GROUP = QUANTITY_COUNT * CHANNEL_WIDTH
 ACCELERATION, FORCE, MOMENT = int(Quantity.ACCELERATION), int(Quantity.FORCE), int(Quantity.MOMENT)
 TRANSLATION, ROTATION, SCALE = int(Quantity.TRANSLATION), int(Quantity.ROTATION), int(Quantity.SCALE)
 TEMPERATURE, PRESSURE, GLOBAL_DAMPING = int(Quantity.TEMPERATURE), int(Quantity.PRESSURE), int(Quantity.GLOBAL_DAMPING)
@@ -57,100 +49,87 @@ STATIC_FRICTION, KINETIC_FRICTION = int(Quantity.STATIC_FRICTION), int(Quantity.
 
 
 @ti.func
-def channel_value(channel: ti.template(), b, g, quantity):
-    """Value of a group's channel in this step."""
-    return load(channel, b, g * QUANTITY_COUNT + quantity, VALUE)
+def channel_value(m: ti.template(), k, channels, quantity):
+    """Value in this step of one of the channels that begin at a slot."""
+    return load(m, k, channels + quantity * CHANNEL_WIDTH + VALUE)
 
 
 @ti.func
-def advance_channels(b, group_count, edge, gravity, channel: ti.template(), constant: ti.template(), current: ti.template()):
-    """Evaluate every channel for this step and what follows from it: sizes, weight and damping of the groups."""
-    for i in range(group_count * QUANTITY_COUNT):
-        age = load(channel, b, i, AGE)
-        store(channel, b, i, VALUE, load(channel, b, i, BASE) + load(channel, b, i, RATE) * age)
-        store(channel, b, i, AGE, age + 1.0)
-    for g in range(group_count):
-        warmth = 1.0 + load(constant, b, g, EXPANSION) * channel_value(channel, b, g, TEMPERATURE)
+def advance_channels(m: ti.template(), k, plan: ti.template(), edge, gravity):
+    """Evaluate every channel for this step and what follows from it: sizes, external force and damping of the groups."""
+    channel = plan[CHANNEL]
+    for i in range(plan[GROUPS] * QUANTITY_COUNT):
+        slot = channel + i * CHANNEL_WIDTH
+        age = load(m, k, slot + AGE)
+        store(m, k, slot + VALUE, load(m, k, slot + BASE) + load(m, k, slot + RATE) * age)
+        store(m, k, slot + AGE, age + 1.0)
+    for g in range(plan[GROUPS]):
+        channels = channel + g * CHANNELS_PER_GROUP
+        constant = plan[CONSTANT] + g * CONSTANT_COLUMNS
+        current = plan[CURRENT] + g * CURRENT_WIDTH
+        warmth = 1.0 + load(m, k, constant + EXPANSION) * channel_value(m, k, channels, TEMPERATURE)
         total = 0.0 * warmth
         for a in ti.static(range(3)):
-            scale = channel_value(channel, b, g, SCALE + a) * warmth
-            store(current, b, g, SIZE + a, edge * scale)
+            scale = channel_value(m, k, channels, SCALE + a) * warmth
+            store(m, k, current + SIZE + a, edge * scale)
             total = total + scale
         # Exactly h for unit scales: a voxel that starts on the floor must touch it, or it would not stick.
-        store(current, b, g, MEAN_SIZE, edge * (total / 3.0))
-        mass = load(constant, b, g, MASS)
+        store(m, k, current + MEAN_SIZE, edge * (total / 3.0))
+        mass = load(m, k, constant + MASS)
         for a in ti.static(range(3)):
-            pull = channel_value(channel, b, g, ACCELERATION + a)
+            pull = channel_value(m, k, channels, ACCELERATION + a)
             if ti.static(a == 2):
                 pull = pull - gravity
-            store(current, b, g, WEIGHT + a, mass * pull + channel_value(channel, b, g, FORCE + a))
-        zeta = channel_value(channel, b, g, GLOBAL_DAMPING)
-        store(current, b, g, DRAG, zeta * load(constant, b, g, CRITICAL_TRANSLATION))
-        store(current, b, g, SPIN_DRAG, zeta * load(constant, b, g, CRITICAL_ROTATION))
+            store(m, k, current + PUSH + a, mass * pull + channel_value(m, k, channels, FORCE + a))
+        zeta = channel_value(m, k, channels, GLOBAL_DAMPING)
+        store(m, k, current + DRAG, zeta * load(m, k, constant + CRITICAL_TRANSLATION))
+        store(m, k, current + SPIN_DRAG, zeta * load(m, k, constant + CRITICAL_ROTATION))
 
 
 @ti.func
-def update_rest_lengths(b, rest_count, rest_table: ti.template(), current: ti.template(), rest: ti.template()):
+def update_rest_lengths(m: ti.template(), k, plan: ti.template(), rest_table: ti.template()):
     """L0 = (r- + r+)/2 for every pair of groups that a link joins."""
-    for r in range(rest_count):
-        axis = rest_table[r, REST_AXIS]
-        size_minus = load(current, b, rest_table[r, REST_MINUS], SIZE + axis)
-        length = 0.5 * (size_minus + load(current, b, rest_table[r, REST_PLUS], SIZE + axis))
-        store(rest, b, r, 0, length)
-        store(rest, b, r, 1, 1.0 / length)
+    for r in range(plan[RESTS]):
+        side = plan[CURRENT] + SIZE + rest_table[r, REST_AXIS]
+        minus = load(m, k, side + rest_table[r, REST_MINUS] * CURRENT_WIDTH)
+        plus = load(m, k, side + rest_table[r, REST_PLUS] * CURRENT_WIDTH)
+        length = 0.5 * (minus + plus)
+        store(m, k, plan[REST] + r * REST_WIDTH, length)
+        store(m, k, plan[REST] + r * REST_WIDTH + 1, 1.0 / length)
 
 
 @ti.func
-def poisson_state(b, l, link_table: ti.template(), voxel_table: ti.template(), strain: ti.template()):
-    """Mean transverse strain sum and mean relative cross-section of a link's two voxels, from the last step."""
-    axis = link_table[l, LINK_AXIS]
-    s1 = voxel_table[link_table[l, LINK_MINUS], STRAIN_SLOT]
-    s2 = voxel_table[link_table[l, LINK_PLUS], STRAIN_SLOT]
-    c1 = 3 + (axis + 1) % 3
-    c2 = 3 + (axis + 2) % 3
-    e1 = load(strain, b, s1, c1)
-    e2 = load(strain, b, s1, c2)
-    f1 = load(strain, b, s2, c1)
-    f2 = load(strain, b, s2, c2)
-    return 0.5 * ((e1 + e2) + (f1 + f2)), 0.5 * ((1.0 + e1) * (1.0 + e2) + (1.0 + f1) * (1.0 + f2))
-
-
-@ti.func
-def link_stage(
-    b, l, poisson, edge,
-    link_table: ti.template(), voxel_table: ti.template(), voxel: ti.template(), link: ti.template(),
-    beam: ti.template(), rest: ti.template(), strain: ti.template(), monitor: ti.template(),
-):  # fmt: skip
+def link_stage(m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
     """Forces and moments on both ends of link l, each in its voxel's frame, link axis first: (F-, M-, F+, M+)."""
-    v1 = link_table[l, LINK_MINUS]
-    v2 = link_table[l, LINK_PLUS]
-    axis = link_table[l, LINK_AXIS]
-    k = link_table[l, LINK_BEAM]
-    r = link_table[l, LINK_REST]
-    c1 = (axis + 1) % 3
-    c2 = (axis + 2) % 3
-    rest_length = load(rest, b, r, 0)
+    row = l * LINK_COLUMNS
+    p1 = plan[VOXEL] + link_table[row + LINK_MINUS]
+    p2 = plan[VOXEL] + link_table[row + LINK_PLUS]
+    a = link_table[row + LINK_ALONG]
+    b = link_table[row + LINK_SIDE_1]
+    c = link_table[row + LINK_SIDE_2]
+    memory = plan[LINK] + l * LINK_WIDTH
+    rest = load(m, k, plan[REST] + link_table[row + LINK_REST])
+    q1, q2 = p1 + ORIENTATION + 1, p2 + ORIENTATION + 1
     x, y, z, qw, qx, qy, qz = beams.relative_pose(
-        load(voxel, b, v2, axis) - load(voxel, b, v1, axis),
-        load(voxel, b, v2, c1) - load(voxel, b, v1, c1),
-        load(voxel, b, v2, c2) - load(voxel, b, v1, c2),
-        load(voxel, b, v1, 3), load(voxel, b, v1, 4 + axis), load(voxel, b, v1, 4 + c1), load(voxel, b, v1, 4 + c2),
-        load(voxel, b, v2, 3), load(voxel, b, v2, 4 + axis), load(voxel, b, v2, 4 + c1), load(voxel, b, v2, 4 + c2),
+        load(m, k, p2 + a) - load(m, k, p1 + a),
+        load(m, k, p2 + b) - load(m, k, p1 + b),
+        load(m, k, p2 + c) - load(m, k, p1 + c),
+        load(m, k, p1 + ORIENTATION), load(m, k, q1 + a), load(m, k, q1 + b), load(m, k, q1 + c),
+        load(m, k, p2 + ORIENTATION), load(m, k, q2 + a), load(m, k, q2 + b), load(m, k, q2 + c),
     )  # fmt: skip
-    before = load(link, b, l, LINK_STATE)
-    small = beams.angle_regime(x, y, z, rest_length, before)
+    before = load(m, k, memory + REGIME)
+    small = beams.angle_regime(x, y, z, rest, before)
     fx = x; fy = x; fz = x; mx = x; my = x; mz = x  # noqa: E702
     gx = x; gy = x; gz = x; nx = x; ny = x; nz = x  # noqa: E702
-    extension = x - rest_length
     # Most links of a healthy robot are small and were small; a block in which all lanes agree takes the short way.
     if all_lanes((small > 0.5) & (before == beams.SMALL)):
         factor = rotation_vector_factor(qw)
         t2x, t2y, t2z = factor * qx, factor * qy, factor * qz
-        hx, h1, h2, h3, h4, h5 = remember(b, l, 0.5, extension, y, z, t2x, t2y, t2z, link)
-        pull = axial_force(b, l, extension * load(rest, b, r, 1), edge, poisson, link_table, voxel_table, beam, strain, monitor)
+        hx, h1, h2, h3, h4, h5 = remember(m, k, memory, 0.5, x - rest, y, z, t2x, t2y, t2z)
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beam_forces(
-            b, k, pull, y, z, 0.0, 0.0, t2x, t2y, t2z, hx, h1, h2, 0.0, 0.0, h3, h4, h5, beam, False
-        )
+            m, k, l, edge, plan, link_table, voxel_table, x - rest, y, z, 0.0, 0.0, t2x, t2y, t2z,
+            hx, h1, h2, 0.0, 0.0, h3, h4, h5, False,
+        )  # fmt: skip
         gx, gy, gz = rotate_back(qw, qx, qy, qz, gx, gy, gz)
         nx, ny, nz = rotate_back(qw, qx, qy, qz, nx, ny, nz)
     else:
@@ -165,18 +144,18 @@ def link_stage(
         t1y, t1z = k1 * by, k1 * bz
         k2 = rotation_vector_factor(qw)
         t2x, t2y, t2z = k2 * qx, k2 * qy, k2 * qz
-        extension = ti.select(is_small, extension, length - rest_length)
+        extension = ti.select(is_small, x, length) - rest
         # A switch of regime invalidates the memory: no damping in this step.
         half = ti.select(before == small, 0.5 + 0.0 * x, 0.0)
         hx, h1, h2, h3, h4, h5 = remember(
-            b, l, half, extension, ti.select(is_small, y, t1y), ti.select(is_small, z, t1z), t2x, t2y, t2z, link
+            m, k, memory, half, extension, ti.select(is_small, y, t1y), ti.select(is_small, z, t1z), t2x, t2y, t2z
         )
-        store(link, b, l, LINK_STATE, small)
-        pull = axial_force(b, l, extension * load(rest, b, r, 1), edge, poisson, link_table, voxel_table, beam, strain, monitor)
+        store(m, k, memory + REGIME, small)
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beam_forces(
-            b, k, pull, ti.select(is_small, y, 0.0), ti.select(is_small, z, 0.0), t1y, t1z, t2x, t2y, t2z,
+            m, k, l, edge, plan, link_table, voxel_table, extension,
+            ti.select(is_small, y, 0.0), ti.select(is_small, z, 0.0), t1y, t1z, t2x, t2y, t2z,
             hx, ti.select(is_small, h1, 0.0), ti.select(is_small, h2, 0.0),
-            ti.select(is_small, 0.0, h1), ti.select(is_small, 0.0, h2), h3, h4, h5, beam, True,
+            ti.select(is_small, 0.0, h1), ti.select(is_small, 0.0, h2), h3, h4, h5, True,
         )  # fmt: skip
         fx, fy, fz = rotate_back(w, 0.0 * w, by, bz, fx, fy, fz)
         mx, my, mz = rotate_back(w, 0.0 * w, by, bz, mx, my, mz)
@@ -186,98 +165,117 @@ def link_stage(
 
 
 @ti.func
-def remember(b, l, half, d0, d1, d2, d3, d4, d5, link: ti.template()):
+def remember(m: ti.template(), k, memory, half, d0, d1, d2, d3, d4, d5):
     """Half the change of a link's offset and rotations since the last step, and their new memory."""
-    h0 = half * (d0 - load(link, b, l, 0))
-    h1 = half * (d1 - load(link, b, l, 1))
-    h2 = half * (d2 - load(link, b, l, 2))
-    h3 = half * (d3 - load(link, b, l, 3))
-    h4 = half * (d4 - load(link, b, l, 4))
-    h5 = half * (d5 - load(link, b, l, 5))
-    store(link, b, l, 0, d0)
-    store(link, b, l, 1, d1)
-    store(link, b, l, 2, d2)
-    store(link, b, l, 3, d3)
-    store(link, b, l, 4, d4)
-    store(link, b, l, 5, d5)
+    h0 = half * (d0 - load(m, k, memory))
+    h1 = half * (d1 - load(m, k, memory + 1))
+    h2 = half * (d2 - load(m, k, memory + 2))
+    h3 = half * (d3 - load(m, k, memory + 3))
+    h4 = half * (d4 - load(m, k, memory + 4))
+    h5 = half * (d5 - load(m, k, memory + 5))
+    store(m, k, memory, d0)
+    store(m, k, memory + 1, d1)
+    store(m, k, memory + 2, d2)
+    store(m, k, memory + 3, d3)
+    store(m, k, memory + 4, d4)
+    store(m, k, memory + 5, d5)
     return h0, h1, h2, h3, h4, h5
 
 
 @ti.func
-def axial_force(
-    b, l, strained, edge, poisson, link_table: ti.template(), voxel_table: ti.template(), beam: ti.template(),
-    strain: ti.template(), monitor: ti.template(),
+def beam_forces(
+    m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
+    dx, dy, dz, t1y, t1z, t2x, t2y, t2z, hx, hy, hz, h1y, h1z, h2x, h2y, h2z, bent: ti.template(),
 ):  # fmt: skip
+    """Forces and moments on both ends for offset d, rotations t1, t2 and their half changes h, link frame."""
+    beam = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM]
+    pull = axial_force(m, k, l, dx, plan, link_table, voxel_table)
+    stiff = load(m, k, beam + STIFF)
+    damping = load(m, k, beam + DAMP_MINUS)
+    turned = load(m, k, beam + TWIST) * t2x
+    turning = 0.5 * load(m, k, beam + TWIST_ROOT) * h2x
+    fx, fy, fz, mx, my, mz, ny, nz = beams.end_forces(
+        edge, stiff, damping, pull, turned + damping * turning, hx, dy, dz, hy, hz,
+        t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent,
+    )  # fmt: skip
+    gx, gy, gz, nx = 0.0 - fx, 0.0 - fy, 0.0 - fz, 0.0 - mx
+    if link_table[l * LINK_COLUMNS + LINK_SYMMETRIC] == 0:
+        other = load(m, k, beam + DAMP_PLUS)
+        px, py, pz, twist, _, _, oy, oz = beams.end_forces(
+            edge, stiff, other, pull, turned + other * turning, hx, dy, dz, hy, hz,
+            t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent,
+        )  # fmt: skip
+        gx, gy, gz = 0.0 - px, 0.0 - py, 0.0 - pz
+        nx, ny, nz = 0.0 - twist, oy, oz
+    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+
+
+@ti.func
+def axial_force(m: ti.template(), k, l, extension, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
     """Stress times cross-section of a link [N]; an absurd strain marks the robot as diverged."""
-    if not all_lanes(strained <= beams.DIVERGED_STRAIN):
-        seen = load(monitor, b, 0, DIVERGED)
-        store(monitor, b, 0, DIVERGED, ti.select(strained <= beams.DIVERGED_STRAIN, seen, 1.0))
-    k = link_table[l, LINK_BEAM]
-    force = load(beam, b, k, AXIAL) * strained * (edge * edge)
-    if poisson != 0:
-        tau, area = poisson_state(b, l, link_table, voxel_table, strain)
-        force = (load(beam, b, k, AXIAL) * strained + load(beam, b, k, TRANSVERSE) * tau) * (edge * edge * area)
+    row = l * LINK_COLUMNS
+    strain = extension * load(m, k, plan[REST] + link_table[row + LINK_REST] + 1)
+    if not all_lanes(strain <= beams.DIVERGED_STRAIN):
+        seen = load(m, k, plan[MONITOR] + DIVERGED)
+        store(m, k, plan[MONITOR] + DIVERGED, ti.select(strain <= beams.DIVERGED_STRAIN, seen, 1.0))
+    beam = plan[BEAM] + link_table[row + LINK_BEAM]
+    force = load(m, k, beam + AXIAL) * strain
+    if plan[POISSON_ON] != 0:
+        squeeze, area = poisson_state(m, k, l, plan, link_table, voxel_table)
+        force = (force + load(m, k, beam + TRANSVERSE) * squeeze) * area
     return force
 
 
 @ti.func
-def beam_forces(
-    b, k, pull, dy, dz, t1y, t1z, t2x, t2y, t2z, hx, hy, hz, h1y, h1z, h2x, h2y, h2z,
-    beam: ti.template(), bent: ti.template(),
-):  # fmt: skip
-    """Elastic and damping forces of link constants k for offset d, rotations t1, t2 and their half changes h."""
-    fy, fz = beams.shear(load(beam, b, k, B1), load(beam, b, k, B2), dy, dz, t1y, t1z, t2y, t2z, bent)
-    mx, my, mz, nx, ny, nz = beams.end_moments(
-        load(beam, b, k, A2), load(beam, b, k, B2), load(beam, b, k, B3), dy, dz, t1y, t1z, t2x, t2y, t2z, bent
-    )
-    # Damping obeys the same law, with the roots of the stiffnesses and the changes in place of the strains.
-    g1 = load(beam, b, k, DAMPING_MINUS)
-    g2 = load(beam, b, k, DAMPING_PLUS)
-    dfx = load(beam, b, k, ROOT_A1) * hx
-    dfy, dfz = beams.shear(load(beam, b, k, ROOT_B1), load(beam, b, k, ROOT_B2), hy, hz, h1y, h1z, h2y, h2z, bent)
-    dmx, dmy, dmz, dnx, dny, dnz = beams.end_moments(
-        load(beam, b, k, ROOT_A2), load(beam, b, k, ROOT_B2), load(beam, b, k, ROOT_B3),
-        hy, hz, h1y, h1z, h2x, h2y, h2z, bent,
-    )  # fmt: skip
-    k1 = 0.5 * g1
-    k2 = 0.5 * g2
-    return (
-        pull + g1 * dfx, fy + g1 * dfy, fz + g1 * dfz, mx + k1 * dmx, my + k1 * dmy, mz + k1 * dmz,
-        0.0 - pull - g2 * dfx, 0.0 - fy - g2 * dfy, 0.0 - fz - g2 * dfz, nx + k2 * dnx, ny + k2 * dny, nz + k2 * dnz,
-    )  # fmt: skip
+def poisson_state(m: ti.template(), k, l, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
+    """Mean transverse strain sum and mean relative cross-section of a link's two voxels, from the last step."""
+    row = l * LINK_COLUMNS
+    s1 = plan[STRAIN] + voxel_table[link_table[row + LINK_FIRST] * VOXEL_COLUMNS + GAUGE] + 3
+    s2 = plan[STRAIN] + voxel_table[link_table[row + LINK_SECOND] * VOXEL_COLUMNS + GAUGE] + 3
+    b = link_table[row + LINK_SIDE_1]
+    c = link_table[row + LINK_SIDE_2]
+    e1 = load(m, k, s1 + b)
+    e2 = load(m, k, s1 + c)
+    f1 = load(m, k, s2 + b)
+    f2 = load(m, k, s2 + c)
+    return 0.5 * ((e1 + e2) + (f1 + f2)), 0.5 * ((1.0 + e1) * (1.0 + e2) + (1.0 + f1) * (1.0 + f2))
 
 
 @ti.func
-def contact_stage(
-    b, v1, v2, watched: ti.template(), voxel_table: ti.template(), voxel: ti.template(),
-    current: ti.template(), constant: ti.template(),
-):  # fmt: skip
+def contact_stage(m: ti.template(), k, v1, v2, watched: ti.template(), plan: ti.template(), voxel_table: ti.template()):
     """Force on the first of two watched voxels (the second feels the opposite): (touches, x, y, z)."""
-    g1 = voxel_table[v1, GROUP]
-    g2 = voxel_table[v2, GROUP]
-    dx = load(voxel, b, v2, 0) - load(voxel, b, v1, 0)
-    dy = load(voxel, b, v2, 1) - load(voxel, b, v1, 1)
-    dz = load(voxel, b, v2, 2) - load(voxel, b, v1, 2)
+    p1 = plan[VOXEL] + v1 * VOXEL_WIDTH
+    p2 = plan[VOXEL] + v2 * VOXEL_WIDTH
+    g1 = voxel_table[v1 * VOXEL_COLUMNS + GROUP]
+    g2 = voxel_table[v2 * VOXEL_COLUMNS + GROUP]
+    dx = load(m, k, p2) - load(m, k, p1)
+    dy = load(m, k, p2 + 1) - load(m, k, p1 + 1)
+    dz = load(m, k, p2 + 2) - load(m, k, p1 + 2)
     distance_squared = dx * dx + dy * dy + dz * dz
-    limit = contact.reach(load(current, b, g1, MEAN_SIZE), load(current, b, g2, MEAN_SIZE))
+    current = plan[CURRENT] + MEAN_SIZE
+    limit = contact.reach(load(m, k, current + g1), load(m, k, current + g2))
     near = (distance_squared < limit * limit) & watched
     touches = any_lane(near)
-    fx = 0.0 * dx
-    fy = fx
-    fz = fx
+    fx = dx
+    fy = dy
+    fz = dz
     if touches:
+        c1 = plan[CONSTANT] + g1
+        c2 = plan[CONSTANT] + g2
+        w1 = load(m, k, c1 + INVERSE_MASS)
+        w2 = load(m, k, c2 + INVERSE_MASS)
         distance = ti.sqrt(distance_squared)
-        inverse = 1.0 / ti.max(distance, 1e-12)
-        w1 = load(constant, b, g1, INVERSE_MASS)
-        w2 = load(constant, b, g2, INVERSE_MASS)
+        inverse = 1.0 / larger(distance, 1e-12)
+        p1 = p1 + MOMENTUM
+        p2 = p2 + MOMENTUM
         approach = (
-            (w1 * load(voxel, b, v1, 7) - w2 * load(voxel, b, v2, 7)) * dx
-            + (w1 * load(voxel, b, v1, 8) - w2 * load(voxel, b, v2, 8)) * dy
-            + (w1 * load(voxel, b, v1, 9) - w2 * load(voxel, b, v2, 9)) * dz
+            (w1 * load(m, k, p1) - w2 * load(m, k, p2)) * dx
+            + (w1 * load(m, k, p1 + 1) - w2 * load(m, k, p2 + 1)) * dy
+            + (w1 * load(m, k, p1 + 2) - w2 * load(m, k, p2 + 2)) * dz
         ) * inverse
         force = contact.repulsion(
-            limit - distance, approach, load(constant, b, g1, STIFFNESS), load(constant, b, g2, STIFFNESS),
-            load(constant, b, g1, CONTACT_DAMPING), load(constant, b, g2, CONTACT_DAMPING),
+            limit - distance, approach, load(m, k, c1 + STIFFNESS), load(m, k, c2 + STIFFNESS),
+            load(m, k, c1 + CONTACT_DAMPING), load(m, k, c2 + CONTACT_DAMPING),
         )  # fmt: skip
         scale = ti.select(near, (0.0 - force) * inverse, 0.0)
         fx = scale * dx
@@ -288,50 +286,58 @@ def contact_stage(
 
 @ti.func
 def voxel_stage(
-    b, v, dt, edge, floor_on, fx, fy, fz, mx, my, mz, cx, cy, cz,
-    voxel_table: ti.template(), start: ti.template(), voxel: ti.template(), strain: ti.template(),
-    channel: ti.template(), current: ti.template(), constant: ti.template(),
+    m: ti.template(), k, v, dt, edge, fx, fy, fz, mx, my, mz, cx, cy, cz,
+    plan: ti.template(), voxel_table: ti.template(), start: ti.template(),
 ):  # fmt: skip
-    """Integrate voxel v under the link forces F and moments M (voxel frame) and the contact force c (world)."""
-    g = voxel_table[v, GROUP]
-    qw = load(voxel, b, v, 3)
-    qx = load(voxel, b, v, 4)
-    qy = load(voxel, b, v, 5)
-    qz = load(voxel, b, v, 6)
-    if voxel_table[v, FEELS_PRESSURE] != 0:
-        px, py, pz = pressure_force(b, v, g, voxel_table, strain, channel, current)
-        fx, fy, fz = fx + px, fy + py, fz + pz
+    """Integrate voxel v under link forces F and moments M (voxel frame) and the contact force c (world); its new place."""
+    row = v * VOXEL_COLUMNS
+    voxel = plan[VOXEL] + v * VOXEL_WIDTH
+    current = plan[CURRENT] + voxel_table[row + GROUP]
+    constant = plan[CONSTANT] + voxel_table[row + GROUP]
+    channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
+    qw = load(m, k, voxel + ORIENTATION)
+    qx = load(m, k, voxel + ORIENTATION + 1)
+    qy = load(m, k, voxel + ORIENTATION + 2)
+    qz = load(m, k, voxel + ORIENTATION + 3)
+    if voxel_table[row + FEELS_PRESSURE] != 0:
+        ax, ay, az = pressure_force(m, k, v, plan, voxel_table)
+        fx, fy, fz = fx + ax, fy + ay, fz + az
     fx, fy, fz = rotate(qw, qx, qy, qz, fx, fy, fz)
     mx, my, mz = rotate(qw, qx, qy, qz, mx, my, mz)
-    inverse_mass = load(constant, b, g, INVERSE_MASS)
-    drag = load(current, b, g, DRAG)
-    px = load(voxel, b, v, 7)
-    py = load(voxel, b, v, 8)
-    pz = load(voxel, b, v, 9)
+    inverse_mass = load(m, k, constant + INVERSE_MASS)
+    drag = load(m, k, current + DRAG)
+    px = load(m, k, voxel + MOMENTUM)
+    py = load(m, k, voxel + MOMENTUM + 1)
+    pz = load(m, k, voxel + MOMENTUM + 2)
     vx = px * inverse_mass
     vy = py * inverse_mass
     vz = pz * inverse_mass
-    fx = fx + load(current, b, g, WEIGHT) - drag * vx + cx
-    fy = fy + load(current, b, g, WEIGHT + 1) - drag * vy + cy
-    fz = fz + load(current, b, g, WEIGHT + 2) - drag * vz + cz
+    fx = fx + load(m, k, current + PUSH) - drag * vx + cx
+    fy = fy + load(m, k, current + PUSH + 1) - drag * vy + cy
+    fz = fz + load(m, k, current + PUSH + 2) - drag * vz + cz
     step = dt * inverse_mass
-    depth = floor.penetration(load(current, b, g, MEAN_SIZE), edge, load(voxel, b, v, 2))
-    stuck = 0.0 * depth
-    if floor_on != 0 and any_lane(depth >= 0.0):
+    x = load(m, k, voxel)
+    y = load(m, k, voxel + 1)
+    z = load(m, k, voxel + 2)
+    depth = floor.penetration(load(m, k, current + MEAN_SIZE), edge, z)
+    stuck = 0.0 * inverse_mass
+    on_floor = plan[FLOOR_ON] != 0
+    if on_floor:
+        on_floor = any_lane(depth >= 0.0)
+    if on_floor:
         touches = depth >= 0.0
-        normal = load(constant, b, g, STIFFNESS) * depth
-        fz = fz + ti.select(touches, normal - load(constant, b, g, CONTACT_DAMPING) * vz, 0.0)
-        sticks = load(voxel, b, v, STICKS) > 0.5
-        loose = floor.breaks_loose(fx, fy, channel_value(channel, b, g, STATIC_FRICTION), normal)
-        rx, ry = floor.sliding_friction(vx, vy, channel_value(channel, b, g, KINETIC_FRICTION), normal)
-        slides = touches & (load(voxel, b, v, STICKS) < 0.5)
+        normal = load(m, k, constant + STIFFNESS) * depth
+        fz = fz + ti.select(touches, normal - load(m, k, constant + CONTACT_DAMPING) * vz, 0.0)
+        sticks = load(m, k, voxel + STICKS)
+        loose = floor.breaks_loose(fx, fy, channel_value(m, k, channels, STATIC_FRICTION), normal)
+        rx, ry = floor.sliding_friction(vx, vy, channel_value(m, k, channels, KINETIC_FRICTION), normal)
+        slides = touches & (sticks < 0.5)
         rx = ti.select(slides, rx, 0.0)
         ry = ti.select(slides, ry, 0.0)
         px = px + (fx + rx) * dt
         py = py + (fy + ry) * dt
-        stuck = ti.select(loose, 0.0, ti.select(sticks, 1.0 + stuck, 0.0))
-        rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
-        stuck = ti.select(rests, 1.0, stuck)
+        stuck = ti.select(loose, 0.0, sticks)
+        stuck = ti.select(floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass), 1.0, stuck)
         stuck = ti.select(touches, stuck, 0.0)
         px = ti.select(stuck > 0.5, 0.0, px)
         py = ti.select(stuck > 0.5, 0.0, py)
@@ -339,43 +345,43 @@ def voxel_stage(
         px = px + fx * dt
         py = py + fy * dt
     pz = pz + fz * dt
-    store(voxel, b, v, STICKS, stuck)
-    x = load(voxel, b, v, 0) + px * step
-    y = load(voxel, b, v, 1) + py * step
-    z = load(voxel, b, v, 2) + pz * step
-    spin = load(constant, b, g, INVERSE_INERTIA)
-    drag = load(current, b, g, SPIN_DRAG) * spin
-    sx = load(voxel, b, v, 10)
-    sy = load(voxel, b, v, 11)
-    sz = load(voxel, b, v, 12)
-    sx = sx + (mx + channel_value(channel, b, g, MOMENT) - sx * drag) * dt
-    sy = sy + (my + channel_value(channel, b, g, MOMENT + 1) - sy * drag) * dt
-    sz = sz + (mz + channel_value(channel, b, g, MOMENT + 2) - sz * drag) * dt
-    qw, qx, qy, qz = motion.rotate_by_momentum(qw, qx, qy, qz, sx, sy, sz, dt * spin)
-    if voxel_table[v, FIXED] != 0:
-        bits = voxel_table[v, FIXED]
-        x, px = held(bits & 1, x, px, start[v, 0] + channel_value(channel, b, g, TRANSLATION))
-        y, py = held(bits & 2, y, py, start[v, 1] + channel_value(channel, b, g, TRANSLATION + 1))
-        z, pz = held(bits & 4, z, pz, start[v, 2] + channel_value(channel, b, g, TRANSLATION + 2))
+    store(m, k, voxel + STICKS, stuck)
+    x = x + px * step
+    y = y + py * step
+    z = z + pz * step
+    inverse_inertia = load(m, k, constant + INVERSE_INERTIA)
+    drag = load(m, k, current + SPIN_DRAG) * inverse_inertia
+    sx = load(m, k, voxel + SPIN)
+    sy = load(m, k, voxel + SPIN + 1)
+    sz = load(m, k, voxel + SPIN + 2)
+    sx = sx + (mx + channel_value(m, k, channels, MOMENT) - sx * drag) * dt
+    sy = sy + (my + channel_value(m, k, channels, MOMENT + 1) - sy * drag) * dt
+    sz = sz + (mz + channel_value(m, k, channels, MOMENT + 2) - sz * drag) * dt
+    qw, qx, qy, qz = motion.rotate_by_momentum(qw, qx, qy, qz, sx, sy, sz, dt * inverse_inertia)
+    if voxel_table[row + FIXED] != 0:
+        bits = voxel_table[row + FIXED]
+        x, px = held(bits & 1, x, px, start[v, 0] + channel_value(m, k, channels, TRANSLATION))
+        y, py = held(bits & 2, y, py, start[v, 1] + channel_value(m, k, channels, TRANSLATION + 1))
+        z, pz = held(bits & 4, z, pz, start[v, 2] + channel_value(m, k, channels, TRANSLATION + 2))
         if bits >= 8:
             tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
-            tx, sx = held(bits & 8, tx, sx, channel_value(channel, b, g, ROTATION))
-            ty, sy = held(bits & 16, ty, sy, channel_value(channel, b, g, ROTATION + 1))
-            tz, sz = held(bits & 32, tz, sz, channel_value(channel, b, g, ROTATION + 2))
+            tx, sx = held(bits & 8, tx, sx, channel_value(m, k, channels, ROTATION))
+            ty, sy = held(bits & 16, ty, sy, channel_value(m, k, channels, ROTATION + 1))
+            tz, sz = held(bits & 32, tz, sz, channel_value(m, k, channels, ROTATION + 2))
             qw, qx, qy, qz = from_large_rotation_vector(tx, ty, tz)
-    store(voxel, b, v, 0, x)
-    store(voxel, b, v, 1, y)
-    store(voxel, b, v, 2, z)
-    store(voxel, b, v, 3, qw)
-    store(voxel, b, v, 4, qx)
-    store(voxel, b, v, 5, qy)
-    store(voxel, b, v, 6, qz)
-    store(voxel, b, v, 7, px)
-    store(voxel, b, v, 8, py)
-    store(voxel, b, v, 9, pz)
-    store(voxel, b, v, 10, sx)
-    store(voxel, b, v, 11, sy)
-    store(voxel, b, v, 12, sz)
+    store(m, k, voxel, x)
+    store(m, k, voxel + 1, y)
+    store(m, k, voxel + 2, z)
+    store(m, k, voxel + ORIENTATION, qw)
+    store(m, k, voxel + ORIENTATION + 1, qx)
+    store(m, k, voxel + ORIENTATION + 2, qy)
+    store(m, k, voxel + ORIENTATION + 3, qz)
+    store(m, k, voxel + MOMENTUM, px)
+    store(m, k, voxel + MOMENTUM + 1, py)
+    store(m, k, voxel + MOMENTUM + 2, pz)
+    store(m, k, voxel + SPIN, sx)
+    store(m, k, voxel + SPIN + 1, sy)
+    store(m, k, voxel + SPIN + 2, sz)
     return x, y, z
 
 
@@ -389,78 +395,86 @@ def held(bit, value, momentum, prescribed):
 
 
 @ti.func
-def pressure_force(
-    b, v, g, voxel_table: ti.template(), strain: ti.template(), channel: ti.template(), current: ti.template()
-):
+def squared_move(m: ti.template(), k, slot, x, y, z, plan: ti.template()):
+    """Squared distance of a surface voxel from where it was when the watch list was built."""
+    watch = plan[WATCH] + 3 * slot
+    dx = x - load(m, k, watch)
+    dy = y - load(m, k, watch + 1)
+    dz = z - load(m, k, watch + 2)
+    return dx * dx + dy * dy + dz * dz
+
+
+@ti.func
+def pressure_force(m: ti.template(), k, v, plan: ti.template(), voxel_table: ti.template()):
     """Pressure times the deformed area of the voxel's pressurised faces, in the voxel frame."""
-    slot = voxel_table[v, STRAIN_SLOT]
-    pressure = channel_value(channel, b, g, PRESSURE)
-    ex = load(current, b, g, SIZE) * (1.0 + half_stretch(b, v, slot, 0, voxel_table, strain))
-    ey = load(current, b, g, SIZE + 1) * (1.0 + half_stretch(b, v, slot, 1, voxel_table, strain))
-    ez = load(current, b, g, SIZE + 2) * (1.0 + half_stretch(b, v, slot, 2, voxel_table, strain))
+    row = v * VOXEL_COLUMNS
+    size = plan[CURRENT] + voxel_table[row + GROUP] + SIZE
+    pressure = channel_value(m, k, plan[CHANNEL] + voxel_table[row + CHANNELS], PRESSURE)
+    ex = load(m, k, size) * (1.0 + half_stretch(m, k, v, 0, plan, voxel_table))
+    ey = load(m, k, size + 1) * (1.0 + half_stretch(m, k, v, 1, plan, voxel_table))
+    ez = load(m, k, size + 2) * (1.0 + half_stretch(m, k, v, 2, plan, voxel_table))
     return (
-        pressure * (ey * ez) * ti.cast(voxel_table[v, NORMAL], float),
-        pressure * (ez * ex) * ti.cast(voxel_table[v, NORMAL + 1], float),
-        pressure * (ex * ey) * ti.cast(voxel_table[v, NORMAL + 2], float),
+        pressure * (ey * ez) * ti.cast(voxel_table[row + NORMAL], float),
+        pressure * (ez * ex) * ti.cast(voxel_table[row + NORMAL + 1], float),
+        pressure * (ex * ey) * ti.cast(voxel_table[row + NORMAL + 2], float),
     )
 
 
-
-
 @ti.func
-def half_stretch(b, v, slot, axis: ti.template(), voxel_table: ti.template(), strain: ti.template()):
+def half_stretch(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
     """(share- + share+)/2 of the corners along an axis; a side without a link does not stretch."""
-    count = 0.0
-    if voxel_table[v, SIDE_LINK + 2 * axis] >= 0:
-        count += 0.5
-    if voxel_table[v, SIDE_LINK + 2 * axis + 1] >= 0:
-        count += 0.5
-    return load(strain, b, slot, axis) * count
+    gauge = plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
+    return load(m, k, gauge + axis) * (0.5 * ti.cast(link_count(v, axis, voxel_table), float))
 
 
 @ti.func
-def gauge_stage(
-    b, v, poisson, link_table: ti.template(), voxel_table: ti.template(), link: ti.template(), beam: ti.template(),
-    rest: ti.template(), strain: ti.template(), channel: ti.template(), constant: ti.template(),
-):  # fmt: skip
+def link_count(v, axis: ti.template(), voxel_table: ti.template()):
+    """How many of a voxel's two sides along an axis have a link."""
+    side = v * VOXEL_COLUMNS + SIDE_LINK + 2 * axis
+    return ti.cast(voxel_table[side] >= 0, ti.i32) + ti.cast(voxel_table[side + 1] >= 0, ti.i32)
+
+
+@ti.func
+def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
     """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
-    slot = voxel_table[v, STRAIN_SLOT]
-    g = voxel_table[v, GROUP]
-    stretched = load(constant, b, g, NU) * 0.0
+    row = v * VOXEL_COLUMNS
+    gauge = plan[STRAIN] + voxel_table[row + GAUGE]
+    nu = load(m, k, plan[CONSTANT] + voxel_table[row + GROUP] + NU)
+    stretched = 0.0 * nu
     for axis in ti.static(range(3)):
-        total = 0.0 * stretched
-        count = 0.0
+        total = 0.0 * nu
         for side in ti.static(range(2)):
-            l = voxel_table[v, SIDE_LINK + 2 * axis + side]
+            l = voxel_table[row + SIDE_LINK + 2 * axis + side]
             if l >= 0:
-                share = load(beam, b, link_table[l, LINK_BEAM], SHARE_PLUS if side == 0 else SHARE_MINUS)
-                total = total + load(link, b, l, 0) * load(rest, b, link_table[l, LINK_REST], 1) * share
-                count += 1.0
-        mean = total / ti.max(count, 1.0)
-        store(strain, b, slot, axis, mean)
-        if poisson != 0:
-            pulled = in_tension(b, v, g, axis, count, voxel_table, channel)
-            stretched = stretched + ti.select(pulled, mean, 0.0)
-    if poisson != 0:
-        squeezed = motion.power(1.0 + stretched, 0.0 - load(constant, b, g, NU)) - 1.0
+                share = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM] + (SHARE_PLUS if side == 0 else SHARE_MINUS)
+                rest = plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST]
+                strain = load(m, k, plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
+                total = total + strain * load(m, k, share)
+        mean = total
+        if link_count(v, axis, voxel_table) == 2:
+            mean = 0.5 * total
+        store(m, k, gauge + axis, mean)
+        if plan[POISSON_ON] != 0:
+            stretched = stretched + ti.select(in_tension(m, k, v, axis, plan, voxel_table), mean, 0.0)
+    if plan[POISSON_ON] != 0:
+        squeezed = motion.power(1.0 + stretched, 0.0 - nu) - 1.0
         for axis in ti.static(range(3)):
-            count = 0.0
-            for side in ti.static(range(2)):
-                if voxel_table[v, SIDE_LINK + 2 * axis + side] >= 0:
-                    count += 1.0
-            pulled = in_tension(b, v, g, axis, count, voxel_table, channel)
-            store(strain, b, slot, 3 + axis, ti.select(pulled, load(strain, b, slot, axis), squeezed))
+            pulled = in_tension(m, k, v, axis, plan, voxel_table)
+            store(m, k, gauge + 3 + axis, ti.select(pulled, load(m, k, gauge + axis), squeezed))
 
 
 @ti.func
-def in_tension(b, v, g, axis: ti.template(), count, voxel_table: ti.template(), channel: ti.template()):
+def in_tension(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
     """Two links, or one and something to pull against: a held degree of freedom or an external force."""
-    pull = channel_value(channel, b, g, FORCE + axis) + channel_value(channel, b, g, ACCELERATION + axis)
+    row = v * VOXEL_COLUMNS
+    channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
+    pull = channel_value(m, k, channels, FORCE + axis) + channel_value(m, k, channels, ACCELERATION + axis)
     tension = 0.0 * pull
-    if count > 1.5:
+    count = link_count(v, axis, voxel_table)
+    if count == 2:
         tension = tension + 1.0
-    elif count > 0.5:
-        if voxel_table[v, FIXED] & (1 << axis) != 0:
+    elif count == 1:
+        if voxel_table[row + FIXED] & (1 << axis) != 0:
             tension = tension + 1.0
         else:
             tension = ti.select(pull != 0.0, 1.0, tension)

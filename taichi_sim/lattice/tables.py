@@ -5,9 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_sim.lattice import stages
+from taichi_sim.lattice import memory, stages
 from taichi_sim.lattice.body import LatticeBody
-from taichi_sim.lattice.materials import BEAM_COLUMNS, beam_constants, voxel_constants
+from taichi_sim.lattice.materials import (
+    BEAM_COLUMNS,
+    CONSTANT_COLUMNS,
+    DAMP_MINUS,
+    DAMP_PLUS,
+    beam_constants,
+    voxel_constants,
+)
 from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram, Quantity
 
 
@@ -16,21 +23,27 @@ class Tables:
     """Integer tables of a topology (columns in ``stages``) and constants of its robots.
 
     Attributes:
-        link, voxel, rest: integer tables of links, voxels and classes of rest lengths.
+        link, voxel: flat integer tables of links and voxels.
+        rest: pairs of groups and axis of the rest lengths, shape (R, 3).
+        link_ends: voxels of each link, engine order, shape (L, 2).
         surface: voxels of the surface slots, engine order.
         excluded: bit matrix of pairs of surface voxels that never collide, shape (S, ceil(S / 32)).
         start: start positions [m], engine order, shape (V, 3).
+        group: group of each voxel, engine order, shape (V,).
         group_region: region of each group, shape (G,).
         constant: voxel constants, shape (B, G, 9).
         beam: beam constants, shape (B, C, 16).
         channel: channels at the start, shape (B, 23 G, 4).
-        strain_count: number of gauged voxels.
+        gauges: number of voxels whose strain is kept: those that feel pressure, all with Poisson's effect.
+        poisson: whether any robot has a material with Poisson's effect.
         ring: power of two that no link's voxel numbers differ by more than.
     """
 
     link: np.ndarray
     voxel: np.ndarray
     rest: np.ndarray
+    link_ends: np.ndarray
+    group: np.ndarray
     surface: np.ndarray
     excluded: np.ndarray
     start: np.ndarray
@@ -38,8 +51,20 @@ class Tables:
     constant: np.ndarray
     beam: np.ndarray
     channel: np.ndarray
-    strain_count: int
+    gauges: int
+    poisson: bool
     ring: int
+
+    def plan(self, layout: memory.Memory, floor: bool, self_contact: bool) -> np.ndarray:
+        """The integers that tell kernels where sections lie, how many items there are and what is switched on."""
+        plan = np.zeros(memory.PLAN_SIZE, np.int32)
+        plan[: memory.SECTION_COUNT] = layout.starts
+        plan[memory.VOXELS], plan[memory.LINKS] = len(self.group), len(self.link_ends)
+        plan[memory.GROUPS], plan[memory.RESTS] = len(self.group_region), len(self.rest)
+        plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface), layout.state_slots
+        plan[memory.RING_MASK] = self.ring - 1
+        plan[memory.FLOOR_ON], plan[memory.CONTACT_ON], plan[memory.POISSON_ON] = floor, self_contact, self.poisson
+        return plan
 
 
 def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
@@ -54,9 +79,8 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
     beam_pairs, beam_of = np.unique(body.material_index[links].reshape(-1, 2), axis=0, return_inverse=True)
     rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
     rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
-    link_table = np.column_stack([place[links].reshape(-1, 2), axes, beam_of, rest_of])
-    poisson = any(m.poissons_ratio > 0 for each in bodies for m in each.materials)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, poisson)
+    ends = place[links].reshape(-1, 2)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, _has_poisson(bodies))
     used = sorted({id(b): b for b in bodies}.values(), key=id)
     constant, beam, channel = {}, {}, {}
     for each in used:
@@ -66,9 +90,11 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
         beam[id(each)] = np.array(rows).reshape(-1, BEAM_COLUMNS)
         channel[id(each)] = _initial_channels([materials[m] for m, _ in groups])
     return Tables(
-        link=_int_table(link_table, stages.LINK_COLUMNS),
-        voxel=voxel_table,
+        link=_link_table(ends, axes, beam_of, rest_of, np.array([beam[id(b)] for b in used])),
+        voxel=voxel_table.ravel(),
         rest=_int_table(rests, 3),
+        link_ends=ends,
+        group=group_of[order],
         surface=place[topology.surface].astype(np.int32),
         excluded=_bit_matrix(topology.excluded),
         start=body.start_positions[order],
@@ -76,11 +102,16 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
         constant=np.array([constant[id(b)] for b in bodies]),
         beam=np.array([beam[id(b)] for b in bodies]),
         channel=np.array([channel[id(b)] for b in bodies]),
-        strain_count=strain_count,
-        ring=1 << int(np.ptp(place[links].reshape(-1, 2), axis=1).max(initial=0)).bit_length(),
+        gauges=strain_count,
+        poisson=_has_poisson(bodies),
+        ring=1 << int(np.ptp(ends, axis=1).max(initial=0)).bit_length(),
     )
 
 
+
+
+def _has_poisson(bodies: Sequence[LatticeBody]) -> bool:
+    return any(m.poissons_ratio > 0 for body in bodies for m in body.materials)
 
 
 def _int_table(rows: np.ndarray, columns: int) -> np.ndarray:
@@ -88,12 +119,25 @@ def _int_table(rows: np.ndarray, columns: int) -> np.ndarray:
     return np.ascontiguousarray(rows.reshape(-1, columns) if len(rows) else np.zeros((1, columns)), np.int32)
 
 
+def _link_table(ends: np.ndarray, axes: np.ndarray, beam_of: np.ndarray, rest_of: np.ndarray, beams: np.ndarray) -> np.ndarray:
+    table = np.zeros((len(ends), stages.LINK_COLUMNS), np.int32)
+    table[:, [stages.LINK_MINUS, stages.LINK_PLUS]] = ends * memory.VOXEL_WIDTH
+    table[:, stages.LINK_BEAM], table[:, stages.LINK_REST] = beam_of * BEAM_COLUMNS, rest_of * memory.REST_WIDTH
+    for column, turn in ((stages.LINK_ALONG, 0), (stages.LINK_SIDE_1, 1), (stages.LINK_SIDE_2, 2)):
+        table[:, column] = (axes + turn) % 3
+    alike = (beams[:, :, DAMP_MINUS] == beams[:, :, DAMP_PLUS]).all(axis=0)
+    table[:, stages.LINK_SYMMETRIC] = alike[beam_of]
+    table[:, [stages.LINK_FIRST, stages.LINK_SECOND]] = ends
+    return _int_table(table, stages.LINK_COLUMNS).ravel()
+
+
 def _voxel_table(
     body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, poisson: bool
 ) -> tuple[np.ndarray, int]:
     topology, count = body.topology, len(order)
     table = np.full((count, stages.VOXEL_COLUMNS), -1, np.int32)
-    table[:, stages.GROUP] = group_of[order]
+    table[:, stages.GROUP] = group_of[order] * CONSTANT_COLUMNS
+    table[:, stages.CHANNELS] = group_of[order] * stages.CHANNELS_PER_GROUP
     table[place[topology.surface], stages.SURFACE_SLOT] = np.arange(len(topology.surface))
     table[:, stages.SIDE_LINK : stages.SIDE_LINK + 6] = topology.side_links[order]
     table[:, stages.FIXED] = body.fixed[order] @ (1 << np.arange(6))  # type: ignore[index]
@@ -104,7 +148,7 @@ def _voxel_table(
     feels = (normals != 0).any(axis=1)
     table[:, stages.FEELS_PRESSURE] = feels
     gauged = np.flatnonzero(feels | poisson)
-    table[gauged, stages.STRAIN_SLOT] = np.arange(len(gauged))
+    table[gauged, stages.GAUGE] = np.arange(len(gauged)) * memory.STRAIN_WIDTH
     return table, len(gauged)
 
 
@@ -117,16 +161,16 @@ def _bit_matrix(flags: np.ndarray) -> np.ndarray:
 
 
 def _initial_channels(materials: list) -> np.ndarray:
-    channels = np.zeros((len(materials), QUANTITY_COUNT, stages.CHANNEL_WIDTH))
-    base = channels[:, :, stages.BASE]
+    channels = np.zeros((len(materials), QUANTITY_COUNT, memory.CHANNEL_WIDTH))
+    base = channels[:, :, memory.BASE]
     for row, material in zip(base, materials, strict=True):
         row[Quantity.SCALE : Quantity.SCALE + 3] = material.scale
         row[Quantity.TEMPERATURE] = material.temperature
         row[Quantity.STATIC_FRICTION] = material.static_friction
         row[Quantity.KINETIC_FRICTION] = material.kinetic_friction
         row[Quantity.GLOBAL_DAMPING] = material.global_damping
-    channels[:, :, stages.VALUE] = base
-    return channels.reshape(-1, stages.CHANNEL_WIDTH)
+    channels[:, :, memory.VALUE] = base
+    return channels.reshape(-1, memory.CHANNEL_WIDTH)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,81 @@
+"""The memory of a robot: one run of slots, each a real, in sections.
+
+The sections of the state come first, so that a robot can be copied away and back in one go:
+
+    VOXEL     14 a voxel   position 3, orientation 4, momentum 3, angular momentum 3, sticking to the floor
+    LINK      7 a link     damping memory (offset and rotations of the last step) 6, regime
+    STRAIN    6 a gauge    strain per axis of a gauged voxel, and with Poisson's effect
+    CHANNEL   4 a channel  base, rate, age, value of the 23 channels of every group
+    WATCH     3 a surface voxel: its position when the watch list was built
+    MONITOR   2            largest squared distance from there; 1 once diverged
+    CURRENT   9 a group    what follows from the channels in this step
+    CONSTANT  9 a group    materials.voxel_constants
+    BEAM      9 a pair of materials: materials.beam_constants
+    REST      2 a pair of groups and axis: rest length and its inverse
+    CONTACT   3 a surface voxel: contact force
+    FORCE     fused driver: 6 a place in the ring of forces; stepped driver: 12 a link
+
+Groups are the regions of a body, split where a region mixes materials.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
+from taichi_sim.lattice.program import QUANTITY_COUNT
+
+(VOXEL, LINK, STRAIN, CHANNEL, WATCH, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE) = range(12)
+SECTION_COUNT = 12
+STATE_SECTIONS = (VOXEL, LINK, STRAIN, CHANNEL)
+
+VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 4, 9, 2
+ORIENTATION, MOMENTUM, SPIN, STICKS = 3, 7, 10, 13  # places in a voxel
+REGIME = 6  # place in a link
+BASE, RATE, AGE, VALUE = range(4)  # places in a channel
+MOVED, DIVERGED = 0, 1  # places in the monitor
+SIZE, MEAN_SIZE, PUSH, DRAG, SPIN_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: rest sizes, external force, damping
+
+# The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
+(VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS, RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON) = range(
+    SECTION_COUNT, SECTION_COUNT + 11
+)
+PLAN_SIZE = SECTION_COUNT + 11
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Where the sections of a robot's memory lie.
+
+    Attributes:
+        rows: (items, width) of every section.
+        starts: first slot of every section.
+        slots: slots in all.
+    """
+
+    rows: tuple[tuple[int, int], ...]
+    starts: tuple[int, ...]
+    slots: int
+
+    @classmethod
+    def of(cls, voxels: int, links: int, gauges: int, surface: int, groups: int, beams: int, rests: int,
+           forces: tuple[int, int]) -> "Memory":  # fmt: skip
+        """Lay out a memory for so many items; sections without items keep one, as none may be empty."""
+        rows = (
+            (voxels, VOXEL_WIDTH), (links, LINK_WIDTH), (gauges, STRAIN_WIDTH),
+            (groups * QUANTITY_COUNT, CHANNEL_WIDTH), (surface, 3), (1, 2), (groups, CURRENT_WIDTH),
+            (groups, CONSTANT_COLUMNS), (beams, BEAM_COLUMNS), (rests, REST_WIDTH), (surface, 3), forces,
+        )  # fmt: skip
+        rows = tuple((max(count, 1), width) for count, width in rows)
+        ends = np.cumsum([count * width for count, width in rows])
+        return cls(rows, (0, *(int(e) for e in ends[:-1])), int(ends[-1]))
+
+    def span(self, section: int) -> slice:
+        """The slots of a section."""
+        count, width = self.rows[section]
+        return slice(self.starts[section], self.starts[section] + count * width)
+
+    @property
+    def state_slots(self) -> int:
+        """Slots of the state, which come first."""
+        return self.starts[WATCH]
