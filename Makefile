@@ -1,0 +1,55 @@
+# make demo       co-design a gait on flat ground: speed, gait CSV and picture (sets everything up itself)
+# make test       run the tests        make validate  run the slow validations too
+# make lint       ruff and mypy        make notebooks run the notebooks in their short mode
+# make wheel      build dist/          make clean     remove what make has made, results excepted
+#
+# PYTHON=/path/to/python chooses the interpreter, TORCH_INDEX=https://download.pytorch.org/whl/cpu a further
+# package index for torch (this one has small builds without CUDA), OUT=folder where the demo writes.
+
+PYTHON ?= python3.11 python3.12 python3.13 python3
+DEMO ?= --geometry small --terrain flat --free orientation,shape,control --climbers 16 --generations 6
+
+venv := .venv
+python := $(venv)/bin/python
+install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
+
+.PHONY: demo test validate notebooks lint wheel clean
+
+demo: $(venv)/runtime
+	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
+	set -x; exec $(venv)/bin/morpholab codesign $(DEMO) --out "$(or $(OUT),runs/demo-$$n)"
+
+test: $(venv)/dev
+	$(python) -m pytest -q
+
+validate: $(venv)/dev
+	$(python) -m pytest -q -m slow
+
+notebooks: $(venv)/dev
+	MORPHOLAB_SHORT=1 $(python) -m pytest -q --nbmake notebooks
+
+lint: $(venv)/dev
+	$(python) -m ruff check
+	$(python) -m mypy
+
+wheel: $(venv)/dev
+	$(python) -m build --no-isolation
+
+clean:
+	rm -rf $(venv) build dist *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache
+
+# Stamps: what is installed is up to date with the files on the right.
+$(venv)/runtime: pyproject.toml constraints.txt | $(venv)/bin/pip
+	$(install) -e .
+	@touch $@
+
+$(venv)/dev: pyproject.toml constraints.txt | $(venv)/bin/pip
+	$(install) -e ".[dev]"
+	@touch $@ $(venv)/runtime
+
+$(venv)/bin/pip:
+	@for candidate in $(PYTHON); do \
+	  if $$candidate -c 'import ensurepip, sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null; \
+	  then set -x; exec $$candidate -m venv --clear $(venv); fi; \
+	done; \
+	echo "morpholab needs Python 3.11, 3.12 or 3.13 with venv: none among '$(PYTHON)'; give one by PYTHON=" >&2; exit 1

@@ -1,0 +1,1 @@
+"""Designing robots: problems, search methods and runs. Knows robots only through problems."""

@@ -1,0 +1,72 @@
+"""The command ``morpholab``."""
+
+import argparse
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from typing import NoReturn
+
+from optim.commands import bench, codesign, export, simulate
+
+INTERRUPTED = 130  # as shells report a program that Ctrl-C ended
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, without the usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {message}\n")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands; each sets ``run`` to the function that does the work."""
+    parser = _Parser(prog="morpholab", description="Simulate soft robots and design their bodies and gaits.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
+    for command in (simulate, codesign, export, bench):
+        command.add_parser(commands)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Returns:
+        The exit code: 0; 2 for bad input; 1 for work that failed; 130 when interrupted.
+    """
+    args = build_parser().parse_args(arguments)
+    try:
+        with _stdout_to_stderr() if args.json else contextlib.nullcontext():
+            report = args.run(args)
+    except ValueError as error:
+        return _fail(args.command, f"error: {error}", 2)
+    except (OSError, RuntimeError) as error:
+        return _fail(args.command, f"failed: {error}", 1)
+    except KeyboardInterrupt as interrupt:
+        return _fail(args.command, f"interrupted{interrupt}", INTERRUPTED)
+    print(json.dumps(report.document, allow_nan=False) if args.json else report.text)
+    return 1 if report.failed else 0
+
+
+@contextlib.contextmanager
+def _stdout_to_stderr() -> Iterator[None]:
+    """Keeps stdout for the document, whatever else has something to say, be it below Python."""
+    sys.stdout.flush()
+    stdout = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(stdout, 1)
+        os.close(stdout)
+
+
+def _fail(command: str, message: str, code: int) -> int:
+    print(f"morpholab {command}: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,100 @@
+"""Options that commands share, and the checks of their values."""
+
+import argparse
+import contextlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from robots import checks
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+
+if TYPE_CHECKING:
+    from robots.inflatable import InflatableDesign
+
+T = TypeVar("T")
+
+
+def checked(check: Callable[[str], T]) -> Callable[[str], T]:
+    """A check that raises ``field: why`` as a type for argparse, which names the option itself."""
+
+    def convert(text: str) -> T:
+        try:
+            return check(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error).partition(": ")[2]) from None
+
+    return convert
+
+
+def number(low: float = -math.inf, high: float = math.inf, unit: str = "") -> Callable[[str], float]:
+    """A finite number between two bounds, both included."""
+    return checked(lambda text: checks.number("", _value(text), low, high, unit))
+
+
+def whole(low: int) -> Callable[[str], int]:
+    """A whole number of at least ``low``."""
+    return checked(lambda text: checks.whole_number("", _value(text), low))
+
+
+def _value(text: str) -> float | str:
+    """The number that a text stands for, as it is written; else the text."""
+    for convert in (int, float):
+        with contextlib.suppress(ValueError):
+            return convert(text)
+    return text
+
+
+terrain = checked(Terrain.parse)
+
+
+def add_robot(parser: argparse.ArgumentParser, precision: str) -> None:
+    """Options about the robot's body and its simulation; ``precision`` is what the help calls the default."""
+    group = parser.add_argument_group("robot and simulation")
+    group.add_argument(
+        "--geometry", choices=("published", "small"), help="the robot's body (default: published)"
+    )
+    group.add_argument("--columns", type=whole(1), metavar="T", help="columns of the schedule")
+    group.add_argument(
+        "--repeats", type=whole(1), metavar="N", help="how often the columns are played (default: 2)"
+    )
+    group.add_argument(
+        "--weight",
+        choices=("published", "physical"),
+        help="of bladders: none while they move or stay inflated, or always (default: published)",
+    )
+    group.add_argument("--precision", choices=("f32", "f64"), help=f"of the numbers (default: {precision})")
+    group.add_argument("--device", choices=("cpu", "cuda", "vulkan", "metal"), help="(default: cpu)")
+    group.add_argument("--threads", type=whole(1), metavar="N", help="CPU threads (default: all)")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """The option to speak to machines."""
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON document, and nothing else, on stdout"
+    )
+
+
+def load_gait(text: str) -> "InflatableDesign":
+    """The design of a known gait's name, or of a file.
+
+    Raises:
+        ValueError: in one line, for anything else.
+    """
+    from robots import inflatable
+
+    known = {"inching": inflatable.INCHING, "rolling": inflatable.ROLLING}
+    if text in known:
+        return known[text]
+    if not Path(text).is_file():
+        raise ValueError(f"gait: {text!r} is neither a known gait ({', '.join(known)}) nor a file")
+    return inflatable.load_design(Path(text))
+
+
+def cut(schedule: GaitSchedule, columns: int | None, repeats: int | None) -> GaitSchedule:
+    """The first columns of a schedule, and how often they are played; None keeps what there is."""
+    if columns is not None and columns > schedule.columns:
+        raise ValueError(f"columns: {columns} is not allowed; the gait has {schedule.columns}")
+    return GaitSchedule(schedule.bits[:, :columns], schedule.repeats if repeats is None else repeats)

@@ -1,0 +1,146 @@
+"""``morpholab simulate``: one gait on one terrain."""
+
+import argparse
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from optim.commands import Report, options
+from optim.commands.progress import shown_progress
+from robots.terrain import STEEPEST, Terrain
+
+if TYPE_CHECKING:
+    from robots.inflatable import InflatableDesign
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "simulate",
+        help="simulate a gait",
+        description="Simulate a gait and say how far and how fast the robot goes.",
+    )
+    parser.add_argument(
+        "--gait", required=True, metavar="GAIT", help="inching, rolling, or the file of a design"
+    )
+    slope = options.number(-STEEPEST, STEEPEST, "degrees")
+    parser.add_argument(
+        "--slope", type=slope, default=0.0, metavar="DEGREES", help="uphill is positive (default: 0)"
+    )
+    parser.add_argument(
+        "--pressure",
+        type=options.number(0.0, unit="Pa"),
+        metavar="PA",
+        help="of the core (default: the gait's own)",
+    )
+    parser.add_argument(
+        "--orientation",
+        type=options.number(0.0, 90.0, "degrees"),
+        metavar="DEGREES",
+        help="0 rolls, 90 inches uphill (default: the gait's own)",
+    )
+    parser.add_argument(
+        "--perturbation",
+        type=options.number(0.0, unit="m"),
+        default=0.0,
+        metavar="M",
+        help="standard deviation of noise on the start positions (default: 0)",
+    )
+    parser.add_argument("--seed", type=options.whole(0), default=0, help="of the noise (default: 0)")
+    parser.add_argument(
+        "--record-every",
+        type=options.whole(1),
+        metavar="STEPS",
+        help="with --out: write the pose at every so many steps to frames.npz",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="new folder for design.json, result.json, gait.csv and robot.png",
+    )
+    options.add_robot(parser, precision="f64")
+    options.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Simulate, and write the files asked for."""
+    from robots import inflatable
+
+    if args.record_every is not None and args.out is None:
+        raise ValueError("record-every: the poses need a folder; give --out")
+    if args.out is not None and args.out.exists() and not (args.out.is_dir() and not any(args.out.iterdir())):
+        raise ValueError(f"out: {args.out} exists and is not empty; name a new folder")
+    design = options.load_gait(args.gait)
+    given = {"pressure": args.pressure, "orientation": args.orientation}
+    design = dataclasses.replace(
+        design,
+        schedule=options.cut(design.schedule, args.columns, args.repeats),
+        **{name: value for name, value in given.items() if value is not None},
+    )
+    terrain = Terrain(args.slope)
+    geometry, weight = args.geometry or "published", args.weight or "published"
+    with shown_progress(f"{args.gait} on {terrain.name}", 1.0) as update:
+        result = inflatable.simulate(
+            [design],
+            terrain,
+            geometry=inflatable.NAMED_GEOMETRIES[geometry],
+            actuation=inflatable.InflatableActuation(weight=weight),
+            precision=args.precision or "f64",
+            device=args.device or "cpu",
+            threads=args.threads,
+            record_every=args.record_every,
+            perturbation=args.perturbation,
+            seed=args.seed,
+            progress=lambda fraction: update(fraction, None),
+        )
+    numbers = {name: float(getattr(result, name)[0]) for name in ("distance", "speed", "speed_simulated")}
+    document = {
+        "gait": args.gait,
+        "terrain": terrain.name,
+        "pressure": design.pressure,
+        "orientation": design.orientation,
+        "schedule": design.schedule.to_text(),
+        "repeats": design.schedule.repeats,
+        "geometry": geometry,
+        "weight": weight,
+        "status": str(result.status[0]),
+        "steps": int(result.steps[0]),
+        **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+    }
+    if args.out is not None:
+        _write(args.out, design, terrain, geometry, document, result.frames)
+    text = f"{args.gait} on {terrain.name}: {document['status']} after {document['steps']:,} steps"
+    failed = document["status"] != "ok"
+    if not failed:
+        text += (
+            f"\ndistance {numbers['distance']:.4f} m, speed {numbers['speed']:.4f} BL/s "
+            f"(published convention; {numbers['speed_simulated']:.4f} in the time simulated)"
+        )
+    return Report(document, text, failed)
+
+
+def _write(
+    folder: Path,
+    design: "InflatableDesign",
+    terrain: Terrain,
+    geometry: str,
+    document: dict[str, Any],
+    frames: Any,
+) -> None:
+    from robots.hardware import export_csv
+    from robots.inflatable import NAMED_GEOMETRIES, save_design
+    from robots.view.picture import save_motion_picture
+
+    folder.mkdir(parents=True, exist_ok=True)
+    save_design(design, folder / "design.json")
+    (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
+    if frames is not None:
+        np.savez_compressed(folder / "frames.npz", **vars(frames))
+    export_csv(design, folder / "gait.csv")
+    save_motion_picture(design, terrain, folder / "robot.png", geometry=NAMED_GEOMETRIES[geometry])

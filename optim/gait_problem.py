@@ -1,0 +1,194 @@
+"""Designing shape, orientation and gait of the inflatable robot for one terrain or several.
+
+Source: Powers 2021 dissertation, ch. 5, "Optimization": the robot travels as fast as it can on flat ground or
+up an incline of 15 degrees; orientation, shape and control are free to change, or only the last two or one.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.problem import OK, Evaluation
+from optim.space import Space, Variable
+from robots import inflatable
+from robots.checks import whole_number
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+
+# What may be free to change, and the attribute of a design that holds it.
+PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
+OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
+
+
+@dataclass(frozen=True, eq=False)
+class GaitProblem:
+    """Score of a point: mean over the terrains of the speed [body lengths/s], by the published convention.
+
+    What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
+    ``pressure`` 0 to 12,000 Pa, and for every actuator the code (f, phi) of its row of the schedule,
+    ``f_bladder1`` and so on, whole numbers from 0 to ``columns``.
+
+    Attributes:
+        terrains: where the robot travels, one simulation each.
+        orientation: [degrees], or None.
+        pressure: of the core [Pa], the body's shape, or None.
+        schedule: the control, or None.
+        columns: of a free schedule.
+        repeats: of a free schedule.
+        geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
+        weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
+        precision: ``"f32"`` or ``"f64"``.
+        device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
+        threads: CPU threads, all available if None; changes no result, so it is not part of the description.
+        progress: called now and then during an evaluation with the fraction done; not part of it either.
+    """
+
+    terrains: tuple[Terrain, ...]
+    orientation: float | None = None
+    pressure: float | None = None
+    schedule: GaitSchedule | None = None
+    columns: int = 8
+    repeats: int = 2
+    geometry: str = "published"
+    weight: str = "published"
+    precision: str = "f32"
+    device: str = "cpu"
+    threads: int | None = None
+    progress: Callable[[float], None] | None = None
+
+    def __post_init__(self) -> None:
+        names = [terrain.name for terrain in self.terrains]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(
+                f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice"
+            )
+        if self.geometry not in NAMED_GEOMETRIES:
+            raise ValueError(
+                f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}"
+            )
+        if not self.free:
+            raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
+        if self.schedule is not None:
+            object.__setattr__(self, "columns", self.schedule.columns)
+            object.__setattr__(self, "repeats", self.schedule.repeats)
+        whole_number("columns", self.columns, 1)
+        # What is fixed is checked where it is used: better now than in the first evaluation.
+        self.design(self.space.low)
+        InflatableActuation(weight=self.weight)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Which of ``PARTS`` are free to change."""
+        return tuple(part for part, attribute in PARTS.items() if getattr(self, attribute) is None)
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """The speed is all that counts."""
+        return ("speed",)
+
+    @cached_property
+    def space(self) -> Space:
+        """The free variables; the steps of their mutation are the published ones."""
+        variables: list[Variable] = []
+        if self.orientation is None:
+            variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
+        if self.pressure is None:
+            variables.append(Variable("pressure", 0.0, 12_000.0, step=1200.0))
+        if self.schedule is None:
+            for code in ("f", "phi"):
+                names = [f"{code}_{row}" for row in GaitSchedule.row_names]
+                variables.extend(Variable(name, 0, self.columns, "integer", step=0.9) for name in names)
+        return Space(tuple(variables))
+
+    def design(self, point: ArrayLike) -> InflatableDesign:
+        """The design of a point, shape (D,)."""
+        values = self.space.to_dict(point)
+        schedule = self.schedule
+        if schedule is None:
+            f, phi = ([values[f"{code}_{row}"] for row in GaitSchedule.row_names] for code in ("f", "phi"))
+            schedule = GaitSchedule.from_codes(f, phi, self.columns, self.repeats)
+        return InflatableDesign(
+            pressure=values["pressure"] if self.pressure is None else self.pressure,
+            orientation=values["orientation"] if self.orientation is None else self.orientation,
+            schedule=schedule,
+        )
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Simulate all points, shape (N, D), as one batch per terrain.
+
+        Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
+        """
+        designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
+        speeds: dict[str, NDArray[np.float64]] = {}
+        status = np.full(len(designs), OK, dtype=object)
+        for number, terrain in enumerate(self.terrains):
+            result = inflatable.simulate(
+                designs,
+                terrain,
+                geometry=NAMED_GEOMETRIES[self.geometry],
+                actuation=InflatableActuation(weight=self.weight),
+                precision=self.precision,
+                device=self.device,
+                threads=self.threads,
+                progress=self._progress_on(number),
+            )
+            speeds[f"speed_{terrain.name}"] = result.speed
+            status = np.where(status == OK, result.status, status)
+        return Evaluation(np.mean(list(speeds.values()), axis=0), status, speeds)
+
+    def _progress_on(self, number: int) -> Callable[[float], None] | None:
+        """Turns the progress on one terrain into that of the evaluation."""
+        if (report := self.progress) is None:
+            return None
+        return lambda fraction: report((number + fraction) / len(self.terrains))
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design of a point as JSON, for ``robots.inflatable.load_design``."""
+        inflatable.save_design(self.design(point), path)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on; :meth:`from_description` builds the problem again."""
+        fixed = {
+            "orientation": self.orientation,
+            "pressure": self.pressure,
+            "schedule": self.schedule.to_text() if self.schedule else None,
+        }
+        return {
+            "terrains": [_given(dataclasses.asdict(terrain)) for terrain in self.terrains],
+            "free": list(self.free),
+            **_given(fixed),
+            **{name: getattr(self, name) for name in OPTIONS},
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> "GaitProblem":
+        """The problem that :meth:`describe` described.
+
+        Raises:
+            ValueError: in one line, that names what is missing, unknown or not allowed.
+        """
+        settings = {name: value for name, value in description.items() if name != "free"}
+        try:
+            settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
+            if "schedule" in settings:
+                settings["schedule"] = GaitSchedule.from_text(settings["schedule"], settings["repeats"])
+            problem = cls(**settings)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"problem: its description is damaged ({error})") from None
+        for name, value in problem.describe().items():
+            if description.get(name) != value:
+                raise ValueError(
+                    f"problem.{name}: {description.get(name)!r} contradicts the rest, which says {value!r}"
+                )
+        return problem
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}

@@ -1,0 +1,75 @@
+"""What is to be designed: a space of points and a judgement of each."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.space import Space
+
+OK = "ok"
+FAILED = "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The judgement of N points. A failure is data, never a number that could win.
+
+    Attributes:
+        objectives: values to be maximised, shape (N, K), float64; NaN in the row of a point that failed. May
+            be given as shape (N,) for a single objective. Infinite values count as failures.
+        status: shape (N,), text: ``"ok"``, or why the point failed.
+        details: more about each point, by name, each of shape (N, ...); finite where it did not fail.
+    """
+
+    objectives: NDArray[np.float64]
+    status: NDArray[np.str_] | Sequence[str] = ()
+    details: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        objectives = np.array(self.objectives, float)
+        if objectives.ndim == 1:
+            objectives = objectives[:, None]
+        if objectives.ndim != 2:
+            raise ValueError(
+                f"objectives: shape {objectives.shape} is not allowed; give (points, objectives)"
+            )
+        for name, values in {"status": self.status, **self.details}.items():
+            if len(values) not in ((0, len(objectives)) if name == "status" else (len(objectives),)):
+                raise ValueError(
+                    f"{name}: {len(values)} given for {len(objectives)} points; give one for each"
+                )
+        status = np.array(self.status if len(self.status) else [OK] * len(objectives), dtype=object)
+        status[(status == OK) & ~np.isfinite(objectives).all(axis=1)] = FAILED
+        objectives[status != OK] = np.nan
+        object.__setattr__(self, "objectives", objectives)
+        object.__setattr__(self, "status", status.astype(str))
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Which points failed, shape (N,)."""
+        return np.asarray(self.status) != OK
+
+
+class Problem(Protocol):
+    """What a search needs to know of the thing designed."""
+
+    @property
+    def space(self) -> Space:
+        """What may be changed."""
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the K objectives, all maximised."""
+
+    def describe(self) -> dict[str, Any]:
+        """What is needed to build the problem again; fits JSON and TOML."""
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points, shape (N, D). A point's judgement must not depend on the others."""
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design of one point, shape (D,), to a file, the same bytes for the same point."""

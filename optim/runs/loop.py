@@ -1,0 +1,114 @@
+"""Ask, evaluate, tell, log, checkpoint."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from optim.problem import Evaluation, Problem
+from optim.runs.folder import RunFolder
+from optim.search.method import Method, SearchResult
+
+
+@dataclass(frozen=True)
+class Generation:
+    """One generation of a run as its line in ``log.jsonl``. None stands where every evaluation has failed.
+
+    Attributes:
+        generation: counted from 0, the starts.
+        evaluations: made since the run began.
+        failed: evaluations of this generation that failed.
+        best: best score so far.
+        mean: of the climbers' best scores so far.
+        median: of the same.
+        best_point: values of the best point by name.
+        best_details: the problem's details of the best point by name.
+    """
+
+    generation: int
+    evaluations: int
+    failed: int
+    best: float | None
+    mean: float | None
+    median: float | None
+    best_point: dict[str, float | int] | None
+    best_details: dict[str, Any] | None
+
+    def to_json(self) -> str:
+        """One line, the same for the same numbers."""
+        return json.dumps(asdict(self), allow_nan=False)
+
+
+def run_search(
+    problem: Problem,
+    method: Method,
+    folder: RunFolder,
+    generations: int,
+    progress: Callable[[Generation], None] | None = None,
+) -> Generation:
+    """Run a search up to and including a generation, going on where the folder left off.
+
+    A generation ends with ``best.json``, if there is a better design, then its log line, then a checkpoint.
+    What a kill cuts off is done again from the last checkpoint, with the same result.
+
+    Args:
+        problem: what to evaluate; the first of its objectives is the score.
+        method: built with the settings of the run, not yet used.
+        folder: open run folder; takes the log, the checkpoints and ``best.json``.
+        generations: number of the last generation; the starts are generation 0.
+        progress: called after every generation, and at once with the last one known when continuing.
+
+    Returns:
+        The last generation.
+    """
+    last: Generation | None = None
+    if (known := folder.restore()) is not None:
+        state, text = known
+        method.restore(state)
+        last = Generation(**json.loads(text))
+        if progress:
+            progress(last)
+    while last is None or last.generation < generations:
+        started = time.perf_counter()
+        points = method.ask()
+        evaluation = problem.evaluate(points)
+        method.tell(points, evaluation)
+        result = method.result()
+        before, last = last, _next(last, problem, result, points, evaluation)
+        if last.best_point != (before.best_point if before else None):
+            with folder.replacing("best.json") as aside:
+                problem.save(result.point, aside)
+        folder.commit(last.to_json(), method.state(), time.perf_counter() - started)
+        if progress:
+            progress(last)
+    return last
+
+
+def _next(
+    last: Generation | None,
+    problem: Problem,
+    result: SearchResult,
+    points: np.ndarray,
+    evaluation: Evaluation,
+) -> Generation:
+    """The record of a generation just told."""
+    valid = result.scores[~np.isnan(result.scores)]
+    best_details = last.best_details if last else None
+    here = np.flatnonzero(
+        (points == result.point).all(axis=1) & (evaluation.objectives[:, 0] == result.score)
+    )
+    if here.size:
+        best_details = {name: values[here[0]].tolist() for name, values in evaluation.details.items()}
+    return Generation(
+        generation=last.generation + 1 if last else 0,
+        evaluations=(last.evaluations if last else 0) + len(points),
+        failed=int(evaluation.failed.sum()),
+        best=result.score if valid.size else None,
+        mean=float(valid.mean()) if valid.size else None,
+        median=float(np.median(valid)) if valid.size else None,
+        best_point=problem.space.to_dict(result.point) if valid.size else None,
+        best_details=best_details,
+    )

@@ -1,0 +1,31 @@
+"""Search methods, one a file, all ask and tell over arrays. Knows neither robots nor physics."""
+
+from collections.abc import Mapping
+from inspect import signature
+from typing import Any
+
+from optim.search.hill_climb import HillClimb
+from optim.search.method import Method, SearchResult
+from optim.search.random_search import RandomSearch
+from optim.space import Space
+
+__all__ = ["METHODS", "HillClimb", "Method", "RandomSearch", "SearchResult", "build_method"]
+
+METHODS: dict[str, type[HillClimb] | type[RandomSearch]] = {"hill-climb": HillClimb, "random": RandomSearch}
+
+
+def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method:
+    """The method of a name in ``METHODS``, with settings by name such as climbers and seed.
+
+    Raises:
+        ValueError: in one line, for an unknown name, or a setting that the method does not take or allow.
+    """
+    if name not in METHODS:
+        raise ValueError(f"method: {name!r} is unknown; choose one of {', '.join(METHODS)}")
+    allowed = list(signature(METHODS[name]).parameters)[1:]
+    for setting in settings:
+        if setting not in allowed:
+            raise ValueError(
+                f"{setting}: method {name} does not take it; its settings are {', '.join(allowed)}"
+            )
+    return METHODS[name](space, **settings)

@@ -1,0 +1,76 @@
+"""What methods share that run C searches side by side, each knowing only its own best point."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.method import SearchResult
+from optim.space import Space, Vector
+
+
+class IndependentSearches(ABC):
+    """C searches, one evaluation each per generation, all of them in one batch.
+
+    A new point replaces a search's best if it is strictly better. NaN never does; a best point that failed is
+    replaced by any that did not.
+    """
+
+    def __init__(self, space: Space, *, climbers: int = 60, seed: int = 0) -> None:
+        """Set up the searches.
+
+        Args:
+            space: what may be changed.
+            climbers: C, the number of searches.
+            seed: of all random numbers.
+        """
+        for name, value, low in (("climbers", climbers, 1), ("seed", seed, 0)):
+            if not isinstance(value, int) or value < low:
+                raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least {low}")
+        self.space, self.climbers, self.seed = space, climbers, seed
+        self.generation = 0
+        self.points = np.full((climbers, space.size), np.nan)
+        self.scores = np.full(climbers, np.nan)
+
+    @abstractmethod
+    def ask(self) -> Vector:
+        """One point per search, shape (C, D)."""
+
+    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+        """Keep what is better; ``evaluation`` has a single objective."""
+        if evaluation.objectives.shape != (self.climbers, 1):
+            shape = evaluation.objectives.shape
+            raise ValueError(
+                f"evaluation: objectives of shape {shape} are not allowed; give ({self.climbers}, 1)"
+            )
+        scores = evaluation.objectives[:, 0]
+        better = (scores > self.scores) | (np.isnan(self.scores) & ~np.isnan(scores))
+        taken = better | (self.generation == 0)
+        self.points = np.where(taken[:, None], points, self.points)
+        self.scores = np.where(taken, scores, self.scores)
+        self.generation += 1
+
+    def result(self) -> SearchResult:
+        """The best point of all searches (the first of equals) and of each."""
+        best = int(np.argmax(np.where(np.isnan(self.scores), -np.inf, self.scores)))
+        return SearchResult(
+            self.points[best].copy(), float(self.scores[best]), self.points.copy(), self.scores.copy()
+        )
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Generation, best points and scores."""
+        return {
+            "generation": np.array(self.generation),
+            "points": self.points.copy(),
+            "scores": self.scores.copy(),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        if state["points"].shape != self.points.shape:
+            raise ValueError(f"state: points of shape {state['points'].shape}, expected {self.points.shape}")
+        self.generation = int(state["generation"])
+        self.points, self.scores = state["points"].copy(), state["scores"].copy()

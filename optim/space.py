@@ -1,0 +1,189 @@
+"""What a search may change: named variables with bounds, and vectors of their values."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Vector = NDArray[np.float64]
+Kind = Literal["continuous", "integer", "angle", "binary"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One coordinate of a space.
+
+    Attributes:
+        name: what logs and design files call it.
+        low: smallest value, included.
+        high: largest value, included (for an angle the same direction as ``low``).
+        kind: ``"continuous"``; ``"integer"``, rounded; ``"angle"``, which wraps round from ``high`` to
+            ``low``; ``"binary"``, an integer from 0 to 1.
+        step: standard deviation of a mutation, in the unit of the variable.
+    """
+
+    name: str
+    low: float
+    high: float
+    kind: Kind = "continuous"
+    step: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ValueError(
+                f"kind: {self.kind!r} of {self.name} is unknown; choose one of {', '.join(get_args(Kind))}"
+            )
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise ValueError(
+                f"{self.name}: bounds {self.low} to {self.high} are not allowed; low must be below high"
+            )
+        if self.is_integer and (self.low % 1 or self.high % 1):
+            raise ValueError(
+                f"{self.name}: bounds {self.low} to {self.high} are not allowed; give whole numbers"
+            )
+        if self.kind == "binary" and (self.low, self.high) != (0, 1):
+            raise ValueError(
+                f"{self.name}: bounds {self.low} to {self.high} are not allowed; a binary runs from 0 to 1"
+            )
+        if not (math.isfinite(self.step) and self.step >= 0):
+            raise ValueError(
+                f"{self.name}: step {self.step} is not allowed; give a finite number, at least 0"
+            )
+
+    @property
+    def is_integer(self) -> bool:
+        """Whether only whole numbers are values."""
+        return self.kind in ("integer", "binary")
+
+
+@dataclass(frozen=True)
+class Space:
+    """An ordered set of D variables. Points are float64 arrays of shape (..., D).
+
+    Example:
+        >>> space = Space((Variable("x", 0.0, 1.0), Variable("n", 0, 8, "integer")))
+        >>> space.reflect([1.25, -1.0])
+        array([0.75, 1.  ])
+        >>> space.to_dict(space.round([0.75, 2.6]))
+        {'x': 0.75, 'n': 3}
+    """
+
+    variables: tuple[Variable, ...]
+
+    def __post_init__(self) -> None:
+        if not self.variables:
+            raise ValueError("variables: a space needs at least one")
+        repeated = {name for name in self.names if self.names.count(name) > 1}
+        if repeated:
+            raise ValueError(
+                f"variables: {', '.join(sorted(repeated))} given more than once; names must differ"
+            )
+
+    @property
+    def size(self) -> int:
+        """D, the number of variables."""
+        return len(self.variables)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in the order of the coordinates."""
+        return tuple(variable.name for variable in self.variables)
+
+    @cached_property
+    def low(self) -> Vector:
+        """Lower bounds, shape (D,)."""
+        return np.array([variable.low for variable in self.variables], float)
+
+    @cached_property
+    def high(self) -> Vector:
+        """Upper bounds, shape (D,)."""
+        return np.array([variable.high for variable in self.variables], float)
+
+    @cached_property
+    def step(self) -> Vector:
+        """Standard deviations of a mutation, shape (D,)."""
+        return np.array([variable.step for variable in self.variables], float)
+
+    @cached_property
+    def _integers(self) -> NDArray[np.bool_]:
+        return np.array([variable.is_integer for variable in self.variables])
+
+    @cached_property
+    def _angles(self) -> NDArray[np.bool_]:
+        return np.array([variable.kind == "angle" for variable in self.variables])
+
+    def reflect(self, points: ArrayLike) -> Vector:
+        """Bring points into the bounds: folded back at a bound as by a mirror, angles wrapped round.
+
+        Points inside stay exactly what they are.
+        """
+        points = np.asarray(points, float)
+        span = self.high - self.low
+        beyond = np.mod(points - self.low, np.where(self._angles, span, 2 * span))
+        folded = self.low + np.where(self._angles, beyond, np.minimum(beyond, 2 * span - beyond))
+        return np.where(self.contains(points), points, self.clip(folded))  # clip: the sum above is rounded
+
+    def clip(self, points: ArrayLike) -> Vector:
+        """Bring points into the bounds: each coordinate to the nearest value allowed."""
+        return np.clip(np.asarray(points, float), self.low, self.high)
+
+    def round(self, points: ArrayLike) -> Vector:
+        """Integers and binaries rounded to the nearest whole number, the rest unchanged."""
+        points = np.asarray(points, float)
+        return np.where(self._integers, np.rint(points), points)
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each coordinate lies within its bounds, shape (..., D); NaN does not."""
+        points = np.asarray(points, float)
+        return (points >= self.low) & (points <= self.high)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Vector:
+        """Points drawn uniformly, shape (count, D); every whole number of an integer is equally likely."""
+        unit = rng.random((count, self.size))
+        whole = np.floor(self.low + unit * (self.high - self.low + 1))
+        return self.clip(np.where(self._integers, whole, self.low + unit * (self.high - self.low)))
+
+    def validate(self, points: ArrayLike) -> Vector:
+        """The points as float64, if all of them are points of this space.
+
+        Raises:
+            ValueError: in one line, that names the first variable at fault.
+        """
+        points = np.asarray(points, float)
+        if points.ndim == 0 or points.shape[-1] != self.size:
+            raise ValueError(
+                f"points: shape {points.shape} is not allowed; the last axis must be {self.size} variables"
+            )
+        wrong = ~self.contains(points) | (self.round(points) != points)
+        if wrong.any():
+            index = tuple(np.argwhere(wrong)[0])
+            variable = self.variables[index[-1]]
+            kind = "a whole number" if variable.is_integer else "a number"
+            allowed = f"{kind} from {variable.low:g} to {variable.high:g}"
+            raise ValueError(f"{variable.name}: {points[index]:g} is not allowed; give {allowed}")
+        return points
+
+    def to_dict(self, point: ArrayLike) -> dict[str, float | int]:
+        """Values by name of one point, shape (D,); whole numbers as int."""
+        values = self.validate(point).tolist()
+        return {v.name: int(x) if v.is_integer else x for v, x in zip(self.variables, values, strict=True)}
+
+    def from_dict(self, values: Mapping[str, Any]) -> Vector:
+        """The point, shape (D,), of values by name: all of them and no others."""
+        self.check_names("values", values)
+        missing = [name for name in self.names if name not in values]
+        if missing:
+            raise ValueError(f"values: {', '.join(missing)} missing")
+        return self.validate([float(values[name]) for name in self.names])
+
+    def check_names(self, field: str, values: Mapping[str, Any]) -> None:
+        """Raise a ValueError that starts with ``field`` if a key is not a variable of this space."""
+        unknown = [name for name in values if name not in self.names]
+        if unknown:
+            raise ValueError(
+                f"{field}: {', '.join(unknown)} not free to change; the variables are {', '.join(self.names)}"
+            )

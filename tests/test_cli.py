@@ -1,0 +1,465 @@
+"""The command line, with a stand-in for the simulator."""
+
+import json
+import os
+import re
+import shlex
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from optim.cli import main
+from optim.gait_problem import PARTS, GaitProblem
+from robots import inflatable
+from robots.hardware import read_csv
+from robots.inflatable import INCHING, ROLLING, load_design, save_design
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+
+SHORT = "--climbers 4 --generations 3 --geometry small"
+
+
+class Simulator:
+    """Stands in for ``simulate``: a quick, smooth function of design and terrain; remembers its calls."""
+
+    def __init__(self):
+        self.calls = []
+        self.diverges = lambda design, terrain: False
+        self.interrupt_at = None
+
+    def __call__(self, designs, terrain, *, progress=None, **options):
+        self.calls.append(SimpleNamespace(designs=designs, terrain=terrain, **options))
+        os.write(1, b"chatter of the simulator\n")
+        if len(self.calls) == self.interrupt_at:
+            raise KeyboardInterrupt
+        if progress:
+            progress(0.5)
+        failed = np.array([self.diverges(design, terrain) for design in designs])
+        bits = np.array([design.schedule.bits.mean() for design in designs])
+        pressure = np.array([design.pressure / 12e3 for design in designs])
+        orientation = np.array([design.orientation / 90 for design in designs])
+        speed = np.where(failed, np.nan, bits * pressure - abs(orientation - terrain.slope / 20))
+        steps = np.array([inflatable.predicted_steps(design) for design in designs])
+        frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
+        status = np.where(failed, "diverged", "ok")
+        return SimpleNamespace(
+            distance=speed * 4,
+            speed=speed,
+            speed_simulated=speed * 2,
+            status=status,
+            steps=steps,
+            frames=frames,
+        )
+
+
+@pytest.fixture(autouse=True)
+def simulator(monkeypatch):
+    """The stand-in, in a folder and with pictures of its own."""
+    stand_in = Simulator()
+    monkeypatch.setattr("robots.inflatable.simulate", stand_in)
+    picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
+    monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
+    return stand_in
+
+
+@pytest.fixture
+def morpholab(tmp_path, monkeypatch, capfd):
+    """Runs a command line in an empty folder: (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(line):
+        try:
+            code = main(shlex.split(line))
+        except SystemExit as stop:
+            code = stop.code
+        return code, *capfd.readouterr()
+
+    return run
+
+
+def products(folder):
+    return {
+        name: (folder / name).read_bytes() for name in ("log.jsonl", "best.json", "gait.csv", "config.toml")
+    }
+
+
+def log(folder):
+    return [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
+
+
+# simulate
+
+
+def test_simulate_says_how_fast(morpholab, simulator):
+    code, out, _ = morpholab("simulate --gait rolling")
+    assert code == 0
+    assert re.search(r"rolling on flat: ok after [\d,]+ steps\ndistance 0.40\d+ m, speed 0.1000 BL/s", out)
+    (call,) = simulator.calls
+    assert call.designs == [ROLLING] and call.terrain == Terrain()
+    assert (call.precision, call.device, call.threads, call.seed, call.perturbation) == (
+        "f64",
+        "cpu",
+        None,
+        0,
+        0.0,
+    )
+    assert (
+        call.geometry is inflatable.NAMED_GEOMETRIES["published"] and call.actuation == inflatable.ACTUATION
+    )
+
+
+def test_simulate_takes_every_option(morpholab, simulator):
+    code, out, _ = morpholab(
+        "simulate --gait inching --slope 15 --pressure 300 --orientation 45 --precision f32 "
+        "--threads 2 --device cpu --columns 3 --repeats 1 --geometry small --weight physical "
+        "--perturbation 1e-6 --seed 4 --json"
+    )
+    (call,) = simulator.calls
+    schedule = GaitSchedule(INCHING.schedule.bits[:, :3], repeats=1)
+    assert call.designs == [inflatable.InflatableDesign(300.0, 45.0, schedule)] and call.terrain == Terrain(
+        15.0
+    )
+    assert (call.precision, call.threads, call.seed, call.perturbation) == ("f32", 2, 4, 1e-6)
+    assert call.geometry is inflatable.NAMED_GEOMETRIES["small"] and call.actuation.weight == "physical"
+    document = json.loads(out)  # nothing of the chatter
+    assert code == 0 and document["status"] == "ok" and document["terrain"] == "hill:15"
+    assert document["speed_simulated"] == 2 * document["speed"] == document["distance"] / 2
+
+
+def test_simulate_writes_a_folder(morpholab, tmp_path):
+    save_design(ROLLING, tmp_path / "my.json")
+    code, out, _ = morpholab("simulate --gait my.json --out out --record-every 100 --json")
+    assert code == 0
+    assert load_design(tmp_path / "out/design.json") == ROLLING
+    assert json.loads((tmp_path / "out/result.json").read_text()) == json.loads(out)
+    assert read_csv(tmp_path / "out/gait.csv").schedule() == ROLLING.schedule
+    assert (tmp_path / "out/robot.png").exists()
+    assert np.load(tmp_path / "out/frames.npz")["times"].shape == (3,)
+    code, out, error = morpholab("simulate --gait rolling --out out")
+    assert (code, out, error) == (
+        2,
+        "",
+        "morpholab simulate: error: out: out exists and is not empty; name a new folder\n",
+    )
+
+
+def test_simulate_reports_a_failure(morpholab, simulator):
+    simulator.diverges = lambda design, terrain: True
+    code, out, _ = morpholab("simulate --gait rolling --json")
+    assert code == 1 and json.loads(out)["status"] == "diverged" and json.loads(out)["speed"] is None
+    code, out, _ = morpholab("simulate --gait rolling")
+    assert code == 1 and "diverged" in out
+
+
+# bad input
+
+
+BAD_SIMULATE = [
+    ("--slope nan", "argument --slope: nan is not allowed; give a finite number from -45 to"),
+    ("--slope steep", "argument --slope: 'steep' is not allowed"),
+    ("--slope 50", "argument --slope: 50 is not allowed"),
+    ("--pressure -1", "argument --pressure: -1 is not allowed"),
+    ("--pressure 16000", "pressure: 16000.0 is not allowed; give a finite number from 0 to"),
+    ("--orientation 91", "argument --orientation: 91 is not allowed"),
+    ("--columns 9", "columns: 9 is not allowed; the gait has 8"),
+    ("--columns 0", "argument --columns: 0 is not allowed; give a whole number, at least 1"),
+    ("--repeats 1.5", "argument --repeats: 1.5 is not allowed; give a whole number"),
+    ("--seed -1", "argument --seed: -1 is not allowed"),
+    ("--threads 0", "argument --threads: 0 is not allowed"),
+    ("--geometry big", "argument --geometry: invalid choice: 'big'"),
+    ("--record-every 5", "record-every: the poses need a folder; give --out"),
+]
+BAD_CODESIGN = [
+    ("--terrain flat", "terrains: flat, flat given"),
+    ("--free legs", "free: 'legs' is unknown; give some of orientation,shape,control"),
+    ("--free ''", "free: '' is unknown"),
+    ("--method best", "argument --method: invalid choice: 'best'"),
+    ("--climbers 0", "argument --climbers: 0 is not allowed"),
+    ("--generations -1", "argument --generations: -1 is not allowed"),
+    ("--pressure 5", "pressure: 5 would fix what is free; take shape out of --free"),
+    ("--gait rolling", "gait: rolling is not used"),
+    ("--start-pressure 13000", "argument --start-pressure: 13000 is not allowed"),
+    ("--free shape --start-orientation 5", "start: orientation not free to change"),
+    ("--method random --start-pressure 5", "start: method random does not take it"),
+]
+BAD_LINES = [
+    ("simulate --gait rollin", "gait: 'rollin' is neither a known gait (inching, rolling) nor a file"),
+    ("simulate", "the following arguments are required: --gait"),
+    ("simulate --gait broken.json", "broken.json: "),
+    ("codesign --out new", "terrain: none given"),
+    ("codesign --out new --terrain hill:abc", "argument --terrain: 'hill:abc' is unknown"),
+    ("codesign --out new --terrain hill:nan", "argument --terrain: nan is not allowed"),
+    ("codesign --out broken.json --terrain flat", "out: broken.json is a file; name a new folder"),
+    ("export nothing --csv a.csv", "source: nothing is neither a run with a best design nor the file of one"),
+    ("export broken.json --csv a.csv", "broken.json: "),
+    ("walk", "argument COMMAND: invalid choice: 'walk'"),
+    ("", "the following arguments are required: COMMAND"),
+]
+BAD_LINES += [(f"simulate --gait rolling {options}", message) for options, message in BAD_SIMULATE]
+BAD_LINES += [(f"codesign --out new --terrain flat {options}", message) for options, message in BAD_CODESIGN]
+
+
+@pytest.mark.parametrize(("line", "message"), BAD_LINES)
+def test_bad_input_is_one_line(morpholab, simulator, tmp_path, line, message):
+    (tmp_path / "broken.json").write_text('{"pressure": ')
+    code, out, error = morpholab(line)
+    assert (code, out) == (2, "")
+    assert error.startswith("morpholab") and f"error: {message}" in error and error.count("\n") == 1
+    assert simulator.calls == [] and [path.name for path in tmp_path.iterdir()] == ["broken.json"]
+
+
+# codesign
+
+
+def test_codesign_end_to_end(morpholab, simulator, tmp_path):
+    code, out, error = morpholab(
+        f"codesign --terrain flat --terrain hill:15 --seed 2 --out runs/a --json {SHORT}"
+    )
+    assert code == 0 and error.count("\n") >= 4
+    folder, document, lines = tmp_path / "runs/a", json.loads(out), log(tmp_path / "runs/a")
+    assert document["files"] == ["best.json", "gait.csv", "robot_flat.png", "robot_hill_15.png"]
+    assert all((folder / name).exists() for name in document["files"])
+    assert {key: document[key] for key in lines[-1]} == lines[-1]
+    assert [line["evaluations"] for line in lines] == [4, 8, 12, 16]
+    assert document["best"] == np.mean([document["best_details"][f"speed_{t}"] for t in ("flat", "hill:15")])
+    best = load_design(folder / "best.json")
+    assert best.pressure == document["best_point"]["pressure"]
+    assert read_csv(folder / "gait.csv").schedule() == best.schedule
+    # One call for all climbers per terrain and generation.
+    assert [call.terrain.name for call in simulator.calls] == ["flat", "hill:15"] * 4
+    assert {len(call.designs) for call in simulator.calls} == {4}
+    environment = json.loads((folder / "environment.json").read_text())
+    assert {
+        "versions",
+        "platform",
+        "cpu_count",
+        "device",
+        "precision",
+        "seed",
+        "command",
+    } <= environment.keys()
+    assert environment["seed"] == 2 and environment["versions"]["taichi"].startswith("1.")
+
+
+def test_codesign_ends_with_the_speed_on_screen(morpholab):
+    code, out, error = morpholab(f"codesign --terrain flat --out a --quiet {SHORT}")
+    assert code == 0 and re.search(
+        r"best gait: -?0\.\d{4} BL/s \(flat -?0\.\d{4}\) after 16 evaluations", out
+    )
+    assert error == ""
+
+
+@pytest.mark.parametrize("method", ["hill-climb", "random"])
+def test_interrupted_runs_continue_exactly(morpholab, simulator, tmp_path, method):
+    line = f"codesign --terrain flat --seed 7 --method {method} {SHORT}"
+    assert morpholab(f"{line} --out whole")[0] == 0
+    simulator.calls, simulator.interrupt_at = [], 3
+    code, out, error = morpholab(f"{line} --out cut")
+    assert (code, "chatter" in out) == (130, True)
+    assert error.splitlines()[-1] == (
+        "morpholab codesign: interrupted; cut keeps every complete generation, go on with --resume"
+    )
+    assert len(log(tmp_path / "cut")) == 2
+    assert morpholab("codesign --resume --out cut")[0] == 0  # its settings are in the folder
+    assert products(tmp_path / "cut") == products(tmp_path / "whole")
+
+
+def test_resume_starts_a_run_that_is_not_there_yet(morpholab, tmp_path):
+    assert morpholab(f"codesign --terrain flat --out a {SHORT}")[0] == 0
+    assert morpholab(f"codesign --terrain flat --out b --resume {SHORT}")[0] == 0
+    assert products(tmp_path / "a") == products(tmp_path / "b")
+
+
+def test_a_finished_run_says_its_result_again(morpholab, simulator, tmp_path):
+    _, first, _ = morpholab(f"codesign --terrain flat --out a --json {SHORT}")
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in (tmp_path / "a").iterdir()}
+    simulator.calls = []
+    code, second, _ = morpholab("codesign --out a --resume --json")
+    assert code == 0 and second == first and simulator.calls == []
+    after = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in (tmp_path / "a").iterdir()}
+    assert after == before
+
+
+def test_more_generations_redraw_the_best(morpholab, tmp_path):
+    morpholab(f"codesign --terrain flat --out a {SHORT}")
+    old = (tmp_path / "a/gait.csv").read_bytes()
+    code, _, _ = morpholab("codesign --out a --resume --generations 40")
+    assert code == 0 and len(log(tmp_path / "a")) == 41
+    assert (tmp_path / "a/gait.csv").read_bytes() != old
+    assert read_csv(tmp_path / "a/gait.csv").schedule() == load_design(tmp_path / "a/best.json").schedule
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        ("--seed 5", "method.seed"),
+        ("--method random", "method.name"),
+        ("--climbers 5", "method.climbers"),
+        ("--start-pressure 5", "method.start"),
+        ("--terrain hill:5", "problem.terrains"),
+        ("--free control", "problem.free"),
+        ("--geometry published", "problem.geometry"),
+        ("--precision f64", "problem.precision"),
+        ("--columns 4", "problem.columns"),
+        ("--generations 2", "generations"),
+    ],
+)
+def test_a_run_continues_with_its_own_settings_only(morpholab, tmp_path, options, name):
+    morpholab(f"codesign --terrain flat --out a {SHORT}")
+    before = products(tmp_path / "a")
+    code, _, error = morpholab(f"codesign --out a --resume --quiet {options}")
+    assert code == 2 and f"error: {name}: " in error and error.count("\n") == 1
+    assert products(tmp_path / "a") == before
+
+
+def test_an_existing_run_is_not_overwritten(morpholab, tmp_path):
+    morpholab(f"codesign --terrain flat --out a {SHORT}")
+    before = products(tmp_path / "a")
+    code, _, error = morpholab(f"codesign --terrain flat --out a {SHORT}")
+    assert (
+        code == 2
+        and "out: a holds a run already; continue it with --resume" in error
+        and error.count("\n") == 1
+    )
+    assert products(tmp_path / "a") == before
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ("--terrain flat --free shape,control", {"orientation": {0.0}}),
+        ("--terrain hill:15 --free control", {"orientation": {90.0}, "pressure": {0.0}}),
+        ("--terrain flat --terrain hill:15 --free control", {"orientation": {0.0}, "pressure": {12e3}}),
+        ("--terrain hill:15 --free orientation", {"pressure": {0.0}, "schedule": {INCHING.schedule}}),
+        (
+            "--terrain flat --free shape --gait inching",
+            {"orientation": {90.0}, "schedule": {INCHING.schedule}},
+        ),
+        ("--terrain flat --free control --pressure 5000", {"orientation": {0.0}, "pressure": {5000.0}}),
+        ("--terrain hill:15 --free control --orientation 30", {"orientation": {30.0}, "pressure": {0.0}}),
+    ],
+)
+def test_what_is_not_free_is_fixed(morpholab, simulator, options, expected):
+    code, _, error = morpholab(f"codesign --out a {options} {SHORT}")
+    assert code == 0 and ("note: " in error) == ("--gait" not in options)
+    designs = [design for call in simulator.calls for design in call.designs]
+    for name in ("orientation", "pressure", "schedule"):
+        values = {getattr(design, name) for design in designs}
+        assert values == expected[name] if name in expected else len(values) > 5
+
+
+def test_fixed_schedules_can_be_cut_and_free_ones_sized(morpholab, simulator):
+    morpholab(f"codesign --out a --terrain flat --free shape --gait rolling --columns 2 --repeats 1 {SHORT}")
+    assert simulator.calls[-1].designs[0].schedule == GaitSchedule(ROLLING.schedule.bits[:, :2], 1)
+    morpholab(f"codesign --out b --terrain flat --columns 12 --repeats 3 {SHORT}")
+    schedule = simulator.calls[-1].designs[0].schedule
+    assert (schedule.columns, schedule.repeats) == (12, 3)
+
+
+def test_climbers_can_start_from_a_given_body(morpholab, simulator):
+    morpholab(f"codesign --out a --terrain hill:15 --start-orientation 0 --start-pressure 12000 {SHORT}")
+    starts = simulator.calls[0].designs
+    assert {(design.orientation, design.pressure) for design in starts} == {(0.0, 12e3)}
+    assert len({design.schedule for design in starts}) == 4
+    assert len({design.orientation for design in simulator.calls[1].designs}) > 1
+
+
+def test_failures_do_not_win(morpholab, simulator, tmp_path):
+    simulator.diverges = lambda design, terrain: terrain.slope > 0 and design.pressure > 2000
+    morpholab(f"codesign --out a --terrain flat --terrain hill:15 {SHORT} --climbers 12")
+    lines = log(tmp_path / "a")
+    assert sum(line["failed"] for line in lines) > 0
+    assert load_design(tmp_path / "a/best.json").pressure <= 2000
+    simulator.diverges = lambda design, terrain: True
+    code, out, _ = morpholab(f"codesign --out b --terrain flat --json {SHORT}")
+    assert code == 1 and json.loads(out)["best"] is None and json.loads(out)["files"] == []
+    code, out, _ = morpholab("codesign --out b --resume")
+    assert code == 1 and out == "b: all 16 evaluations failed\n"
+
+
+def test_a_disk_that_fails_is_one_line(morpholab, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    code, _, error = morpholab(f"codesign --out a --terrain flat --quiet {SHORT}")
+    assert code == 1 and error == "morpholab codesign: failed: [Errno 28] No space left on device\n"
+
+
+# export and bench
+
+
+def test_export_from_a_run_and_from_a_design(morpholab, tmp_path):
+    morpholab(f"codesign --out runs/a --terrain flat {SHORT}")
+    assert morpholab("export runs/a --csv a.csv")[0] == 0
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "runs/a/gait.csv").read_bytes()
+    code, out, _ = morpholab("export runs/a/best.json --csv b.csv --units psi --json")
+    assert code == 0 and json.loads(out)["units"] == "psi" and read_csv(tmp_path / "b.csv").units == "psi"
+    (tmp_path / "rig.toml").write_text("shortest_state_s = -1.0\n")
+    code, _, error = morpholab("export runs/a --csv c.csv --rig rig.toml")
+    assert (
+        code == 2 and "shortest_state_s: -1.0 is not allowed" in error and not (tmp_path / "c.csv").exists()
+    )
+
+
+def test_bench_forwards_its_options(morpholab, monkeypatch):
+    seen = []
+    monkeypatch.setattr("robots.bench.main", lambda args: seen.append(args) or {"speed": 1})
+    code, out, _ = morpholab("bench --quick --precision f32 --prototype lanes.py --json")
+    assert code == 0 and json.loads(out) == {"speed": 1}
+    assert (seen[0].quick, seen[0].precision, str(seen[0].prototype)) == (True, "f32", "lanes.py")
+
+
+# the problem behind codesign
+
+
+@pytest.mark.parametrize(
+    "free", ["orientation", "shape", "control", "orientation,control", "orientation,shape,control"]
+)
+def test_a_problem_can_be_built_from_its_description(free):
+    fixed = {name: getattr(INCHING, name) for part, name in PARTS.items() if part not in free.split(",")}
+    terrains = (Terrain(), Terrain(15.0, high_friction=1.5))
+    problem = GaitProblem(terrains, **fixed, geometry="small", columns=8, threads=2)
+    description = json.loads(json.dumps(problem.describe()))
+    again = GaitProblem.from_description(description)
+    assert again.describe() == description and again.space == problem.space and again.terrains == terrains
+    assert problem.free == tuple(free.split(","))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"wings": 2}, "problem: its description is damaged .*wings"),
+        ({"free": ["shape"]}, r"problem.free: \['shape'\] contradicts the rest"),
+        ({"terrains": [{"slope": 60.0}]}, "slope: 60.0 is not allowed"),
+        ({"geometry": "big"}, "geometry: 'big' is unknown; choose one of published, small"),
+        ({"weight": "none"}, "weight: 'none' is unknown"),
+        ({"columns": 0}, "columns: 0 is not allowed"),
+        ({"pressure": 16e3}, "pressure: 16000.0 is not allowed"),
+    ],
+)
+def test_damaged_descriptions_are_one_line(change, message):
+    description = GaitProblem((Terrain(),), pressure=5e3).describe()
+    with pytest.raises(ValueError, match=message):
+        GaitProblem.from_description({**description, **change})
+
+
+def test_points_and_designs_are_the_published_code():
+    problem = GaitProblem((Terrain(),))
+    f, phi = ROLLING.schedule.to_codes()
+    point = np.concatenate([[0.0, 12e3], f, phi])
+    assert problem.design(point) == ROLLING and problem.space.size == 22
+    assert problem.space.step.tolist() == [9.0, 1200.0] + [0.9] * 20
+
+
+def test_a_point_that_fails_anywhere_has_failed(simulator):
+    problem = GaitProblem((Terrain(), Terrain(15.0)))
+    points = problem.space.sample(np.random.default_rng(0), 6)
+    simulator.diverges = lambda design, terrain: terrain.slope == 0 and design.pressure > 6000
+    evaluation = problem.evaluate(points)
+    assert np.array_equal(evaluation.failed, points[:, 1] > 6000) and 0 < evaluation.failed.sum() < 6
+    assert np.array_equal(np.isnan(evaluation.objectives[:, 0]), evaluation.failed)
+    assert not np.isnan(evaluation.details["speed_hill:15"]).any()
+    alone = [problem.evaluate(point[None]).objectives[0, 0] for point in points]
+    assert np.array_equal(alone, evaluation.objectives[:, 0], equal_nan=True)

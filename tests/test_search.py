@@ -1,0 +1,176 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optim.problem import Evaluation
+from optim.search import METHODS, HillClimb, RandomSearch, build_method
+from optim.space import Space, Variable
+
+SPACE = Space(
+    (
+        Variable("x", -5.0, 5.0, step=0.5),
+        Variable("y", 0.0, 90.0, step=9.0),
+        Variable("n", 0, 8, "integer", step=0.9),
+    )
+)
+BEST = np.array([1.0, 30.0, 5.0])
+methods = pytest.mark.parametrize("name", METHODS)
+
+
+def sphere(points):
+    return -np.sum(((points - BEST) / [10.0, 90.0, 8.0]) ** 2, axis=1)
+
+
+def run(method, generations, judge=sphere):
+    for _ in range(generations):
+        points = method.ask()
+        assert np.array_equal(points, method.ask())
+        SPACE.validate(points)
+        method.tell(points, Evaluation(judge(points)))
+    return method
+
+
+def same(a, b):
+    return all(np.array_equal(a.state()[key], b.state()[key], equal_nan=True) for key in a.state())
+
+
+@methods
+def test_converges_on_a_sphere(name):
+    method = build_method(name, SPACE, {"climbers": 20, "seed": 3})
+    start = run(method, 1).result().scores
+    result = run(method, 150).result()
+    assert result.score > -2e-3 and result.score == sphere(result.point[None])[0]
+    assert (result.scores >= start).all() and np.median(result.scores) > -0.02
+    assert np.array_equal(sphere(result.points), result.scores)
+
+
+@methods
+def test_continues_exactly_from_its_state(name):
+    settings = {"climbers": 4, "seed": 8}
+    whole = run(build_method(name, SPACE, settings), 20)
+    state = run(build_method(name, SPACE, settings), 9).state()
+    rest = build_method(name, SPACE, settings)
+    rest.restore(state)
+    assert same(run(rest, 11), whole)
+
+
+@methods
+def test_failures_never_win(name):
+    def judge(points):  # everything on the left has failed
+        return np.where(points[:, 0] < 0, np.nan, sphere(points))
+
+    method = run(build_method(name, SPACE, {"climbers": 20, "seed": 0}), 1, judge)
+    failed = np.isnan(method.result().scores)
+    assert failed.any()
+    result = run(method, 60, judge).result()
+    succeeded = ~np.isnan(result.scores)
+    assert (failed & succeeded).any() and (~failed <= succeeded).all()
+    assert (result.points[succeeded, 0] >= 0).all() and result.score > -0.01
+
+
+@methods
+def test_without_a_success_there_is_no_score(name):
+    def judge(points):
+        return np.full(len(points), np.nan)
+
+    result = run(build_method(name, SPACE, {"climbers": 3, "seed": 0}), 5, judge).result()
+    assert np.isnan(result.score) and np.isnan(result.scores).all()
+
+
+@methods
+def test_climbers_know_nothing_of_each_other(name):
+    few, many = (run(build_method(name, SPACE, {"climbers": n, "seed": 1}), 10) for n in (3, 7))
+    assert np.array_equal(few.result().points, many.result().points[:3])
+    assert len(np.unique(many.result().points, axis=0)) == 7
+
+
+@methods
+def test_another_seed_is_another_search(name):
+    a, b = (build_method(name, SPACE, {"climbers": 3, "seed": seed}) for seed in (1, 2))
+    assert not np.array_equal(a.ask(), b.ask())
+
+
+@methods
+@pytest.mark.parametrize(("setting", "value"), [("climbers", 0), ("climbers", 2.5), ("seed", -1)])
+def test_settings_without_sense_are_refused(name, setting, value):
+    with pytest.raises(ValueError, match=f"{setting}: {value} is not allowed"):
+        build_method(name, SPACE, {setting: value})
+
+
+@methods
+def test_wrong_shapes_are_refused(name):
+    method = build_method(name, SPACE, {"climbers": 3})
+    with pytest.raises(ValueError, match=r"objectives of shape \(3, 2\) are not allowed; give \(3, 1\)"):
+        method.tell(method.ask(), Evaluation(np.zeros((3, 2))))
+    with pytest.raises(ValueError, match="state: points of shape"):
+        method.restore(build_method(name, SPACE, {"climbers": 4}).state())
+
+
+def test_unknown_names_and_settings_are_listed():
+    with pytest.raises(ValueError, match="method: 'annealing' is unknown; choose one of hill-climb, random"):
+        build_method("annealing", SPACE, {})
+    with pytest.raises(
+        ValueError, match="start: method random does not take it; its settings are climbers, seed"
+    ):
+        build_method("random", SPACE, {"start": {}})
+
+
+def test_a_child_must_be_strictly_better():
+    climb = HillClimb(SPACE, climbers=2)
+    parents = climb.ask()
+    climb.tell(parents, Evaluation([1.0, 1.0]))
+    children = climb.ask()
+    climb.tell(children, Evaluation([1.0, 1.5]))
+    assert np.array_equal(climb.result().points, [parents[0], children[1]])
+
+
+def test_a_failed_start_gives_way_to_any_valid_child():
+    climb = HillClimb(SPACE, climbers=1)
+    climb.tell(climb.ask(), Evaluation([np.nan]))
+    child = climb.ask()
+    climb.tell(child, Evaluation([-1e9]))
+    assert np.array_equal(climb.result().point, child[0]) and climb.result().score == -1e9
+    climb.tell(climb.ask(), Evaluation([np.nan]))
+    assert climb.result().score == -1e9
+
+
+def test_mutations_have_the_steps_of_the_variables():
+    space = Space(tuple(Variable(f"x{i}", -1e3, 1e3, step=step) for i, step in enumerate((0.9, 9.0, 90.0))))
+    climb = HillClimb(space, climbers=3000, start={"x0": 0.0, "x1": 0.0, "x2": 0.0})
+    climb.tell(climb.ask(), Evaluation(np.zeros(3000)))
+    children = climb.ask()
+    assert children.std(axis=0) == pytest.approx(space.step, rel=0.05)
+    assert (
+        np.abs(children.mean(axis=0)) == pytest.approx(0, abs=5)
+        and np.abs(np.corrcoef(children.T)[0, 1]) < 0.06
+    )
+
+
+def test_given_starts_are_kept_and_the_rest_is_random():
+    points = HillClimb(SPACE, climbers=5, start={"y": 12.0}).ask()
+    assert (points[:, 1] == 12).all() and len(np.unique(points[:, 0])) == 5
+    with pytest.raises(ValueError, match="start: z not free to change; the variables are x, y, n"):
+        HillClimb(SPACE, start={"z": 1.0})
+    with pytest.raises(ValueError, match="y: 91 is not allowed; give a number from 0 to 90"):
+        HillClimb(SPACE, start={"y": 91.0})
+
+
+def test_a_climber_needs_steps():
+    with pytest.raises(ValueError, match="step: 0 of x is not allowed"):
+        HillClimb(Space((Variable("x", 0, 1),)))
+    assert RandomSearch(Space((Variable("x", 0, 1),)), climbers=2).ask().shape == (2, 1)
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=6))
+def test_an_evaluation_holds_no_number_that_did_not_succeed(objectives):
+    evaluation = Evaluation(objectives, ["ok", "diverged"] * 3 if len(objectives) == 6 else ())
+    assert np.array_equal(evaluation.failed, ~np.isfinite(evaluation.objectives[:, 0]))
+    assert set(evaluation.status) <= {"ok", "failed", "diverged"}
+
+
+def test_an_evaluation_is_one_judgement_a_point():
+    with pytest.raises(ValueError, match="status: 1 given for 2 points"):
+        Evaluation([1.0, 2.0], ["ok"])
+    with pytest.raises(ValueError, match="speed: 3 given for 2 points"):
+        Evaluation([1.0, 2.0], details={"speed": np.zeros(3)})
