@@ -66,6 +66,30 @@ def rotate_back(w, x, y, z, fx, fy, fz):
     return fx - w * tx + (y * tz - z * ty), fy - w * ty + (z * tx - x * tz), fz - w * tz + (x * ty - y * tx)
 
 
+@ti.pyfunc
+def matrix(w, x, y, z):
+    """Rotation matrix of a unit quaternion, row by row: body frame to world frame."""
+    x2 = x + x
+    y2 = y + y
+    z2 = z + z
+    xx = x * x2
+    yy = y * y2
+    zz = z * z2
+    xy = x * y2
+    xz = x * z2
+    yz = y * z2
+    wx = w * x2
+    wy = w * y2
+    wz = w * z2
+    return 1.0 - (yy + zz), xy - wz, xz + wy, xy + wz, 1.0 - (xx + zz), yz - wx, xz - wy, yz + wx, 1.0 - (xx + yy)
+
+
+@ti.pyfunc
+def apply(a, b, c, d, e, f, g, h, i, x, y, z):
+    """Product of a matrix, given row by row, and a vector."""
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
 @ti.func
 def _horner(u, coefficients: ti.template()):
     result = u * coefficients[-1] + coefficients[-2]

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")  # keeps stdout free for --json
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")  # nor does it announce notebooks and pytest as "graphical shells"
 os.environ.setdefault("TI_ENABLE_TORCH", "0")  # Taichi would import torch at its start
 
 import taichi as ti
@@ -102,6 +103,8 @@ def _initialise(wanted: Configuration, architecture: object) -> None:
             default_fp=ti.f32 if wanted.precision == "f32" else ti.f64,
             fast_math=False,
             real_matrix_scalarize=wanted.device != "cpu",
+            # Taichi's own optimiser is quadratic in the size of a kernel (15 s for the lattice); LLVM does as well.
+            advanced_optimization=False,
             cpu_max_num_threads=wanted.threads,
             log_level=ti.ERROR,
             offline_cache=cache,

@@ -7,7 +7,6 @@ Source: Hiller & Lipson 2014 (section "Beam model"), with the angle regimes and 
 """
 
 from taichi_sim.lanes import absolute, larger
-from taichi_sim.rotations import multiply_conjugate, rotate_back
 from taichi_sim.runtime import ti
 
 # States of a link; a new one is small but remembers nothing yet.
@@ -22,21 +21,17 @@ DIVERGED_STRAIN = 100.0
 
 
 @ti.func
-def relative_pose(dx, dy, dz, aw, ax, ay, az, bw, bx, by, bz):
-    """Offset d and orientation of the "+" voxel in the frame of the "-" voxel."""
-    x, y, z = rotate_back(aw, ax, ay, az, dx, dy, dz)
-    rw, rx, ry, rz = multiply_conjugate(aw, ax, ay, az, bw, bx, by, bz)
-    return x, y, z, rw, rx, ry, rz
+def stays_small(x, y, z, rest):
+    """Whether a link in the small-angle regime remains there."""
+    turn = absolute(y) + absolute(z)
+    return (turn <= TURN_LEAVE * x) & (absolute(rest - x) <= EXTENSION_LEAVE * rest)
 
 
 @ti.func
-def angle_regime(x, y, z, rest, state):
-    """1 where the link is in the small-angle regime in this step, else 0."""
+def becomes_small(x, y, z, rest):
+    """Whether a link in the large-angle regime leaves it."""
     turn = absolute(y) + absolute(z)
-    extension = absolute(rest - x)
-    enters = ti.select((turn < TURN_ENTER * x) & (extension < EXTENSION_ENTER * rest), SMALL + 0.0 * state, LARGE)
-    stays = ti.select((turn > TURN_LEAVE * x) | (extension > EXTENSION_LEAVE * rest), LARGE + 0.0 * state, SMALL)
-    return ti.select(state > 0.5, stays, enters)
+    return (turn < TURN_ENTER * x) & (absolute(rest - x) < EXTENSION_ENTER * rest)
 
 
 @ti.func
@@ -59,7 +54,7 @@ def turn_onto_axis(x, y, z, length):
 
 @ti.func
 def end_forces(edge, k, damping, pull, twist, hx, dy, dz, hy, hz, t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template()):
-    """Force on one end and moments on both, elastic and damped: (F, M-, M+) without the twist of M+.
+    """Force F on the "-" end, its moment M, and the moment N that the "+" end gives up: (F, M, N), link frame.
 
     The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
     damping roots have the same proportions: B1 = s, B2 = s h/2, B3 = s h^2/6 with s = sqrt(E h). So strains and their
@@ -95,4 +90,4 @@ def end_forces(edge, k, damping, pull, twist, hx, dy, dz, hy, hz, t1y, t1z, t2y,
         uz = 2.0 * wz + uz
         vy = wy + vy
         vz = wz + vz
-    return fx, fy, fz, twist, 0.0 - sy - uy, sz - uz, 0.0 - sy - vy, sz - vz
+    return fx, fy, fz, twist, 0.0 - (sy + uy), sz - uz, twist, sy + vy, vz - sz

@@ -124,14 +124,22 @@ def add_contact(m: ti.template(), block, k, s, sign, fx, fy, fz, plan: ti.templa
 
 
 @ti.func
-def add_force(m: ti.template(), k, slot, a, b, c, fx, fy, fz, mx, my, mz):
-    """Add a link's force and moment, link axis first, to a voxel's sums."""
-    store(m, k, slot + a, load(m, k, slot + a) + fx)
-    store(m, k, slot + b, load(m, k, slot + b) + fy)
-    store(m, k, slot + c, load(m, k, slot + c) + fz)
-    store(m, k, slot + 3 + a, load(m, k, slot + 3 + a) + mx)
-    store(m, k, slot + 3 + b, load(m, k, slot + 3 + b) + my)
-    store(m, k, slot + 3 + c, load(m, k, slot + 3 + c) + mz)
+def add_force(m: ti.template(), k, slot, a, b, c, sign: ti.template(), fx, fy, fz, mx, my, mz):
+    """Add a link's force and moment, link axis first, to a voxel's sums, or subtract it."""
+    if ti.static(sign > 0):
+        store(m, k, slot + a, load(m, k, slot + a) + fx)
+        store(m, k, slot + b, load(m, k, slot + b) + fy)
+        store(m, k, slot + c, load(m, k, slot + c) + fz)
+        store(m, k, slot + 3 + a, load(m, k, slot + 3 + a) + mx)
+        store(m, k, slot + 3 + b, load(m, k, slot + 3 + b) + my)
+        store(m, k, slot + 3 + c, load(m, k, slot + 3 + c) + mz)
+    else:
+        store(m, k, slot + a, load(m, k, slot + a) - fx)
+        store(m, k, slot + b, load(m, k, slot + b) - fy)
+        store(m, k, slot + c, load(m, k, slot + c) - fz)
+        store(m, k, slot + 3 + a, load(m, k, slot + 3 + a) - mx)
+        store(m, k, slot + 3 + b, load(m, k, slot + 3 + b) - my)
+        store(m, k, slot + 3 + c, load(m, k, slot + 3 + c) - mz)
 
 
 @ti.func
@@ -150,14 +158,16 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
         here = plan[FORCE] + 6 * (v & plan[RING_MASK])
         entry = v * stages.VOXEL_COLUMNS
         for l in range(voxel_table[entry + stages.FIRST_LINK], voxel_table[entry + stages.END_LINK]):
-            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = stages.link_stage(m, k, l, edge, plan, link_table, voxel_table)
+            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = stages.link_stage(
+                m, k, l, edge, plan, link_table, voxel_table
+            )
             link = l * stages.LINK_COLUMNS
             a = link_table[link + stages.LINK_ALONG]
             b = link_table[link + stages.LINK_SIDE_1]
             c = link_table[link + stages.LINK_SIDE_2]
-            add_force(m, k, here, a, b, c, fx, fy, fz, mx, my, mz)
+            add_force(m, k, here, a, b, c, 1, fx, fy, fz, mx, my, mz)
             there = plan[FORCE] + 6 * (link_table[link + stages.LINK_SECOND] & plan[RING_MASK])
-            add_force(m, k, there, a, b, c, gx, gy, gz, nx, ny, nz)
+            add_force(m, k, there, a, b, c, -1, gx, gy, gz, nx, ny, nz)
         cx, cy, cz = nought, nought, nought
         s = voxel_table[entry + stages.SURFACE_SLOT]
         if s >= 0:

@@ -18,8 +18,11 @@ from taichi_sim.lattice.memory import (
 )  # fmt: skip
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 from taichi_sim.rotations import (
+    apply,
     from_large_rotation_vector,
+    matrix,
     multiply,
+    multiply_conjugate,
     rotate,
     rotate_back,
     rotation_vector_factor,
@@ -100,29 +103,54 @@ def update_rest_lengths(m: ti.template(), k, plan: ti.template(), rest_table: ti
 
 @ti.func
 def link_stage(m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
-    """Forces and moments on both ends of link l, each in its voxel's frame, link axis first: (F-, M-, F+, M+)."""
+    """What link l adds to its "-" voxel, force F and moment M, and takes from its "+" voxel, G and N: (F, M, G, N).
+
+    World frame, components along the link's axis first.
+    """
     row = l * LINK_COLUMNS
     p1 = plan[VOXEL] + link_table[row + LINK_MINUS]
     p2 = plan[VOXEL] + link_table[row + LINK_PLUS]
     a = link_table[row + LINK_ALONG]
     b = link_table[row + LINK_SIDE_1]
     c = link_table[row + LINK_SIDE_2]
-    memory = plan[LINK] + l * LINK_WIDTH
-    rest = load(m, k, plan[REST] + link_table[row + LINK_REST])
     q1, q2 = p1 + ORIENTATION + 1, p2 + ORIENTATION + 1
-    x, y, z, qw, qx, qy, qz = beams.relative_pose(
+    w, qa, qb, qc = load(m, k, p1 + ORIENTATION), load(m, k, q1 + a), load(m, k, q1 + b), load(m, k, q1 + c)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, qa, qb, qc)
+    x, y, z = apply(
+        xx, yx, zx, xy, yy, zy, xz, yz, zz,  # transposed: into the frame of the "-" voxel
         load(m, k, p2 + a) - load(m, k, p1 + a),
         load(m, k, p2 + b) - load(m, k, p1 + b),
         load(m, k, p2 + c) - load(m, k, p1 + c),
-        load(m, k, p1 + ORIENTATION), load(m, k, q1 + a), load(m, k, q1 + b), load(m, k, q1 + c),
-        load(m, k, p2 + ORIENTATION), load(m, k, q2 + a), load(m, k, q2 + b), load(m, k, q2 + c),
     )  # fmt: skip
+    qw, qx, qy, qz = multiply_conjugate(
+        w, qa, qb, qc, load(m, k, p2 + ORIENTATION), load(m, k, q2 + a), load(m, k, q2 + b), load(m, k, q2 + c)
+    )
+    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(
+        m, k, l, edge, plan, link_table, voxel_table, x, y, z, qw, qx, qy, qz
+    )
+    fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
+    mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
+    nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
+    if link_table[row + LINK_SYMMETRIC] != 0:
+        gx, gy, gz = fx, fy, fz
+    else:
+        gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
+    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+
+
+@ti.func
+def bend(
+    m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
+    x, y, z, qw, qx, qy, qz,
+):  # fmt: skip
+    """The beam between voxels of relative position (x, y, z) and orientation q, frame of the "-" voxel: (F, M, G, N)."""
+    memory = plan[LINK] + l * LINK_WIDTH
+    rest = load(m, k, plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST])
     before = load(m, k, memory + REGIME)
-    small = beams.angle_regime(x, y, z, rest, before)
     fx = x; fy = x; fz = x; mx = x; my = x; mz = x  # noqa: E702
     gx = x; gy = x; gz = x; nx = x; ny = x; nz = x  # noqa: E702
     # Most links of a healthy robot are small and were small; a block in which all lanes agree takes the short way.
-    if all_lanes((small > 0.5) & (before == beams.SMALL)):
+    if all_lanes(beams.stays_small(x, y, z, rest) & (before == beams.SMALL)):
         factor = rotation_vector_factor(qw)
         t2x, t2y, t2z = factor * qx, factor * qy, factor * qz
         hx, h1, h2, h3, h4, h5 = remember(m, k, memory, 0.5, x - rest, y, z, t2x, t2y, t2z)
@@ -130,9 +158,10 @@ def link_stage(m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti
             m, k, l, edge, plan, link_table, voxel_table, x - rest, y, z, 0.0, 0.0, t2x, t2y, t2z,
             hx, h1, h2, 0.0, 0.0, h3, h4, h5, False,
         )  # fmt: skip
-        gx, gy, gz = rotate_back(qw, qx, qy, qz, gx, gy, gz)
-        nx, ny, nz = rotate_back(qw, qx, qy, qz, nx, ny, nz)
     else:
+        stays = ti.select(beams.stays_small(x, y, z, rest), beams.SMALL + 0.0 * before, beams.LARGE)
+        enters = ti.select(beams.becomes_small(x, y, z, rest), beams.SMALL + 0.0 * before, beams.LARGE)
+        small = ti.select(before > 0.5, stays, enters)
         is_small = small > 0.5
         length = ti.sqrt(x * x + y * y + z * z)
         w, by, bz = beams.turn_onto_axis(x, y, z, length)
@@ -159,8 +188,8 @@ def link_stage(m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti
         )  # fmt: skip
         fx, fy, fz = rotate_back(w, 0.0 * w, by, bz, fx, fy, fz)
         mx, my, mz = rotate_back(w, 0.0 * w, by, bz, mx, my, mz)
-        gx, gy, gz = rotate_back(qw, qx, qy, qz, gx, gy, gz)
-        nx, ny, nz = rotate_back(qw, qx, qy, qz, nx, ny, nz)
+        gx, gy, gz = rotate_back(w, 0.0 * w, by, bz, gx, gy, gz)
+        nx, ny, nz = rotate_back(w, 0.0 * w, by, bz, nx, ny, nz)
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
@@ -187,26 +216,24 @@ def beam_forces(
     m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
     dx, dy, dz, t1y, t1z, t2x, t2y, t2z, hx, hy, hz, h1y, h1z, h2x, h2y, h2z, bent: ti.template(),
 ):  # fmt: skip
-    """Forces and moments on both ends for offset d, rotations t1, t2 and their half changes h, link frame."""
+    """(F, M, G, N) for offset d, rotations t1, t2 and their half changes h, link frame."""
     beam = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM]
     pull = axial_force(m, k, l, dx, plan, link_table, voxel_table)
     stiff = load(m, k, beam + STIFF)
     damping = load(m, k, beam + DAMP_MINUS)
     turned = load(m, k, beam + TWIST) * t2x
     turning = 0.5 * load(m, k, beam + TWIST_ROOT) * h2x
-    fx, fy, fz, mx, my, mz, ny, nz = beams.end_forces(
+    fx, fy, fz, mx, my, mz, nx, ny, nz = beams.end_forces(
         edge, stiff, damping, pull, turned + damping * turning, hx, dy, dz, hy, hz,
         t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent,
     )  # fmt: skip
-    gx, gy, gz, nx = 0.0 - fx, 0.0 - fy, 0.0 - fz, 0.0 - mx
+    gx, gy, gz = fx, fy, fz
     if link_table[l * LINK_COLUMNS + LINK_SYMMETRIC] == 0:
         other = load(m, k, beam + DAMP_PLUS)
-        px, py, pz, twist, _, _, oy, oz = beams.end_forces(
+        gx, gy, gz, _, _, _, nx, ny, nz = beams.end_forces(
             edge, stiff, other, pull, turned + other * turning, hx, dy, dz, hy, hz,
             t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent,
         )  # fmt: skip
-        gx, gy, gz = 0.0 - px, 0.0 - py, 0.0 - pz
-        nx, ny, nz = 0.0 - twist, oy, oz
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
@@ -289,7 +316,7 @@ def voxel_stage(
     m: ti.template(), k, v, dt, edge, fx, fy, fz, mx, my, mz, cx, cy, cz,
     plan: ti.template(), voxel_table: ti.template(), start: ti.template(),
 ):  # fmt: skip
-    """Integrate voxel v under link forces F and moments M (voxel frame) and the contact force c (world); its new place."""
+    """Integrate voxel v under the forces F and moments M of its links and the contact force c, world; its new place."""
     row = v * VOXEL_COLUMNS
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
     current = plan[CURRENT] + voxel_table[row + GROUP]
@@ -301,9 +328,8 @@ def voxel_stage(
     qz = load(m, k, voxel + ORIENTATION + 3)
     if voxel_table[row + FEELS_PRESSURE] != 0:
         ax, ay, az = pressure_force(m, k, v, plan, voxel_table)
+        ax, ay, az = rotate(qw, qx, qy, qz, ax, ay, az)
         fx, fy, fz = fx + ax, fy + ay, fz + az
-    fx, fy, fz = rotate(qw, qx, qy, qz, fx, fy, fz)
-    mx, my, mz = rotate(qw, qx, qy, qz, mx, my, mz)
     inverse_mass = load(m, k, constant + INVERSE_MASS)
     drag = load(m, k, current + DRAG)
     px = load(m, k, voxel + MOMENTUM)
