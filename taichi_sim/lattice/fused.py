@@ -39,14 +39,14 @@ class FusedDriver:
         self._robot = np.minimum(lanes, batch - 1)  # lanes without a robot repeat the last one
         self._has_robot = lanes < batch
         self.layout = Memory.of(
-            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface), len(tables.group_region),
+            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels), len(tables.group_region),
             tables.beam.shape[1], len(tables.rest), (tables.ring, 6),
         )  # fmt: skip
         self._memory = self.real.array((self.blocks, self.layout.slots))
         self._parked = self.real.array((self.blocks, self.layout.state_slots))
         for section, values in ((memory.CONSTANT, tables.constant), (memory.BEAM, tables.beam), (memory.CHANNEL, tables.channel)):
             self.write(section, values)
-        surface, bunch = max(len(tables.surface), 1), NATIVE_WIDTH[precision]
+        surface, bunch = max(len(tables.surface_voxels), 1), NATIVE_WIDTH[precision]
         self._scratch = aligned((self.blocks, 3, -(-surface // bunch), bunch), self.real.numpy)
         self._fresh = np.zeros((self.blocks, surface), np.int32)
         self._touched = np.zeros((self.blocks, surface), np.int32)
@@ -131,8 +131,8 @@ class FusedDriver:
         """Give every robot that ended its own last state back."""
         ended = lanes[..., kernel.LANE_STATE] == kernel.LANE_ENDED
         np.copyto(self._memory[:, : self.layout.state_slots], self._parked, where=ended[:, None, :])
-        if len(self.tables.surface):
-            d = self._section(memory.VOXEL)[:, self.tables.surface, :3] - self._section(memory.WATCH)
+        if len(self.tables.surface_voxels):
+            d = self._section(memory.VOXEL)[:, self.tables.surface_voxels, :3] - self._section(memory.WATCH)
             moved = (d[:, :, 0] * d[:, :, 0] + d[:, :, 1] * d[:, :, 1] + d[:, :, 2] * d[:, :, 2]).max(axis=1)
             np.copyto(self._section(memory.MONITOR)[:, 0, memory.MOVED], moved, where=ended)
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 from taichi_sim.lanes import NATIVE_WIDTH, Real, any_lane, larger, load, store
-from taichi_sim.lattice import stages
+from taichi_sim.lattice import contact, stages
 from taichi_sim.lattice.memory import (
     AGE, BASE, CHANNEL, CHANNEL_WIDTH, CONTACT, CONTACT_ON, CONSTANT, DIVERGED, FORCE, LINK, LINK_WIDTH, LINKS, MONITOR,
     MOVED, RATE, REST, RING_MASK, STATE_SLOTS, SURFACE, VOXEL, VOXEL_WIDTH, VOXELS,
@@ -95,32 +95,40 @@ def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.
 
 
 @ti.func
-def collide(m: ti.template(), block, k, lane_bits, plan: ti.template(), voxel_table: ti.template(), surface: ti.template(),
-            touched: ti.template(), row: ti.template(), partner: ti.template(), mask: ti.template(),
-            info: ti.template()):  # fmt: skip
+def collide(m: ti.template(), block, k, lane_bits, plan: ti.template(), surface: ti.template(), touched: ti.template(),
+            row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template()):  # fmt: skip
     """Contact forces of all watched pairs, in the order of the list."""
     current = info[block, LIST]
     for s in range(plan[SURFACE]):
-        for q in range(row[block, current, s], row[block, current, s + 1]):
-            other = partner[block, current, q]
-            watched = (lane_bits & mask[block, current, q]) != 0
-            touches, fx, fy, fz = stages.contact_stage(m, k, surface[s], surface[other], watched, plan, voxel_table)
-            if touches:
-                add_contact(m, block, k, s, 1.0, fx, fy, fz, plan, touched)
-                add_contact(m, block, k, other, -1.0, fx, fy, fz, plan, touched)
+        first = row[block, current, s]
+        end = row[block, current, s + 1]
+        if first < end:
+            x, y, z, size = stages.surface_place(m, k, s, plan, surface)
+            for q in range(first, end):
+                other = partner[block, current, q]
+                ox, oy, oz, other_size = stages.surface_place(m, k, other, plan, surface)
+                dx = ox - x
+                dy = oy - y
+                dz = oz - z
+                limit = contact.reach(size, other_size)
+                near = (dx * dx + dy * dy + dz * dz < limit * limit) & ((lane_bits & mask[block, current, q]) != 0)
+                if any_lane(near):
+                    fx, fy, fz = stages.contact_force(m, k, s, other, dx, dy, dz, limit, near, plan, surface)
+                    add_contact(m, block, k, s, 0.0 - fx, 0.0 - fy, 0.0 - fz, plan, touched)
+                    add_contact(m, block, k, other, fx, fy, fz, plan, touched)
 
 
 @ti.func
-def add_contact(m: ti.template(), block, k, s, sign, fx, fy, fz, plan: ti.template(), touched: ti.template()):
+def add_contact(m: ti.template(), block, k, s, fx, fy, fz, plan: ti.template(), touched: ti.template()):
     """Add a contact force to a surface voxel; sums are cleared when they are used, not in every step."""
     slot = plan[CONTACT] + 3 * s
     if touched[block, s] == 0:
         touched[block, s] = 1
         for c in ti.static(range(3)):
             store(m, k, slot + c, 0.0 * fx)
-    store(m, k, slot, load(m, k, slot) + sign * fx)
-    store(m, k, slot + 1, load(m, k, slot + 1) + sign * fy)
-    store(m, k, slot + 2, load(m, k, slot + 2) + sign * fz)
+    store(m, k, slot, load(m, k, slot) + fx)
+    store(m, k, slot + 1, load(m, k, slot + 1) + fy)
+    store(m, k, slot + 2, load(m, k, slot + 2) + fz)
 
 
 @ti.func
@@ -151,7 +159,7 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
     stages.advance_channels(m, k, plan, edge, gravity)
     stages.update_rest_lengths(m, k, plan, rest_table)
     if plan[CONTACT_ON] != 0:
-        collide(m, block, k, lane_bits, plan, voxel_table, surface, touched, row, partner, mask, info)
+        collide(m, block, k, lane_bits, plan, surface, touched, row, partner, mask, info)
     nought = 0.0 * load(m, k, plan[CONSTANT])
     moved = nought
     for v in range(plan[VOXELS]):

@@ -44,6 +44,10 @@ NORMAL, FEELS_PRESSURE = 13, 16
 VOXEL_COLUMNS = 17
 REST_MINUS, REST_PLUS, REST_AXIS = range(3)
 
+# Columns of the table of surface voxels: slots of the voxel in VOXEL and of its group in CONSTANT/CURRENT.
+SURFACE_VOXEL, SURFACE_GROUP = range(2)
+SURFACE_COLUMNS = 2
+
 CHANNELS_PER_GROUP = QUANTITY_COUNT * CHANNEL_WIDTH
 ACCELERATION, FORCE, MOMENT = int(Quantity.ACCELERATION), int(Quantity.FORCE), int(Quantity.MOMENT)
 TRANSLATION, ROTATION, SCALE = int(Quantity.TRANSLATION), int(Quantity.ROTATION), int(Quantity.SCALE)
@@ -269,46 +273,35 @@ def poisson_state(m: ti.template(), k, l, plan: ti.template(), link_table: ti.te
 
 
 @ti.func
-def contact_stage(m: ti.template(), k, v1, v2, watched: ti.template(), plan: ti.template(), voxel_table: ti.template()):
-    """Force on the first of two watched voxels (the second feels the opposite): (touches, x, y, z)."""
-    p1 = plan[VOXEL] + v1 * VOXEL_WIDTH
-    p2 = plan[VOXEL] + v2 * VOXEL_WIDTH
-    g1 = voxel_table[v1 * VOXEL_COLUMNS + GROUP]
-    g2 = voxel_table[v2 * VOXEL_COLUMNS + GROUP]
-    dx = load(m, k, p2) - load(m, k, p1)
-    dy = load(m, k, p2 + 1) - load(m, k, p1 + 1)
-    dz = load(m, k, p2 + 2) - load(m, k, p1 + 2)
-    distance_squared = dx * dx + dy * dy + dz * dz
-    current = plan[CURRENT] + MEAN_SIZE
-    limit = contact.reach(load(m, k, current + g1), load(m, k, current + g2))
-    near = (distance_squared < limit * limit) & watched
-    touches = any_lane(near)
-    fx = dx
-    fy = dy
-    fz = dz
-    if touches:
-        c1 = plan[CONSTANT] + g1
-        c2 = plan[CONSTANT] + g2
-        w1 = load(m, k, c1 + INVERSE_MASS)
-        w2 = load(m, k, c2 + INVERSE_MASS)
-        distance = ti.sqrt(distance_squared)
-        inverse = 1.0 / larger(distance, 1e-12)
-        p1 = p1 + MOMENTUM
-        p2 = p2 + MOMENTUM
-        approach = (
-            (w1 * load(m, k, p1) - w2 * load(m, k, p2)) * dx
-            + (w1 * load(m, k, p1 + 1) - w2 * load(m, k, p2 + 1)) * dy
-            + (w1 * load(m, k, p1 + 2) - w2 * load(m, k, p2 + 2)) * dz
-        ) * inverse
-        force = contact.repulsion(
-            limit - distance, approach, load(m, k, c1 + STIFFNESS), load(m, k, c2 + STIFFNESS),
-            load(m, k, c1 + CONTACT_DAMPING), load(m, k, c2 + CONTACT_DAMPING),
-        )  # fmt: skip
-        scale = ti.select(near, (0.0 - force) * inverse, 0.0)
-        fx = scale * dx
-        fy = scale * dy
-        fz = scale * dz
-    return touches, fx, fy, fz
+def surface_place(m: ti.template(), k, s, plan: ti.template(), surface: ti.template()):
+    """Position and mean size of a surface voxel."""
+    voxel = plan[VOXEL] + surface[SURFACE_COLUMNS * s + SURFACE_VOXEL]
+    size = load(m, k, plan[CURRENT] + surface[SURFACE_COLUMNS * s + SURFACE_GROUP] + MEAN_SIZE)
+    return load(m, k, voxel), load(m, k, voxel + 1), load(m, k, voxel + 2), size
+
+
+@ti.func
+def contact_force(m: ti.template(), k, s1, s2, dx, dy, dz, limit, near: ti.template(), plan: ti.template(), surface: ti.template()):
+    """Force on the second of two surface voxels that touch where ``near``; the first feels the opposite."""
+    p1 = plan[VOXEL] + surface[SURFACE_COLUMNS * s1 + SURFACE_VOXEL] + MOMENTUM
+    p2 = plan[VOXEL] + surface[SURFACE_COLUMNS * s2 + SURFACE_VOXEL] + MOMENTUM
+    c1 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s1 + SURFACE_GROUP]
+    c2 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s2 + SURFACE_GROUP]
+    w1 = load(m, k, c1 + INVERSE_MASS)
+    w2 = load(m, k, c2 + INVERSE_MASS)
+    distance = ti.sqrt(dx * dx + dy * dy + dz * dz)
+    inverse = 1.0 / larger(distance, 1e-12)
+    approach = (
+        (w1 * load(m, k, p1) - w2 * load(m, k, p2)) * dx
+        + (w1 * load(m, k, p1 + 1) - w2 * load(m, k, p2 + 1)) * dy
+        + (w1 * load(m, k, p1 + 2) - w2 * load(m, k, p2 + 2)) * dz
+    ) * inverse
+    force = contact.repulsion(
+        limit - distance, approach, load(m, k, c1 + STIFFNESS), load(m, k, c2 + STIFFNESS),
+        load(m, k, c1 + CONTACT_DAMPING), load(m, k, c2 + CONTACT_DAMPING),
+    )  # fmt: skip
+    scale = ti.select(near, force * inverse, 0.0)
+    return scale * dx, scale * dy, scale * dz
 
 
 @ti.func

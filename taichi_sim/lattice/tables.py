@@ -23,10 +23,10 @@ class Tables:
     """Integer tables of a topology (columns in ``stages``) and constants of its robots.
 
     Attributes:
-        link, voxel: flat integer tables of links and voxels.
+        link, voxel, surface: flat integer tables of links, voxels and surface voxels.
         rest: pairs of groups and axis of the rest lengths, shape (R, 3).
         link_ends: voxels of each link, engine order, shape (L, 2).
-        surface: voxels of the surface slots, engine order.
+        surface_voxels: the surface voxels, engine order, shape (S,).
         excluded: bit matrix of pairs of surface voxels that never collide, shape (S, ceil(S / 32)).
         start: start positions [m], engine order, shape (V, 3).
         group: group of each voxel, engine order, shape (V,).
@@ -45,6 +45,7 @@ class Tables:
     link_ends: np.ndarray
     group: np.ndarray
     surface: np.ndarray
+    surface_voxels: np.ndarray
     excluded: np.ndarray
     start: np.ndarray
     group_region: np.ndarray
@@ -61,7 +62,7 @@ class Tables:
         plan[: memory.SECTION_COUNT] = layout.starts
         plan[memory.VOXELS], plan[memory.LINKS] = len(self.group), len(self.link_ends)
         plan[memory.GROUPS], plan[memory.RESTS] = len(self.group_region), len(self.rest)
-        plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface), layout.state_slots
+        plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface_voxels), layout.state_slots
         plan[memory.RING_MASK] = self.ring - 1
         plan[memory.FLOOR_ON], plan[memory.CONTACT_ON], plan[memory.POISSON_ON] = floor, self_contact, self.poisson
         return plan
@@ -81,6 +82,8 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
     rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
     ends = place[links].reshape(-1, 2)
     voxel_table, strain_count = _voxel_table(body, order, place, group_of, _has_poisson(bodies))
+    shell = place[topology.surface]
+    surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     used = sorted({id(b): b for b in bodies}.values(), key=id)
     constant, beam, channel = {}, {}, {}
     for each in used:
@@ -95,7 +98,8 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
         rest=_int_table(rests, 3),
         link_ends=ends,
         group=group_of[order],
-        surface=place[topology.surface].astype(np.int32),
+        surface=_int_table(surface, stages.SURFACE_COLUMNS).ravel(),
+        surface_voxels=shell,
         excluded=_bit_matrix(topology.excluded),
         start=body.start_positions[order],
         group_region=groups[:, 1].copy(),

@@ -6,7 +6,8 @@ share one sorted list, the union of theirs, with a bit per robot; so neither nei
 """
 
 from taichi_sim.lanes import any_lane
-from taichi_sim.lattice.memory import PAIRS, SURFACE, VOXEL, VOXEL_WIDTH, WATCH
+from taichi_sim.lattice.memory import PAIRS, SURFACE, VOXEL, WATCH
+from taichi_sim.lattice.stages import SURFACE_COLUMNS, SURFACE_VOXEL
 from taichi_sim.runtime import ti
 
 LIST, LENGTH, REBUILDS = 0, 1, 2  # columns of ``info``
@@ -27,7 +28,8 @@ def rebuild_lane(
     count = plan[SURFACE]
     for s in range(count):
         for c in ti.static(range(3)):
-            scratch_scalar[block, c, s // bunch, s % bunch] = ms[k + plan[VOXEL] + surface[s] * VOXEL_WIDTH + c, lane]
+            voxel = k + plan[VOXEL] + surface[SURFACE_COLUMNS * s + SURFACE_VOXEL]
+            scratch_scalar[block, c, s // bunch, s % bunch] = ms[voxel + c, lane]
     old = info[block, LIST]
     new = 1 - old
     bit = 1 << lane
