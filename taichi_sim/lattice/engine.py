@@ -126,7 +126,7 @@ class LatticeEngine:
         if driver == "stepped" or device != "cpu":
             from taichi_sim.lattice.stepped import SteppedDriver
 
-            self._driver: FusedDriver | SteppedDriver = SteppedDriver(self._tables, self.batch, precision, *switches)
+            self._driver: FusedDriver | SteppedDriver = SteppedDriver(self._tables, self.batch, precision, *switches, device == "cpu")
         else:
             self._driver = FusedDriver(self._tables, self.batch, precision, running.threads, *switches, width)
         self._diverged = np.zeros(self.batch, bool)

@@ -84,6 +84,7 @@ class FusedDriver:
     def forget_watch(self) -> None:
         """Have the watch lists built anew before the next step."""
         self._section(memory.MONITOR)[:, 0, memory.MOVED] = np.inf
+        self._section(memory.WATCH)[...] = np.nan
 
     @property
     def bytes_per_robot(self) -> int:
@@ -134,6 +135,7 @@ class FusedDriver:
         if len(self.tables.surface_voxels):
             d = self._section(memory.VOXEL)[:, self.tables.surface_voxels, :3] - self._section(memory.WATCH)
             moved = (d[:, :, 0] * d[:, :, 0] + d[:, :, 1] * d[:, :, 1] + d[:, :, 2] * d[:, :, 2]).max(axis=1)
+            moved = np.where(np.isnan(moved), np.inf, moved)  # never built
             np.copyto(self._section(memory.MONITOR)[:, 0, memory.MOVED], moved, where=ended)
 
     def _launch(self, dt: float, edge: float, gravity: float, lanes: np.ndarray, marks: np.ndarray, values: np.ndarray,
