@@ -17,7 +17,7 @@ _NEAR = 0.1  # 1 - w up to which the short polynomial is exact: rotations below 
 def _polynomial(reach: float, degree: int) -> list[float]:
     """Coefficients of acos(w)/sqrt(1 - w^2) in u = 1 - w on [0, reach], lowest first (Chebyshev interpolation)."""
     nodes = reach / 2 * (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400))
-    values = np.arccos(1 - nodes) / np.sqrt(nodes * (2 - nodes))
+    values = 2 * np.arcsin(np.sqrt(nodes / 2)) / np.sqrt(nodes * (2 - nodes))  # acos without cancellation
     fit = np.polynomial.Chebyshev.fit(nodes, values, degree, domain=[0, reach])
     return [float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef]
 

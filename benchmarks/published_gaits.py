@@ -1,0 +1,94 @@
+"""Evaluate gaits of the published experiment and compare the distances with the published ones.
+
+    python benchmarks/published_gaits.py PATH/published_gaits.json [--count 60] [--seed 1] [--out docs/published-gaits.md]
+
+The file holds, per family of the experiment, rows of climber, generation, orientation [degrees], pressure [Pa], f[10],
+phi[10], distance [m]. It is other people's data and not part of this project. Contact makes long runs chaotic, so single
+distances differ; the check is that the median of |error| / max(3 % of the distance, 5 mm) is at most 1 and that the ranks
+agree (Spearman at least 0.98). Exit code 1 if not.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from robots.inflatable import InflatableDesign, simulate
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+
+FAMILIES = {"shape_control_flat": 0.0, "shape_control_hill": 15.0, "control_flat": 0.0, "control_hill": 15.0}
+LARGEST_MEDIAN, SMALLEST_RANK_CORRELATION = 1.0, 0.98
+
+
+def draw(path: Path, count: int, seed: int) -> list[tuple[str, list]]:
+    """Rows of the file, equally many of each family, in the order of the families."""
+    published = json.loads(path.read_text())
+    generator = np.random.default_rng(seed)
+    rows = []
+    for number, family in enumerate(FAMILIES):
+        share = count // len(FAMILIES) + (number < count % len(FAMILIES))
+        for index in sorted(generator.choice(len(published[family]), share, replace=False)):
+            rows.append((family, published[family][index]))
+    return rows
+
+
+def evaluate(rows: list[tuple[str, list]], precision: str) -> np.ndarray:
+    """Simulated distances [m] in the order of the rows."""
+    distance = np.empty(len(rows))
+    for slope in sorted(set(FAMILIES.values())):
+        here = [i for i, (family, _) in enumerate(rows) if FAMILIES[family] == slope]
+        designs = [
+            InflatableDesign(pressure=pressure, orientation=orientation, schedule=GaitSchedule.from_codes(f, phi))
+            for _, (_, _, orientation, pressure, f, phi, _) in (rows[i] for i in here)
+        ]
+        distance[here] = simulate(designs, Terrain(slope=slope), precision=precision).distance
+    return distance
+
+
+def table(rows: list[tuple[str, list]], simulated: np.ndarray, precision: str, seed: int) -> tuple[str, bool]:
+    """The comparison as a page, and whether it passes."""
+    published = np.array([row[-1] for _, row in rows])
+    error = np.abs(simulated - published) / np.maximum(0.03 * np.abs(published), 0.005)
+    median, rank = float(np.median(error)), float(spearmanr(simulated, published).statistic)
+    passes = median <= LARGEST_MEDIAN and rank >= SMALLEST_RANK_CORRELATION
+    lines = [
+        "# Published gaits, simulated again",
+        "",
+        f"{len(rows)} evaluations of the published experiment, drawn with seed {seed} from its four families, in {precision}:",
+        "`python benchmarks/published_gaits.py published_gaits.json`.",
+        "",
+        f"- median of |error| / max(3 % of the distance, 5 mm): **{median:.2f}** (at most {LARGEST_MEDIAN:g})",
+        f"- Spearman rank correlation: **{rank:.4f}** (at least {SMALLEST_RANK_CORRELATION:g})",
+        f"- within that tolerance: {np.mean(error <= 1):.0%}; diverged: {np.isnan(simulated).sum()}",
+        "",
+        "| family | climber | generation | pressure [Pa] | published [m] | simulated [m] | error / tolerance |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for (family, row), ours, ratio in zip(rows, simulated, error, strict=True):
+        lines.append(f"| {family} | {row[0]} | {row[1]} | {row[3]:.0f} | {row[-1]:.4f} | {ours:.4f} | {ratio:.2f} |")
+    return "\n".join(lines) + "\n", passes
+
+
+def main() -> int:
+    """Run the comparison from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("path", type=Path, help="published_gaits.json")
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--precision", choices=("f32", "f64"), default="f32")
+    parser.add_argument("--out", type=Path, help="write the table here as Markdown")
+    args = parser.parse_args()
+    rows = draw(args.path, args.count, args.seed)
+    page, passes = table(rows, evaluate(rows, args.precision), args.precision, args.seed)
+    if args.out:
+        args.out.write_text(page)
+    print("\n".join(page.splitlines()[5:8]))
+    return 0 if passes else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
