@@ -1,11 +1,14 @@
 """Evaluate gaits of the published experiment and compare the distances with the published ones.
 
-    python benchmarks/published_gaits.py PATH/published_gaits.json [--count 60] [--seed 1] [--out docs/published-gaits.md]
+    python benchmarks/published_gaits.py PATH/published_gaits.json [--count 60] [--copies 5] [--out docs/published-gaits.md]
 
 The file holds, per family of the experiment, rows of climber, generation, orientation [degrees], pressure [Pa], f[10],
-phi[10], distance [m]. It is other people's data and not part of this project. Contact makes long runs chaotic, so single
-distances differ; the check is that the median of |error| / max(3 % of the distance, 5 mm) is at most 1 and that the ranks
-agree (Spearman at least 0.98). Exit code 1 if not.
+phi[10], distance [m]. It is other people's data and not part of this project.
+
+Contact makes long runs chaotic: a few gaits end in one of two ways, whichever rounding decides. So every gait is simulated
+several times from start positions that differ by 10 nm, and the median of these copies is compared; copy 0 alone is
+reported too. The check is that the median of |error| / max(3 % of the distance, 5 mm) is at most 1 and that the ranks agree
+(Spearman at least 0.98). Exit code 1 if not.
 """
 
 import argparse
@@ -21,6 +24,7 @@ from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
 FAMILIES = {"shape_control_flat": 0.0, "shape_control_hill": 15.0, "control_flat": 0.0, "control_hill": 15.0}
+START_NOISE = 1e-8  # m
 LARGEST_MEDIAN, SMALLEST_RANK_CORRELATION = 1.0, 0.98
 
 
@@ -36,40 +40,57 @@ def draw(path: Path, count: int, seed: int) -> list[tuple[str, list]]:
     return rows
 
 
-def evaluate(rows: list[tuple[str, list]], precision: str) -> np.ndarray:
-    """Simulated distances [m] in the order of the rows."""
-    distance = np.empty(len(rows))
+def evaluate(rows: list[tuple[str, list]], precision: str, copies: int) -> np.ndarray:
+    """Simulated distances [m], shape (rows, copies); copy 0 starts where the published robot does."""
+    distance = np.empty((len(rows), copies))
     for slope in sorted(set(FAMILIES.values())):
         here = [i for i, (family, _) in enumerate(rows) if FAMILIES[family] == slope]
         designs = [
             InflatableDesign(pressure=pressure, orientation=orientation, schedule=GaitSchedule.from_codes(f, phi))
             for _, (_, _, orientation, pressure, f, phi, _) in (rows[i] for i in here)
         ]
-        distance[here] = simulate(designs, Terrain(slope=slope), precision=precision).distance
+        for copy in range(copies):
+            noise = {"perturbation": START_NOISE, "seed": copy} if copy else {}
+            distance[here, copy] = simulate(designs, Terrain(slope=slope), precision=precision, **noise).distance
+            print(f"slope {slope:g}, copy {copy + 1} of {copies} done", file=sys.stderr, flush=True)
     return distance
 
 
-def table(rows: list[tuple[str, list]], simulated: np.ndarray, precision: str, seed: int) -> tuple[str, bool]:
+def agreement(simulated: np.ndarray, published: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Errors over tolerance, their median, and the rank correlation."""
+    error = np.abs(simulated - published) / np.maximum(0.03 * np.abs(published), 0.005)
+    return error, float(np.median(error)), float(spearmanr(simulated, published).statistic)
+
+
+def table(rows: list[tuple[str, list]], distances: np.ndarray, precision: str, seed: int) -> tuple[str, bool]:
     """The comparison as a page, and whether it passes."""
     published = np.array([row[-1] for _, row in rows])
-    error = np.abs(simulated - published) / np.maximum(0.03 * np.abs(published), 0.005)
-    median, rank = float(np.median(error)), float(spearmanr(simulated, published).statistic)
+    simulated = np.median(distances, axis=1)
+    error, median, rank = agreement(simulated, published)
+    _, single_median, single_rank = agreement(distances[:, 0], published)
     passes = median <= LARGEST_MEDIAN and rank >= SMALLEST_RANK_CORRELATION
+    copies = distances.shape[1]
     lines = [
         "# Published gaits, simulated again",
         "",
-        f"{len(rows)} evaluations of the published experiment, drawn with seed {seed} from its four families, in {precision}:",
+        f"{len(rows)} evaluations of the published experiment, drawn with seed {seed} from its four families, in {precision};",
+        f"the median of {copies} copies whose start positions differ by {START_NOISE * 1e9:.0f} nm:",
         "`python benchmarks/published_gaits.py published_gaits.json`.",
         "",
         f"- median of |error| / max(3 % of the distance, 5 mm): **{median:.2f}** (at most {LARGEST_MEDIAN:g})",
         f"- Spearman rank correlation: **{rank:.4f}** (at least {SMALLEST_RANK_CORRELATION:g})",
-        f"- within that tolerance: {np.mean(error <= 1):.0%}; diverged: {np.isnan(simulated).sum()}",
+        f"- within that tolerance: {np.mean(error <= 1):.0%}; diverged copies: {np.isnan(distances).sum()}",
+        f"- copy 0 alone: median {single_median:.2f}, Spearman {single_rank:.4f}",
         "",
-        "| family | climber | generation | pressure [Pa] | published [m] | simulated [m] | error / tolerance |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "Where the copies spread far, contact decides between two outcomes and the published run is one draw of them.",
+        "",
+        "| family | climber | generation | pressure [Pa] | published [m] | median [m] | copies from, to [m] | error / tolerance |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for (family, row), ours, ratio in zip(rows, simulated, error, strict=True):
-        lines.append(f"| {family} | {row[0]} | {row[1]} | {row[3]:.0f} | {row[-1]:.4f} | {ours:.4f} | {ratio:.2f} |")
+    for (family, row), ours, each, ratio in zip(rows, simulated, distances, error, strict=True):
+        spread = f"{each.min():.4f}, {each.max():.4f}"
+        place = f"| {family} | {row[0]} | {row[1]} | {row[3]:.0f} "
+        lines.append(f"{place}| {row[-1]:.4f} | {ours:.4f} | {spread} | {ratio:.2f} |")
     return "\n".join(lines) + "\n", passes
 
 
@@ -78,15 +99,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("path", type=Path, help="published_gaits.json")
     parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--copies", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--precision", choices=("f32", "f64"), default="f32")
     parser.add_argument("--out", type=Path, help="write the table here as Markdown")
     args = parser.parse_args()
     rows = draw(args.path, args.count, args.seed)
-    page, passes = table(rows, evaluate(rows, args.precision), args.precision, args.seed)
+    page, passes = table(rows, evaluate(rows, args.precision, args.copies), args.precision, args.seed)
     if args.out:
         args.out.write_text(page)
-    print("\n".join(page.splitlines()[5:8]))
+    print("\n".join(line for line in page.splitlines() if line.startswith("- ")))
     return 0 if passes else 1
 
 

@@ -134,20 +134,21 @@ def add_contact(m: ti.template(), block, k, s, fx, fy, fz, plan: ti.template(), 
 @ti.func
 def add_force(m: ti.template(), k, slot, a, b, c, sign: ti.template(), fx, fy, fz, mx, my, mz):
     """Add a link's force and moment, link axis first, to a voxel's sums, or subtract it."""
+    # All loads before the first store, after which the compiler must doubt every address.
+    f0, f1, f2 = load(m, k, slot + a), load(m, k, slot + b), load(m, k, slot + c)
+    m0, m1, m2 = load(m, k, slot + 3 + a), load(m, k, slot + 3 + b), load(m, k, slot + 3 + c)
     if ti.static(sign > 0):
-        store(m, k, slot + a, load(m, k, slot + a) + fx)
-        store(m, k, slot + b, load(m, k, slot + b) + fy)
-        store(m, k, slot + c, load(m, k, slot + c) + fz)
-        store(m, k, slot + 3 + a, load(m, k, slot + 3 + a) + mx)
-        store(m, k, slot + 3 + b, load(m, k, slot + 3 + b) + my)
-        store(m, k, slot + 3 + c, load(m, k, slot + 3 + c) + mz)
+        f0, f1, f2 = f0 + fx, f1 + fy, f2 + fz
+        m0, m1, m2 = m0 + mx, m1 + my, m2 + mz
     else:
-        store(m, k, slot + a, load(m, k, slot + a) - fx)
-        store(m, k, slot + b, load(m, k, slot + b) - fy)
-        store(m, k, slot + c, load(m, k, slot + c) - fz)
-        store(m, k, slot + 3 + a, load(m, k, slot + 3 + a) - mx)
-        store(m, k, slot + 3 + b, load(m, k, slot + 3 + b) - my)
-        store(m, k, slot + 3 + c, load(m, k, slot + 3 + c) - mz)
+        f0, f1, f2 = f0 - fx, f1 - fy, f2 - fz
+        m0, m1, m2 = m0 - mx, m1 - my, m2 - mz
+    store(m, k, slot + a, f0)
+    store(m, k, slot + b, f1)
+    store(m, k, slot + c, f2)
+    store(m, k, slot + 3 + a, m0)
+    store(m, k, slot + 3 + b, m1)
+    store(m, k, slot + 3 + c, m2)
 
 
 @ti.func
