@@ -36,7 +36,13 @@ class Batch:
         self._program = build_program([INCHING] * batch, Terrain())
         runtime.start("cpu", precision, threads)
         self.engine = LatticeEngine(
-            PUBLISHED.body, batch, time_step=PUBLISHED.time_step, floor=True, precision=precision, threads=threads, width=width
+            PUBLISHED.body,
+            batch,
+            time_step=PUBLISHED.time_step,
+            floor=True,
+            precision=precision,
+            threads=threads,
+            width=width,
         )
         started = time.perf_counter()
         self.advance(1)
@@ -69,7 +75,9 @@ def rates(clock: Callable[[], float], batches: list[Batch], steps: int, pieces: 
 
 def prototype_rate(path: Path, precision: str) -> float:
     """What a reference program reports: the first number after "f32:" or "f64:" on its last line."""
-    run = subprocess.run([sys.executable, path.name, precision], cwd=path.parent, capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, path.name, precision], cwd=path.parent, capture_output=True, text=True, check=True
+    )
     words = run.stdout.strip().splitlines()[-1].split()
     return float(words[words.index(f"{precision}:") + 1])
 

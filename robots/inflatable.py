@@ -246,7 +246,9 @@ def _summarise(
     )
 
 
-def _voxel_sizes(body: LatticeBody, design: InflatableDesign, actuation: InflatableActuation, marks: np.ndarray) -> np.ndarray:
+def _voxel_sizes(
+    body: LatticeBody, design: InflatableDesign, actuation: InflatableActuation, marks: np.ndarray
+) -> np.ndarray:
     """Rest size of every voxel at the recorded steps [m], shape (S, V, 3)."""
     program = build_program([design], Terrain(), actuation)
     scales = np.array([m.scale for m in body.materials])[body.material_index]

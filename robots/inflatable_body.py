@@ -64,7 +64,9 @@ class InflatableGeometry:
             if field.type in (int, "int") and value != int(value):
                 raise ValueError(f"{field.name}: {value!r} is not allowed; it must be a whole number")
         if self.rows <= 2 * self.foot_rows:
-            raise ValueError(f"rows: {self.rows} is not allowed; two feet of {self.foot_rows} rows leave no room for bladders")
+            raise ValueError(
+                f"rows: {self.rows} is not allowed; two feet of {self.foot_rows} rows leave no room for bladders"
+            )
 
     @property
     def columns(self) -> int:

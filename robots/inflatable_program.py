@@ -83,7 +83,14 @@ class InflatableActuation:
             value = getattr(self, field.name)
             if field.name != "weight" and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{field.name}: {value!r} is not allowed; it must not be negative")
-        for name in ("deflated", "inflation_rate", "lengthening_flat", "lengthening_round", "pressure_ramp", "round_pressure"):
+        for name in (
+            "deflated",
+            "inflation_rate",
+            "lengthening_flat",
+            "lengthening_round",
+            "pressure_ramp",
+            "round_pressure",
+        ):
             if getattr(self, name) == 0:
                 raise ValueError(f"{name}: 0 is not allowed; it must be positive")
         if self.inflated <= self.deflated:
@@ -175,7 +182,10 @@ def gravity_vector(slope: float, orientation: float) -> np.ndarray:
 
 
 def build_program(
-    designs: Sequence[Design], terrain: Terrain, actuation: InflatableActuation = ACTUATION, record_every: int | None = None
+    designs: Sequence[Design],
+    terrain: Terrain,
+    actuation: InflatableActuation = ACTUATION,
+    record_every: int | None = None,
 ) -> LatticeProgram:
     """The program of a batch of designs on a terrain.
 
@@ -211,7 +221,9 @@ def _set_weight(builder: ProgramBuilder, robot: int, gravity: np.ndarray, region
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 
 
-def _initialise(builder: ProgramBuilder, robot: int, pressure: float, tilted: np.ndarray, end: int, a: InflatableActuation) -> None:
+def _initialise(
+    builder: ProgramBuilder, robot: int, pressure: float, tilted: np.ndarray, end: int, a: InflatableActuation
+) -> None:
     """Skin under level gravity until ``end``, bladders under the tilted one from the start; the core pressure ramps up."""
     _set_weight(builder, robot, np.array([0.0, 0.0, -STANDARD_GRAVITY]), SKIN_REGIONS, 0)
     _set_weight(builder, robot, tilted, SKIN_REGIONS, end)

@@ -66,7 +66,10 @@ def available_threads() -> int:
 
 def cache_folder() -> Path:
     """Folder of compiled kernels; ``MORPHOLAB_CACHE`` overrides ``~/.cache/morpholab``."""
-    root = os.environ.get("MORPHOLAB_CACHE") or Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "morpholab"
+    root = (
+        os.environ.get("MORPHOLAB_CACHE")
+        or Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "morpholab"
+    )
     return Path(root) / f"kernels-{'.'.join(map(str, ti.__version__))}"
 
 

@@ -76,7 +76,10 @@ def test_program_of_a_column():
     begin = ACTUATION.initial_steps(6000.0)
     done, settle = begin + 7667, begin + 7668
     value = lambda region, quantity, step: float(program.values_after(0, region, quantity, np.array([step + 1]))[0])  # noqa: E731
-    z = [value(FIRST_BLADDER, Quantity.SCALE + 2, s) for s in (0, begin - 1, begin, begin + 100, done - 1, done, settle + 4000)]
+    z = [
+        value(FIRST_BLADDER, Quantity.SCALE + 2, s)
+        for s in (0, begin - 1, begin, begin + 100, done - 1, done, settle + 4000)
+    ]
     assert z == pytest.approx([0.2, 0.2, 0.2003, 0.2 + 101 * 3e-4, 2.5001, 2.5001, 2.5001])
     c = 1.7 + 8.3 * 0.5
     assert value(FIRST_BLADDER, Quantity.SCALE + 1, done) == pytest.approx(1 + 2.3001 / c)
@@ -96,7 +99,9 @@ def test_program_of_a_column():
 
 def test_physical_weight_is_an_option():
     program = build_program([INCHING], Terrain(), InflatableActuation(weight="physical"))
-    bladder = program.events[(program.events["region"] >= FIRST_BLADDER) & (program.events["quantity"] == Quantity.ACCELERATION + 2)]
+    bladder = program.events[
+        (program.events["region"] >= FIRST_BLADDER) & (program.events["quantity"] == Quantity.ACCELERATION + 2)
+    ]
     assert (bladder["value"] == pytest.approx(-9.80665)) and (bladder["step"] == 0).all()
 
 
@@ -140,9 +145,13 @@ def test_a_quick_evaluation_and_its_frames():
     result = simulate(designs, Terrain(), record_every=50, **options)
     assert result.status.tolist() == ["ok", "ok"]
     frames = result.frames
-    assert frames.positions.shape[1:] == (2, SMALL.body.voxel_count, 3) and frames.times[1] == pytest.approx(50 * SMALL.time_step)
+    assert frames.positions.shape[1:] == (2, SMALL.body.voxel_count, 3) and frames.times[1] == pytest.approx(
+        50 * SMALL.time_step
+    )
     assert np.isfinite(frames.positions[: result.steps.min() // 50 + 1]).all()
-    assert result.speed_simulated == pytest.approx(result.distance / SMALL.body_length / (result.steps * SMALL.time_step))
+    assert result.speed_simulated == pytest.approx(
+        result.distance / SMALL.body_length / (result.steps * SMALL.time_step)
+    )
     nominal = nominal_steps(2, QUICK) * SMALL.time_step
     assert result.speed == pytest.approx(result.distance / SMALL.body_length / nominal)
     backwards = simulate(designs[::-1], Terrain(), **options)
@@ -203,7 +212,10 @@ def test_bad_designs_are_refused_in_one_line(change, message):
     [
         (lambda: InflatableGeometry(rows=6), "rows: 6 is not allowed"),
         (lambda: InflatableGeometry(voxel_size=-0.01), "voxel_size: -0.01 is not allowed"),
-        (lambda: InflatableGeometry(bladder_layers=1.5), "bladder_layers: 1.5 is not allowed; it must be a whole number"),
+        (
+            lambda: InflatableGeometry(bladder_layers=1.5),
+            "bladder_layers: 1.5 is not allowed; it must be a whole number",
+        ),
         (lambda: InflatableActuation(weight="none"), "weight: 'none' is unknown"),
         (lambda: InflatableActuation(inflated=0.1), "inflated: 0.1 is not allowed"),
         (lambda: InflatableActuation(inflation_rate=0.0), "inflation_rate: 0 is not allowed"),

@@ -159,7 +159,9 @@ def test_nothing_compiles_again(monkeypatch):
     compiled.clear()
     for slope in (0.0, 10.0):
         designs = quick_designs(5)
-        engine = LatticeEngine(SMALL.body, 5, time_step=SMALL.time_step, floor=True, precision="f32", threads=1, width=16)
+        engine = LatticeEngine(
+            SMALL.body, 5, time_step=SMALL.time_step, floor=True, precision="f32", threads=1, width=16
+        )
         engine.run(build_program(designs, Terrain(slope=slope), QUICK))
     other = LatticeBody(voxels=np.argwhere(np.ones((3, 2, 2))), materials=(Material(1e6, 900, poissons_ratio=0.2),),
                         material_index=np.zeros(12), voxel_size=0.002)  # fmt: skip
@@ -228,5 +230,12 @@ def test_channels_follow_their_events():
     builder.set(Quantity.PRESSURE, 7.0, step=4, regions=[0])
     builder.set(Quantity.PRESSURE, 9.0, step=4, regions=[0])
     program: LatticeProgram = builder.build(10)
-    assert program.values_after(0, 0, Quantity.PRESSURE, np.array([0, 1, 2, 4, 5, 9])).tolist() == [1, 1, 1.5, 2.5, 9, 9]
+    assert program.values_after(0, 0, Quantity.PRESSURE, np.array([0, 1, 2, 4, 5, 9])).tolist() == [
+        1,
+        1,
+        1.5,
+        2.5,
+        9,
+        9,
+    ]
     assert program.values_after(0, 0, Quantity.SCALE, np.array([3])) is None

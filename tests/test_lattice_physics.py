@@ -10,7 +10,9 @@ GRAVITY = 9.80665
 
 def block(material: Material, *size: int, **options) -> LatticeBody:
     voxels = np.argwhere(np.ones(size))
-    return LatticeBody(voxels=voxels, materials=(material,), material_index=np.zeros(len(voxels)), voxel_size=0.01, **options)
+    return LatticeBody(
+        voxels=voxels, materials=(material,), material_index=np.zeros(len(voxels)), voxel_size=0.01, **options
+    )
 
 
 def run(engine: LatticeEngine, steps: int, *settings) -> None:

@@ -53,7 +53,9 @@ def turn_onto_axis(x, y, z, length):
 
 
 @ti.func
-def end_forces(edge, k, damping, pull, twist, hx, dy, dz, hy, hz, t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template()):
+def end_forces(
+    edge, k, damping, pull, twist, hx, dy, dz, hy, hz, t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template()
+):
     """Force F on the "-" end, its moment M, and the moment N that the "+" end gives up: (F, M, N), link frame.
 
     The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the

@@ -59,13 +59,18 @@ class LatticeBody:
             raise ValueError("voxels: the body is empty; give at least one voxel")
         places, counts = np.unique(self.voxels, axis=0, return_counts=True)
         if counts.max() > 1:
-            raise ValueError(f"voxels: {counts.max()} voxels at {tuple(places[counts.argmax()].tolist())}; one is allowed")
+            raise ValueError(
+                f"voxels: {counts.max()} voxels at {tuple(places[counts.argmax()].tolist())}; one is allowed"
+            )
         if not (np.isfinite(self.voxel_size) and self.voxel_size > 0):
             raise ValueError(f"voxel_size: {self.voxel_size!r} is not allowed; it must be positive")
         put("voxel_size", float(self.voxel_size))
         put("materials", tuple(self.materials))
         put("material_index", _frozen(self.material_index, np.int64, "material_index", (count,)))
-        put("regions", _frozen(self.material_index if self.regions is None else self.regions, np.int64, "regions", (count,)))
+        put(
+            "regions",
+            _frozen(self.material_index if self.regions is None else self.regions, np.int64, "regions", (count,)),
+        )
         if self.material_index.min() < 0 or self.material_index.max() >= len(self.materials):
             raise ValueError(f"material_index: must lie in 0..{len(self.materials) - 1}")
         if self.regions.min() < 0:  # type: ignore[union-attr]
@@ -80,9 +85,11 @@ class LatticeBody:
 
     def _check_cut_links(self) -> None:
         for first, second in self.cut_links:
-            known = 0 <= min(first, second) and max(first, second) < len(self.voxels)
+            known = min(first, second) >= 0 and max(first, second) < len(self.voxels)
             if not known or np.abs(self.voxels[first] - self.voxels[second]).sum() != 1:
-                raise ValueError(f"cut_links: ({first}, {second}) are not neighbouring voxels; only their link can be cut")
+                raise ValueError(
+                    f"cut_links: ({first}, {second}) are not neighbouring voxels; only their link can be cut"
+                )
 
     @property
     def voxel_count(self) -> int:

@@ -126,7 +126,9 @@ class LatticeEngine:
         if driver == "stepped" or device != "cpu":
             from taichi_sim.lattice.stepped import SteppedDriver
 
-            self._driver: FusedDriver | SteppedDriver = SteppedDriver(self._tables, self.batch, precision, *switches, device == "cpu")
+            self._driver: FusedDriver | SteppedDriver = SteppedDriver(
+                self._tables, self.batch, precision, *switches, device == "cpu"
+            )
         else:
             self._driver = FusedDriver(self._tables, self.batch, precision, running.threads, *switches, width)
         self._diverged = np.zeros(self.batch, bool)
@@ -189,7 +191,12 @@ class LatticeEngine:
         packed = pack_program(program, self._tables.group_region)
         runtime.start(*self._configuration)
         steps, diverged, poses, strains = self._driver.run(
-            packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity, progress or (lambda fraction: None)
+            packed,
+            ~self._diverged,
+            self.time_step,
+            self.body.voxel_size,
+            self.gravity,
+            progress or (lambda fraction: None),
         )
         # A state that is not finite is no result, whatever the strains said.
         diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))

@@ -47,7 +47,9 @@ def corners(body: LatticeBody, positions: np.ndarray, orientations: np.ndarray, 
 FACE_CORNERS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
 
-def mean_of_face_corners(body: LatticeBody, positions: np.ndarray, orientations: np.ndarray, extents: np.ndarray) -> np.ndarray:
+def mean_of_face_corners(
+    body: LatticeBody, positions: np.ndarray, orientations: np.ndarray, extents: np.ndarray
+) -> np.ndarray:
     """Mean of the corners of all exposed faces, each face counting its four [m], shape (..., 3).
 
     The four corners of a face average to its middle, so only the middles are needed.
@@ -55,7 +57,9 @@ def mean_of_face_corners(body: LatticeBody, positions: np.ndarray, orientations:
     voxel, side = body.topology.faces.T
     middle = 0.5 * (extents[..., 1::2] - extents[..., 0::2])[..., voxel, :]
     axis = side // 2
-    reach = np.take_along_axis(extents[..., voxel, :], np.broadcast_to(side[:, None], (*extents.shape[:-2], len(side), 1)), -1)
+    reach = np.take_along_axis(
+        extents[..., voxel, :], np.broadcast_to(side[:, None], (*extents.shape[:-2], len(side), 1)), -1
+    )
     along = SIDES[side] * reach
     offset = np.where(np.arange(3) == axis[:, None], along, middle)
     return (positions[..., voxel, :] + rotate(orientations[..., voxel, :], offset)).mean(axis=-2)

@@ -44,7 +44,11 @@ class FusedDriver:
         )  # fmt: skip
         self._memory = self.real.array((self.blocks, self.layout.slots))
         self._parked = self.real.array((self.blocks, self.layout.state_slots))
-        for section, values in ((memory.CONSTANT, tables.constant), (memory.BEAM, tables.beam), (memory.CHANNEL, tables.channel)):
+        for section, values in (
+            (memory.CONSTANT, tables.constant),
+            (memory.BEAM, tables.beam),
+            (memory.CHANNEL, tables.channel),
+        ):
             self.write(section, values)
         surface, bunch = max(len(tables.surface_voxels), 1), NATIVE_WIDTH[precision]
         self._scratch = aligned((self.blocks, 3, -(-surface // bunch), bunch), self.real.numpy)
@@ -89,7 +93,16 @@ class FusedDriver:
     @property
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""
-        arrays = (self._memory, self._parked, self._scratch, self._fresh, self._touched, self._row, self._partner, self._mask)
+        arrays = (
+            self._memory,
+            self._parked,
+            self._scratch,
+            self._fresh,
+            self._touched,
+            self._row,
+            self._partner,
+            self._mask,
+        )
         return int(sum(a.nbytes for a in arrays) / self._robot.size)
 
     @property

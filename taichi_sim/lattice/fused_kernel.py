@@ -12,11 +12,33 @@ from functools import lru_cache
 from typing import Any
 
 from taichi_sim.lanes import NATIVE_WIDTH, Real, any_lane, larger, load, store
-from taichi_sim.lattice import contact, stages
+from taichi_sim.lattice import columns, contact, stages
+from taichi_sim.lattice.link_stage import link_stage
 from taichi_sim.lattice.memory import (
-    AGE, BASE, CHANNEL, CHANNEL_WIDTH, CONTACT, CONTACT_ON, CONSTANT, DIVERGED, FORCE, LINK, LINK_WIDTH, LINKS, MONITOR,
-    MOVED, RATE, REST, RING_MASK, STATE_SLOTS, SURFACE, VOXEL, VOXEL_WIDTH, VOXELS,
+    AGE,
+    BASE,
+    CHANNEL,
+    CHANNEL_WIDTH,
+    CONSTANT,
+    CONTACT,
+    CONTACT_ON,
+    DIVERGED,
+    FORCE,
+    LINK,
+    LINK_WIDTH,
+    LINKS,
+    MONITOR,
+    MOVED,
+    RATE,
+    REST,
+    RING_MASK,
+    STATE_SLOTS,
+    SURFACE,
+    VOXEL,
+    VOXEL_WIDTH,
+    VOXELS,
 )  # fmt: skip
+from taichi_sim.lattice.voxel_stage import gauge_stage, squared_move, voxel_stage
 from taichi_sim.lattice.watch import LIST, NOWHERE, rebuild_lane
 from taichi_sim.runtime import ti
 
@@ -56,7 +78,7 @@ def apply_event(ms: ti.template(), k, lane, e, robot, plan: ti.template(), link_
             for c in range(7):
                 poses[robot, 0 - target - 1, v, c] = ms[k + plan[VOXEL] + v * VOXEL_WIDTH + c, lane]
         for l in range(plan[LINKS]):
-            rest = plan[REST] + link_table[l * stages.LINK_COLUMNS + stages.LINK_REST] + 1
+            rest = plan[REST] + link_table[l * columns.LINK_COLUMNS + columns.LINK_REST] + 1
             strains[robot, 0 - target - 1, l] = ms[k + plan[LINK] + l * LINK_WIDTH, lane] * ms[k + rest, lane]
 
 
@@ -165,35 +187,33 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
     moved = nought
     for v in range(plan[VOXELS]):
         here = plan[FORCE] + 6 * (v & plan[RING_MASK])
-        entry = v * stages.VOXEL_COLUMNS
-        for l in range(voxel_table[entry + stages.FIRST_LINK], voxel_table[entry + stages.END_LINK]):
-            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = stages.link_stage(
-                m, k, l, edge, plan, link_table, voxel_table
-            )
-            link = l * stages.LINK_COLUMNS
-            a = link_table[link + stages.LINK_ALONG]
-            b = link_table[link + stages.LINK_SIDE_1]
-            c = link_table[link + stages.LINK_SIDE_2]
+        entry = v * columns.VOXEL_COLUMNS
+        for l in range(voxel_table[entry + columns.FIRST_LINK], voxel_table[entry + columns.END_LINK]):
+            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = link_stage(m, k, l, edge, plan, link_table, voxel_table)
+            link = l * columns.LINK_COLUMNS
+            a = link_table[link + columns.LINK_ALONG]
+            b = link_table[link + columns.LINK_SIDE_1]
+            c = link_table[link + columns.LINK_SIDE_2]
             add_force(m, k, here, a, b, c, 1, fx, fy, fz, mx, my, mz)
-            there = plan[FORCE] + 6 * (link_table[link + stages.LINK_SECOND] & plan[RING_MASK])
+            there = plan[FORCE] + 6 * (link_table[link + columns.LINK_SECOND] & plan[RING_MASK])
             add_force(m, k, there, a, b, c, -1, gx, gy, gz, nx, ny, nz)
         cx, cy, cz = nought, nought, nought
-        s = voxel_table[entry + stages.SURFACE_SLOT]
+        s = voxel_table[entry + columns.SURFACE_SLOT]
         if s >= 0:
             if touched[block, s] != 0:
                 touched[block, s] = 0
                 slot = plan[CONTACT] + 3 * s
                 cx, cy, cz = load(m, k, slot), load(m, k, slot + 1), load(m, k, slot + 2)
-        x, y, z = stages.voxel_stage(
+        x, y, z = voxel_stage(
             m, k, v, dt, edge, load(m, k, here), load(m, k, here + 1), load(m, k, here + 2),
             load(m, k, here + 3), load(m, k, here + 4), load(m, k, here + 5), cx, cy, cz, plan, voxel_table, start,
         )  # fmt: skip
         for c in ti.static(range(6)):
             store(m, k, here + c, nought)
-        if voxel_table[entry + stages.GAUGE] >= 0:
-            stages.gauge_stage(m, k, v, plan, link_table, voxel_table)
+        if voxel_table[entry + columns.GAUGE] >= 0:
+            gauge_stage(m, k, v, plan, link_table, voxel_table)
         if s >= 0 and plan[CONTACT_ON] != 0:
-            moved = larger(stages.squared_move(m, k, s, x, y, z, plan), moved)
+            moved = larger(squared_move(m, k, s, x, y, z, plan), moved)
     store(m, k, plan[MONITOR] + MOVED, moved)
 
 

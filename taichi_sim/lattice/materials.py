@@ -51,7 +51,9 @@ class Material:
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; it must be positive")
         if not 0 <= self.poissons_ratio < 0.5:
-            raise ValueError(f"poissons_ratio: {self.poissons_ratio!r} is not allowed; it must be at least 0 and below 0.5")
+            raise ValueError(
+                f"poissons_ratio: {self.poissons_ratio!r} is not allowed; it must be at least 0 and below 0.5"
+            )
         for name in ("static_friction", "kinetic_friction", "internal_damping", "global_damping", "collision_damping"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; it must not be negative")

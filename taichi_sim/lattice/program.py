@@ -33,7 +33,14 @@ class Quantity(IntEnum):
 QUANTITY_COUNT = 23
 
 EVENT = np.dtype(
-    [("robot", np.int32), ("step", np.int32), ("region", np.int32), ("quantity", np.int32), ("value", float), ("rate", float)]
+    [
+        ("robot", np.int32),
+        ("step", np.int32),
+        ("region", np.int32),
+        ("quantity", np.int32),
+        ("value", float),
+        ("rate", float),
+    ]
 )
 
 
@@ -58,11 +65,18 @@ class LatticeProgram:
         events = np.asarray(self.events, EVENT)
         snapshots = np.asarray(self.snapshots, np.int64)
         if snapshots.ndim != 2 or len(snapshots) != len(lengths) or (snapshots > lengths[:, None]).any():
-            raise ValueError(f"snapshots: shape {snapshots.shape}; give (robots, steps), none beyond a robot's last step")
+            raise ValueError(
+                f"snapshots: shape {snapshots.shape}; give (robots, steps), none beyond a robot's last step"
+            )
         for name in ("value", "rate"):
             if not np.isfinite(events[name]).all():
                 raise ValueError(f"events: {name} must be finite, got {events[name][~np.isfinite(events[name])][0]}")
-        for name, limit in (("robot", len(lengths)), ("quantity", QUANTITY_COUNT), ("step", 2**30), ("region", 2**31 - 1)):
+        for name, limit in (
+            ("robot", len(lengths)),
+            ("quantity", QUANTITY_COUNT),
+            ("step", 2**30),
+            ("region", 2**31 - 1),
+        ):
             if len(events) and not (events[name].min() >= 0 and events[name].max() < limit):
                 raise ValueError(f"events: {name} must lie in 0..{limit - 1}")
         for name, array in (("lengths", lengths), ("events", events), ("snapshots", snapshots)):

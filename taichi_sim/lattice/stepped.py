@@ -20,7 +20,9 @@ STEPS_PER_CHECK = 250  # steps between looks at the room, and so the steps that 
 class SteppedDriver:
     """State of a batch, laid out [slot, robot]: NumPy between runs, the device's memory during a run."""
 
-    def __init__(self, tables: Tables, batch: int, precision: str, floor: bool, self_contact: bool, on_cpu: bool) -> None:
+    def __init__(
+        self, tables: Tables, batch: int, precision: str, floor: bool, self_contact: bool, on_cpu: bool
+    ) -> None:
         """Allocate the memory and fill in the constants."""
         self.tables, self.batch, self._on_cpu = tables, batch, on_cpu
         self.real = Real(precision, 1)
@@ -29,7 +31,11 @@ class SteppedDriver:
             tables.beam.shape[1], len(tables.rest), (len(tables.link_ends), 12),
         )  # fmt: skip
         self._memory = np.zeros((self.layout.slots, batch), self.real.numpy)
-        for section, values in ((memory.CONSTANT, tables.constant), (memory.BEAM, tables.beam), (memory.CHANNEL, tables.channel)):
+        for section, values in (
+            (memory.CONSTANT, tables.constant),
+            (memory.BEAM, tables.beam),
+            (memory.CHANNEL, tables.channel),
+        ):
             self.write(section, values)
         self._start = tables.start.astype(self.real.numpy)
         self._plan = tables.plan(self.layout, floor, self_contact)
@@ -108,7 +114,11 @@ class _Launcher:
         self._kernels = stepped_kernels(driver.real)
         self._dt, self._edge, self._gravity, self._poses, self._strains = dt, edge, gravity, poses, strains
         self._link, self._voxel, self._rest = self._put(t.link), self._put(t.voxel), self._put(t.rest)
-        self._surface, self._excluded, self._start = self._put(t.surface), self._put(t.excluded), self._put(driver._start)
+        self._surface, self._excluded, self._start = (
+            self._put(t.surface),
+            self._put(t.excluded),
+            self._put(driver._start),
+        )
         self._marks, self._values = self._put(program.marks), self._put(program.values.astype(driver.real.numpy))
         self._full = self._put(np.zeros(1, np.int32))
         self.memory, self.lanes = self._put(driver._memory), self._put(lanes)

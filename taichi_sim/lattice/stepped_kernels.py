@@ -9,14 +9,37 @@ from functools import lru_cache
 from typing import Any
 
 from taichi_sim.lanes import Real, load, store
-from taichi_sim.lattice import contact, stages
+from taichi_sim.lattice import columns, contact, stages
+from taichi_sim.lattice.columns import SURFACE_COLUMNS, SURFACE_VOXEL
 from taichi_sim.lattice.fused_kernel import (
-    LANE_ACTIVE, LANE_DIVERGED, LANE_ENDED, LANE_EVENT, LANE_LAST_EVENT, LANE_LENGTH, LANE_STATE, LANE_STEP, apply_event,
+    LANE_ACTIVE,
+    LANE_DIVERGED,
+    LANE_ENDED,
+    LANE_EVENT,
+    LANE_LAST_EVENT,
+    LANE_LENGTH,
+    LANE_STATE,
+    LANE_STEP,
+    apply_event,
 )  # fmt: skip
+from taichi_sim.lattice.link_stage import link_stage
 from taichi_sim.lattice.memory import (
-    CONTACT, CONTACT_ON, CURRENT, DIVERGED, FORCE, LINKS, MEAN_SIZE, MONITOR, MOVED, PAIRS, SURFACE, VOXEL, VOXELS, WATCH,
+    CONTACT,
+    CONTACT_ON,
+    CURRENT,
+    DIVERGED,
+    FORCE,
+    LINKS,
+    MEAN_SIZE,
+    MONITOR,
+    MOVED,
+    PAIRS,
+    SURFACE,
+    VOXEL,
+    VOXELS,
+    WATCH,
 )  # fmt: skip
-from taichi_sim.lattice.stages import SURFACE_COLUMNS, SURFACE_VOXEL
+from taichi_sim.lattice.voxel_stage import gauge_stage, squared_move, voxel_stage
 from taichi_sim.runtime import ti
 
 
@@ -93,8 +116,12 @@ def gather_contacts(m: ti.template(), r, s, plan: ti.template(), surface: ti.tem
 def gather_links(m: ti.template(), r, v, plan: ti.template(), voxel_table: ti.template()):
     """Sum of what a voxel's links give and take: those on the negative sides first, as the fused driver meets them."""
     fx = 0.0 * load(m, r, plan[CURRENT] + MEAN_SIZE)
-    fy = fx; fz = fx; mx = fx; my = fx; mz = fx  # noqa: E702
-    side = v * stages.VOXEL_COLUMNS + stages.SIDE_LINK
+    fy = fx
+    fz = fx
+    mx = fx
+    my = fx
+    mz = fx
+    side = v * columns.VOXEL_COLUMNS + columns.SIDE_LINK
     for axis in ti.static(range(3)):
         l = voxel_table[side + 2 * axis]
         if l >= 0:
@@ -175,17 +202,25 @@ def stepped_kernels(real: Real) -> SteppedKernels:
                 if l == 0:
                     store(m, r, plan[MONITOR] + MOVED, 0.0)
                 if l < plan[LINKS]:
-                    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = stages.link_stage(
+                    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = link_stage(
                         m, r, l, edge, plan, link_table, voxel_table
                     )
                     slot = plan[FORCE] + 12 * l
-                    a = slot + link_table[l * stages.LINK_COLUMNS + stages.LINK_ALONG]
-                    b = slot + link_table[l * stages.LINK_COLUMNS + stages.LINK_SIDE_1]
-                    c = slot + link_table[l * stages.LINK_COLUMNS + stages.LINK_SIDE_2]
-                    store(m, r, a, fx); store(m, r, b, fy); store(m, r, c, fz)  # noqa: E702
-                    store(m, r, a + 3, mx); store(m, r, b + 3, my); store(m, r, c + 3, mz)  # noqa: E702
-                    store(m, r, a + 6, gx); store(m, r, b + 6, gy); store(m, r, c + 6, gz)  # noqa: E702
-                    store(m, r, a + 9, nx); store(m, r, b + 9, ny); store(m, r, c + 9, nz)  # noqa: E702
+                    a = slot + link_table[l * columns.LINK_COLUMNS + columns.LINK_ALONG]
+                    b = slot + link_table[l * columns.LINK_COLUMNS + columns.LINK_SIDE_1]
+                    c = slot + link_table[l * columns.LINK_COLUMNS + columns.LINK_SIDE_2]
+                    store(m, r, a, fx)
+                    store(m, r, b, fy)
+                    store(m, r, c, fz)
+                    store(m, r, a + 3, mx)
+                    store(m, r, b + 3, my)
+                    store(m, r, c + 3, mz)
+                    store(m, r, a + 6, gx)
+                    store(m, r, b + 6, gy)
+                    store(m, r, c + 6, gz)
+                    store(m, r, a + 9, nx)
+                    store(m, r, b + 9, ny)
+                    store(m, r, c + 9, nz)
 
     @ti.kernel
     def voxels(dt: real.scalar, edge: real.scalar, m: memory, plan: ints1, link_table: ints1, voxel_table: ints1,
@@ -194,19 +229,17 @@ def stepped_kernels(real: Real) -> SteppedKernels:
         for v, r in ti.ndrange(plan[VOXELS], m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE:
                 fx, fy, fz, mx, my, mz = gather_links(m, r, v, plan, voxel_table)
-                s = voxel_table[v * stages.VOXEL_COLUMNS + stages.SURFACE_SLOT]
+                s = voxel_table[v * columns.VOXEL_COLUMNS + columns.SURFACE_SLOT]
                 cx = 0.0 * load(m, r, plan[CURRENT] + MEAN_SIZE)
                 cy = cx
                 cz = cx
                 if s >= 0 and plan[CONTACT_ON] != 0:
                     slot = plan[CONTACT] + 3 * s
                     cx, cy, cz = load(m, r, slot), load(m, r, slot + 1), load(m, r, slot + 2)
-                x, y, z = stages.voxel_stage(
-                    m, r, v, dt, edge, fx, fy, fz, mx, my, mz, cx, cy, cz, plan, voxel_table, start
-                )
-                if voxel_table[v * stages.VOXEL_COLUMNS + stages.GAUGE] >= 0:
-                    stages.gauge_stage(m, r, v, plan, link_table, voxel_table)
+                x, y, z = voxel_stage(m, r, v, dt, edge, fx, fy, fz, mx, my, mz, cx, cy, cz, plan, voxel_table, start)
+                if voxel_table[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
+                    gauge_stage(m, r, v, plan, link_table, voxel_table)
                 if s >= 0 and plan[CONTACT_ON] != 0:
-                    ti.atomic_max(m[plan[MONITOR] + MOVED, r], stages.squared_move(m, r, s, x, y, z, plan))
+                    ti.atomic_max(m[plan[MONITOR] + MOVED, r], squared_move(m, r, s, x, y, z, plan))
 
     return SteppedKernels(begin, watch, collide, links, voxels)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_sim.lattice import memory, stages
+from taichi_sim.lattice import columns, memory
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.materials import (
     BEAM_COLUMNS,
@@ -98,7 +98,7 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
         rest=_int_table(rests, 3),
         link_ends=ends,
         group=group_of[order],
-        surface=_int_table(surface, stages.SURFACE_COLUMNS).ravel(),
+        surface=_int_table(surface, columns.SURFACE_COLUMNS).ravel(),
         surface_voxels=shell,
         excluded=_bit_matrix(topology.excluded),
         start=body.start_positions[order],
@@ -112,8 +112,6 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
     )
 
 
-
-
 def _has_poisson(bodies: Sequence[LatticeBody]) -> bool:
     return any(m.poissons_ratio > 0 for body in bodies for m in body.materials)
 
@@ -123,36 +121,38 @@ def _int_table(rows: np.ndarray, columns: int) -> np.ndarray:
     return np.ascontiguousarray(rows.reshape(-1, columns) if len(rows) else np.zeros((1, columns)), np.int32)
 
 
-def _link_table(ends: np.ndarray, axes: np.ndarray, beam_of: np.ndarray, rest_of: np.ndarray, beams: np.ndarray) -> np.ndarray:
-    table = np.zeros((len(ends), stages.LINK_COLUMNS), np.int32)
-    table[:, [stages.LINK_MINUS, stages.LINK_PLUS]] = ends * memory.VOXEL_WIDTH
-    table[:, stages.LINK_BEAM], table[:, stages.LINK_REST] = beam_of * BEAM_COLUMNS, rest_of * memory.REST_WIDTH
-    for column, turn in ((stages.LINK_ALONG, 0), (stages.LINK_SIDE_1, 1), (stages.LINK_SIDE_2, 2)):
+def _link_table(
+    ends: np.ndarray, axes: np.ndarray, beam_of: np.ndarray, rest_of: np.ndarray, beams: np.ndarray
+) -> np.ndarray:
+    table = np.zeros((len(ends), columns.LINK_COLUMNS), np.int32)
+    table[:, [columns.LINK_MINUS, columns.LINK_PLUS]] = ends * memory.VOXEL_WIDTH
+    table[:, columns.LINK_BEAM], table[:, columns.LINK_REST] = beam_of * BEAM_COLUMNS, rest_of * memory.REST_WIDTH
+    for column, turn in ((columns.LINK_ALONG, 0), (columns.LINK_SIDE_1, 1), (columns.LINK_SIDE_2, 2)):
         table[:, column] = (axes + turn) % 3
     alike = (beams[:, :, DAMP_MINUS] == beams[:, :, DAMP_PLUS]).all(axis=0)
-    table[:, stages.LINK_SYMMETRIC] = alike[beam_of]
-    table[:, [stages.LINK_FIRST, stages.LINK_SECOND]] = ends
-    return _int_table(table, stages.LINK_COLUMNS).ravel()
+    table[:, columns.LINK_SYMMETRIC] = alike[beam_of]
+    table[:, [columns.LINK_FIRST, columns.LINK_SECOND]] = ends
+    return _int_table(table, columns.LINK_COLUMNS).ravel()
 
 
 def _voxel_table(
     body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, poisson: bool
 ) -> tuple[np.ndarray, int]:
     topology, count = body.topology, len(order)
-    table = np.full((count, stages.VOXEL_COLUMNS), -1, np.int32)
-    table[:, stages.GROUP] = group_of[order] * CONSTANT_COLUMNS
-    table[:, stages.CHANNELS] = group_of[order] * stages.CHANNELS_PER_GROUP
-    table[place[topology.surface], stages.SURFACE_SLOT] = np.arange(len(topology.surface))
-    table[:, stages.SIDE_LINK : stages.SIDE_LINK + 6] = topology.side_links[order]
-    table[:, stages.FIXED] = body.fixed[order] @ (1 << np.arange(6))  # type: ignore[index]
+    table = np.full((count, columns.VOXEL_COLUMNS), -1, np.int32)
+    table[:, columns.GROUP] = group_of[order] * CONSTANT_COLUMNS
+    table[:, columns.CHANNELS] = group_of[order] * columns.CHANNELS_PER_GROUP
+    table[place[topology.surface], columns.SURFACE_SLOT] = np.arange(len(topology.surface))
+    table[:, columns.SIDE_LINK : columns.SIDE_LINK + 6] = topology.side_links[order]
+    table[:, columns.FIXED] = body.fixed[order] @ (1 << np.arange(6))  # type: ignore[index]
     first = np.searchsorted(place[topology.links[:, 0]], np.arange(count + 1))
-    table[:, stages.FIRST_LINK], table[:, stages.END_LINK] = first[:-1], first[1:]
+    table[:, columns.FIRST_LINK], table[:, columns.END_LINK] = first[:-1], first[1:]
     normals = body.pressure_normals[order]  # type: ignore[index]
-    table[:, stages.NORMAL : stages.NORMAL + 3] = normals
+    table[:, columns.NORMAL : columns.NORMAL + 3] = normals
     feels = (normals != 0).any(axis=1)
-    table[:, stages.FEELS_PRESSURE] = feels
+    table[:, columns.FEELS_PRESSURE] = feels
     gauged = np.flatnonzero(feels | poisson)
-    table[gauged, stages.GAUGE] = np.arange(len(gauged)) * memory.STRAIN_WIDTH
+    table[gauged, columns.GAUGE] = np.arange(len(gauged)) * memory.STRAIN_WIDTH
     return table, len(gauged)
 
 
@@ -222,7 +222,11 @@ def pack_program(program: LatticeProgram, group_region: np.ndarray) -> PackedPro
     if not len(marks):
         pairs, values = np.zeros((1, 2)), np.zeros((1, 2))
     return PackedProgram(
-        pairs.astype(np.int32), values, first.astype(np.int32), program.lengths.astype(np.int32), program.snapshots.shape[1]
+        pairs.astype(np.int32),
+        values,
+        first.astype(np.int32),
+        program.lengths.astype(np.int32),
+        program.snapshots.shape[1],
     )
 
 

@@ -56,7 +56,9 @@ def build_topology(voxels: np.ndarray, cut_links: np.ndarray) -> Topology:
     sides[link_array[:, 1], 2 * axis_array] = np.arange(len(links))
     is_surface = (sides < 0).any(axis=1)
     surface = order[is_surface[order]]
-    return Topology(order, link_array, axis_array, sides, surface, np.argwhere(sides < 0), _near(link_array, count, surface))
+    return Topology(
+        order, link_array, axis_array, sides, surface, np.argwhere(sides < 0), _near(link_array, count, surface)
+    )
 
 
 def _near(links: np.ndarray, count: int, surface: np.ndarray) -> np.ndarray:

@@ -6,8 +6,8 @@ share one sorted list, the union of theirs, with a bit per robot; so neither nei
 """
 
 from taichi_sim.lanes import any_lane
+from taichi_sim.lattice.columns import SURFACE_COLUMNS, SURFACE_VOXEL
 from taichi_sim.lattice.memory import PAIRS, SURFACE, VOXEL, WATCH
-from taichi_sim.lattice.stages import SURFACE_COLUMNS, SURFACE_VOXEL
 from taichi_sim.runtime import ti
 
 LIST, LENGTH, REBUILDS = 0, 1, 2  # columns of ``info``

@@ -1,0 +1,259 @@
+"""Stage of a voxel: floor, pressure and integration; then the gauges that read its strain for the next step."""
+
+from taichi_sim.lanes import any_lane, load, store
+from taichi_sim.lattice import floor, motion
+from taichi_sim.lattice.columns import (
+    ACCELERATION,
+    CHANNELS,
+    FEELS_PRESSURE,
+    FIXED,
+    FORCE,
+    GAUGE,
+    GROUP,
+    KINETIC_FRICTION,
+    LINK_BEAM,
+    LINK_COLUMNS,
+    LINK_REST,
+    MOMENT,
+    NORMAL,
+    PRESSURE,
+    ROTATION,
+    SIDE_LINK,
+    STATIC_FRICTION,
+    TRANSLATION,
+    VOXEL_COLUMNS,
+)
+from taichi_sim.lattice.materials import (
+    CONTACT_DAMPING,
+    INVERSE_INERTIA,
+    INVERSE_MASS,
+    NU,
+    SHARE_MINUS,
+    SHARE_PLUS,
+    STIFFNESS,
+)
+from taichi_sim.lattice.memory import (
+    BEAM,
+    CHANNEL,
+    CONSTANT,
+    CURRENT,
+    DRAG,
+    FLOOR_ON,
+    LINK,
+    LINK_WIDTH,
+    MEAN_SIZE,
+    MOMENTUM,
+    ORIENTATION,
+    POISSON_ON,
+    PUSH,
+    REST,
+    SIZE,
+    SPIN,
+    SPIN_DRAG,
+    STICKS,
+    STRAIN,
+    VOXEL,
+    VOXEL_WIDTH,
+    WATCH,
+)
+from taichi_sim.lattice.stages import channel_value
+from taichi_sim.rotations import from_large_rotation_vector, rotate, to_rotation_vector
+from taichi_sim.runtime import ti
+
+
+@ti.func
+def voxel_stage(
+    m: ti.template(), k, v, dt, edge, fx, fy, fz, mx, my, mz, cx, cy, cz,
+    plan: ti.template(), voxel_table: ti.template(), start: ti.template(),
+):  # fmt: skip
+    """Integrate voxel v under the forces F and moments M of its links and the contact force c, world; its new place."""
+    row = v * VOXEL_COLUMNS
+    voxel = plan[VOXEL] + v * VOXEL_WIDTH
+    current = plan[CURRENT] + voxel_table[row + GROUP]
+    constant = plan[CONSTANT] + voxel_table[row + GROUP]
+    channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
+    qw = load(m, k, voxel + ORIENTATION)
+    qx = load(m, k, voxel + ORIENTATION + 1)
+    qy = load(m, k, voxel + ORIENTATION + 2)
+    qz = load(m, k, voxel + ORIENTATION + 3)
+    if voxel_table[row + FEELS_PRESSURE] != 0:
+        ax, ay, az = pressure_force(m, k, v, plan, voxel_table)
+        ax, ay, az = rotate(qw, qx, qy, qz, ax, ay, az)
+        fx, fy, fz = fx + ax, fy + ay, fz + az
+    inverse_mass = load(m, k, constant + INVERSE_MASS)
+    drag = load(m, k, current + DRAG)
+    px = load(m, k, voxel + MOMENTUM)
+    py = load(m, k, voxel + MOMENTUM + 1)
+    pz = load(m, k, voxel + MOMENTUM + 2)
+    vx = px * inverse_mass
+    vy = py * inverse_mass
+    vz = pz * inverse_mass
+    fx = fx + load(m, k, current + PUSH) - drag * vx + cx
+    fy = fy + load(m, k, current + PUSH + 1) - drag * vy + cy
+    fz = fz + load(m, k, current + PUSH + 2) - drag * vz + cz
+    step = dt * inverse_mass
+    x = load(m, k, voxel)
+    y = load(m, k, voxel + 1)
+    z = load(m, k, voxel + 2)
+    depth = floor.penetration(load(m, k, current + MEAN_SIZE), edge, z)
+    stuck = 0.0 * inverse_mass
+    on_floor = plan[FLOOR_ON] != 0
+    if on_floor:
+        on_floor = any_lane(depth >= 0.0)
+    if on_floor:
+        touches = depth >= 0.0
+        normal = load(m, k, constant + STIFFNESS) * depth
+        fz = fz + ti.select(touches, normal - load(m, k, constant + CONTACT_DAMPING) * vz, 0.0)
+        sticks = load(m, k, voxel + STICKS)
+        loose = floor.breaks_loose(fx, fy, channel_value(m, k, channels, STATIC_FRICTION), normal)
+        rx, ry = floor.sliding_friction(vx, vy, channel_value(m, k, channels, KINETIC_FRICTION), normal)
+        slides = touches & (sticks < 0.5)
+        rx = ti.select(slides, rx, 0.0)
+        ry = ti.select(slides, ry, 0.0)
+        px = px + (fx + rx) * dt
+        py = py + (fy + ry) * dt
+        stuck = ti.select(loose, 0.0, sticks)
+        stuck = ti.select(floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass), 1.0, stuck)
+        stuck = ti.select(touches, stuck, 0.0)
+        px = ti.select(stuck > 0.5, 0.0, px)
+        py = ti.select(stuck > 0.5, 0.0, py)
+    else:
+        px = px + fx * dt
+        py = py + fy * dt
+    pz = pz + fz * dt
+    store(m, k, voxel + STICKS, stuck)
+    x = x + px * step
+    y = y + py * step
+    z = z + pz * step
+    inverse_inertia = load(m, k, constant + INVERSE_INERTIA)
+    drag = load(m, k, current + SPIN_DRAG) * inverse_inertia
+    sx = load(m, k, voxel + SPIN)
+    sy = load(m, k, voxel + SPIN + 1)
+    sz = load(m, k, voxel + SPIN + 2)
+    sx = sx + (mx + channel_value(m, k, channels, MOMENT) - sx * drag) * dt
+    sy = sy + (my + channel_value(m, k, channels, MOMENT + 1) - sy * drag) * dt
+    sz = sz + (mz + channel_value(m, k, channels, MOMENT + 2) - sz * drag) * dt
+    qw, qx, qy, qz = motion.rotate_by_momentum(qw, qx, qy, qz, sx, sy, sz, dt * inverse_inertia)
+    if voxel_table[row + FIXED] != 0:
+        bits = voxel_table[row + FIXED]
+        x, px = held(bits & 1, x, px, start[v, 0] + channel_value(m, k, channels, TRANSLATION))
+        y, py = held(bits & 2, y, py, start[v, 1] + channel_value(m, k, channels, TRANSLATION + 1))
+        z, pz = held(bits & 4, z, pz, start[v, 2] + channel_value(m, k, channels, TRANSLATION + 2))
+        if bits >= 8:
+            tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
+            tx, sx = held(bits & 8, tx, sx, channel_value(m, k, channels, ROTATION))
+            ty, sy = held(bits & 16, ty, sy, channel_value(m, k, channels, ROTATION + 1))
+            tz, sz = held(bits & 32, tz, sz, channel_value(m, k, channels, ROTATION + 2))
+            qw, qx, qy, qz = from_large_rotation_vector(tx, ty, tz)
+    store(m, k, voxel, x)
+    store(m, k, voxel + 1, y)
+    store(m, k, voxel + 2, z)
+    store(m, k, voxel + ORIENTATION, qw)
+    store(m, k, voxel + ORIENTATION + 1, qx)
+    store(m, k, voxel + ORIENTATION + 2, qy)
+    store(m, k, voxel + ORIENTATION + 3, qz)
+    store(m, k, voxel + MOMENTUM, px)
+    store(m, k, voxel + MOMENTUM + 1, py)
+    store(m, k, voxel + MOMENTUM + 2, pz)
+    store(m, k, voxel + SPIN, sx)
+    store(m, k, voxel + SPIN + 1, sy)
+    store(m, k, voxel + SPIN + 2, sz)
+    return x, y, z
+
+
+@ti.func
+def held(bit, value, momentum, prescribed):
+    """A degree of freedom that the world holds takes its prescribed value and loses its momentum."""
+    if bit != 0:
+        value = prescribed
+        momentum = 0.0 * prescribed
+    return value, momentum
+
+
+@ti.func
+def squared_move(m: ti.template(), k, slot, x, y, z, plan: ti.template()):
+    """Squared distance of a surface voxel from where it was when the watch list was built."""
+    watch = plan[WATCH] + 3 * slot
+    dx = x - load(m, k, watch)
+    dy = y - load(m, k, watch + 1)
+    dz = z - load(m, k, watch + 2)
+    return dx * dx + dy * dy + dz * dz
+
+
+@ti.func
+def pressure_force(m: ti.template(), k, v, plan: ti.template(), voxel_table: ti.template()):
+    """Pressure times the deformed area of the voxel's pressurised faces, in the voxel frame."""
+    row = v * VOXEL_COLUMNS
+    size = plan[CURRENT] + voxel_table[row + GROUP] + SIZE
+    pressure = channel_value(m, k, plan[CHANNEL] + voxel_table[row + CHANNELS], PRESSURE)
+    ex = load(m, k, size) * (1.0 + half_stretch(m, k, v, 0, plan, voxel_table))
+    ey = load(m, k, size + 1) * (1.0 + half_stretch(m, k, v, 1, plan, voxel_table))
+    ez = load(m, k, size + 2) * (1.0 + half_stretch(m, k, v, 2, plan, voxel_table))
+    return (
+        pressure * (ey * ez) * ti.cast(voxel_table[row + NORMAL], float),
+        pressure * (ez * ex) * ti.cast(voxel_table[row + NORMAL + 1], float),
+        pressure * (ex * ey) * ti.cast(voxel_table[row + NORMAL + 2], float),
+    )
+
+
+@ti.func
+def half_stretch(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
+    """(share- + share+)/2 of the corners along an axis; a side without a link does not stretch."""
+    gauge = plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
+    return load(m, k, gauge + axis) * (0.5 * ti.cast(link_count(v, axis, voxel_table), float))
+
+
+@ti.func
+def link_count(v, axis: ti.template(), voxel_table: ti.template()):
+    """How many of a voxel's two sides along an axis have a link."""
+    side = v * VOXEL_COLUMNS + SIDE_LINK + 2 * axis
+    return ti.cast(voxel_table[side] >= 0, ti.i32) + ti.cast(voxel_table[side + 1] >= 0, ti.i32)
+
+
+@ti.func
+def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
+    """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
+    row = v * VOXEL_COLUMNS
+    gauge = plan[STRAIN] + voxel_table[row + GAUGE]
+    nu = load(m, k, plan[CONSTANT] + voxel_table[row + GROUP] + NU)
+    stretched = 0.0 * nu
+    for axis in ti.static(range(3)):
+        total = 0.0 * nu
+        for side in ti.static(range(2)):
+            l = voxel_table[row + SIDE_LINK + 2 * axis + side]
+            if l >= 0:
+                share = (
+                    plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM] + (SHARE_PLUS if side == 0 else SHARE_MINUS)
+                )
+                rest = plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST]
+                strain = load(m, k, plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
+                total = total + strain * load(m, k, share)
+        mean = total
+        if link_count(v, axis, voxel_table) == 2:
+            mean = 0.5 * total
+        store(m, k, gauge + axis, mean)
+        if plan[POISSON_ON] != 0:
+            stretched = stretched + ti.select(in_tension(m, k, v, axis, plan, voxel_table), mean, 0.0)
+    if plan[POISSON_ON] != 0:
+        squeezed = motion.power(1.0 + stretched, 0.0 - nu) - 1.0
+        for axis in ti.static(range(3)):
+            pulled = in_tension(m, k, v, axis, plan, voxel_table)
+            store(m, k, gauge + 3 + axis, ti.select(pulled, load(m, k, gauge + axis), squeezed))
+
+
+@ti.func
+def in_tension(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
+    """Two links, or one and something to pull against: a held degree of freedom or an external force."""
+    row = v * VOXEL_COLUMNS
+    channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
+    pull = channel_value(m, k, channels, FORCE + axis) + channel_value(m, k, channels, ACCELERATION + axis)
+    tension = 0.0 * pull
+    count = link_count(v, axis, voxel_table)
+    if count == 2:
+        tension = tension + 1.0
+    elif count == 1:
+        if voxel_table[row + FIXED] & (1 << axis) != 0:
+            tension = tension + 1.0
+        else:
+            tension = ti.select(pull != 0.0, 1.0, tension)
+    return tension > 0.5
