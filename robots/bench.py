@@ -1,4 +1,4 @@
-"""How fast the lattice is on this machine: rates of the published robot, and how far they are from the machine's limits.
+"""How fast the lattice is on this machine: rates of the published robot, and how far it is from the limits.
 
 Every figure is measured several times in short pieces; the best piece is the machine undisturbed, the median what one
 gets. Speeds of shared machines drift, so claims are ratios within one run: to a reference program (``--prototype``, any
@@ -130,7 +130,7 @@ def main(args: Namespace) -> dict[str, Any]:
         lanes = NATIVE_WIDTH[precision]
         lines = [
             f"{lanes} robots, one core    {batch['median']:>8.0f} robot-steps/s (best {batch['best']:.0f})",
-            f"                         {f['million_voxel_steps_per_core_second']:>8.1f} million voxel-steps/s, best piece",
+            f"voxels, best piece       {f['million_voxel_steps_per_core_second']:>8.1f} million voxel-steps/s",
             f"of the core's peak       {f['part_of_peak']:>8.0%} ({FLOPS_PER_VOXEL_STEP} flop a voxel-step)",
             f"one robot, one core      {f['single_robot_steps_per_second']['median']:>8.0f} steps/s "
             f"(best {f['single_robot_steps_per_second']['best']:.0f})",

@@ -238,9 +238,11 @@ def _summarise(
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
     if record_every:
-        poses = (np.moveaxis(a[:, 2:], 0, 1) for a in (run.positions, run.orientations))
+        positions, orientations, shown = (
+            np.moveaxis(a[:, 2:], 0, 1) for a in (run.positions, run.orientations, extents)
+        )
         times = np.arange(marks.shape[1] - 2) * record_every * dt
-        frames = Frames(*poses, times, np.moveaxis(extents[:, 2:], 0, 1))
+        frames = Frames(positions, orientations, times, shown)
     return InflatableResult(
         distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, steps, dt, frames, body
     )
@@ -254,8 +256,8 @@ def _voxel_sizes(
     scales = np.array([m.scale for m in body.materials])[body.material_index]
     sizes = np.repeat(scales[None], len(marks), axis=0)
     for axis in range(3):
-        for region in np.unique(body.regions):
-            values = program.values_after(0, int(region), Quantity.SCALE + axis, marks)
+        for region in range(body.region_count):
+            values = program.values_after(0, region, Quantity.SCALE + axis, marks)
             if values is not None:
                 sizes[:, body.regions == region, axis] = values[:, None]
     return sizes * body.voxel_size

@@ -32,11 +32,16 @@ class Design(Protocol):
     """What a program needs to know of a design."""
 
     @property
-    def pressure(self) -> float: ...
+    def pressure(self) -> float:
+        """Of the core [Pa]."""
+
     @property
-    def orientation(self) -> float: ...
+    def orientation(self) -> float:
+        """Heading [degrees]."""
+
     @property
-    def schedule(self) -> GaitSchedule: ...
+    def schedule(self) -> GaitSchedule:
+        """When bladders inflate and feet grip."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +229,7 @@ def _set_weight(builder: ProgramBuilder, robot: int, gravity: np.ndarray, region
 def _initialise(
     builder: ProgramBuilder, robot: int, pressure: float, tilted: np.ndarray, end: int, a: InflatableActuation
 ) -> None:
-    """Skin under level gravity until ``end``, bladders under the tilted one from the start; the core pressure ramps up."""
+    """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressure ramps up."""
     _set_weight(builder, robot, np.array([0.0, 0.0, -STANDARD_GRAVITY]), SKIN_REGIONS, 0)
     _set_weight(builder, robot, tilted, SKIN_REGIONS, end)
     _set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)

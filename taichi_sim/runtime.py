@@ -148,7 +148,7 @@ def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     raw = np.zeros(size + 64, np.uint8)
     offset = -raw.ctypes.data % 64
-    array = raw[offset : offset + size].view(dtype).reshape(shape)
+    array: np.ndarray = raw[offset : offset + size].view(dtype).reshape(shape)
     if fill:
         array[...] = fill
     return array

@@ -1,4 +1,4 @@
-"""The engine's promises: one answer whatever the batch, threads and driver; failures are data; nothing compiles twice."""
+"""The engine's promises: one answer whatever batch, threads and driver; failures are data; nothing compiles twice."""
 
 import dataclasses
 
@@ -209,7 +209,7 @@ def test_bad_programs_are_refused_in_one_line():
         builder.build(10)
     with pytest.raises(ValueError, match=r"lengths: give one number of steps per robot"):
         ProgramBuilder(1).build([-1])
-    with pytest.raises(ValueError, match="snapshots: .* none beyond a robot's last step"):
+    with pytest.raises(ValueError, match=r"snapshots: .* none beyond a robot's last step"):
         ProgramBuilder(1).build(10, [[11]])
     with pytest.raises(ValueError, match="program: made for 2 robots, the engine has 1"):
         LatticeEngine(BAR).run(ProgramBuilder(2).build(10))

@@ -18,7 +18,7 @@ def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np
         raise ValueError(f"{name}: shape {given.shape} is not allowed; it must be {wanted}")
     if given.dtype.kind == "f" and not np.all(np.isfinite(given) & (given == np.round(given))):
         raise ValueError(f"{name}: only whole numbers are allowed")
-    result = given.astype(dtype)
+    result: np.ndarray = given.astype(dtype)
     result.setflags(write=False)
     return result
 
@@ -113,7 +113,7 @@ class LatticeBody:
 
     @cached_property
     def recommended_time_step(self) -> float:
-        """Largest stable step 1 / (2 pi sqrt(max a1 / min(m-, m+))) [s]; without links, that of a voxel on the floor."""
+        """Largest stable step 1 / (2 pi sqrt(max a1 / min(m-, m+))) [s]; without links, of a voxel on the floor."""
         stiffest = 0.0
         ends = self.material_index[self.topology.links] if len(self.topology.links) else np.zeros((0, 2), int)
         for minus, plus in np.unique(ends, axis=0):

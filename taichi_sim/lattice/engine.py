@@ -95,7 +95,7 @@ class LatticeEngine:
             precision: "f32" or "f64".
             threads: CPU threads; all cores by default.
             driver: "fused" (CPU lanes), "stepped" (a kernel per stage of a step) or "auto": fused on a CPU.
-            width: robots per native vector of the fused driver (1 or the machine's 16 x f32, 8 x f64); chosen by default.
+            width: robots per native vector of the fused driver, 1 or 16 (f32) or 8 (f64); chosen by default.
 
         Raises:
             ValueError: one line that names the argument, the value and what is allowed.
@@ -177,7 +177,7 @@ class LatticeEngine:
         self._diverged[:] = False
 
     def run(self, program: LatticeProgram, progress: Callable[[float], None] | None = None) -> LatticeResult:
-        """Advance every robot by its own number of steps; channels, state and damping memory carry over to the next run.
+        """Advance every robot by its own number of steps; all of its state carries over to the next run.
 
         Args:
             program: what happens, steps counted from now.

@@ -1,4 +1,4 @@
-"""Corners and faces of deformed voxels (Hiller & Lipson 2014): what the surface of a body looks like and where it is."""
+"""Corners and faces of deformed voxels (Hiller & Lipson 2014): what a body's surface looks like and where it is."""
 
 import numpy as np
 

@@ -39,8 +39,8 @@ class FusedDriver:
         self._robot = np.minimum(lanes, batch - 1)  # lanes without a robot repeat the last one
         self._has_robot = lanes < batch
         self.layout = Memory.of(
-            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels), len(tables.group_region),
-            tables.beam.shape[1], len(tables.rest), (tables.ring, 6),
+            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels),
+            len(tables.group_region), tables.beam.shape[1], len(tables.rest), (tables.ring, 6),
         )  # fmt: skip
         self._memory = self.real.array((self.blocks, self.layout.slots))
         self._parked = self.real.array((self.blocks, self.layout.state_slots))
@@ -58,17 +58,17 @@ class FusedDriver:
         self._info = np.zeros((self.blocks, kernel.INFO_COLUMNS), np.int32)
         self._bits = aligned((1, width), np.int32)
         self._bits[0] = np.left_shift(1, np.arange(width))
-        self._start = tables.start.astype(self.real.numpy)
+        self._start: np.ndarray = tables.start.astype(self.real.numpy)
         self._plan = tables.plan(self.layout, floor, self_contact)
+        self._partner = self._mask = np.zeros((self.blocks, 2, 0), np.int32)
         self._reserve(PAIRS_PER_VOXEL * surface)
         self.forget_watch()
 
     def _reserve(self, pairs: int) -> None:
         """Make room for so many watched pairs a block, keeping the present ones."""
         partner, mask = (np.zeros((self.blocks, 2, pairs), np.int32) for _ in range(2))
-        if hasattr(self, "_partner"):
-            kept = self._partner.shape[2]
-            partner[:, :, :kept], mask[:, :, :kept] = self._partner, self._mask
+        kept = self._partner.shape[2]
+        partner[:, :, :kept], mask[:, :, :kept] = self._partner, self._mask
         self._partner, self._mask = partner, mask
         self._plan[memory.PAIRS] = pairs
 
@@ -125,9 +125,9 @@ class FusedDriver:
         self._parked[...] = self._memory[:, : self.layout.state_slots]
         self._info[:, [kernel.INFO_STEP, kernel.INFO_NEXT_MARK, kernel.INFO_STATE]] = 0, 0, kernel.RUNNING
         slots, links = max(program.slots, 1), max(len(self.tables.link_ends), 1)
-        poses = np.full((self.batch, slots, len(self.tables.group), 7), np.nan, self.real.numpy)
-        strains = np.full((self.batch, slots, links), np.nan, self.real.numpy)
-        values = program.values.astype(self.real.numpy)
+        poses: np.ndarray = np.full((self.batch, slots, len(self.tables.group), 7), np.nan, self.real.numpy)
+        strains: np.ndarray = np.full((self.batch, slots, links), np.nan, self.real.numpy)
+        values: np.ndarray = program.values.astype(self.real.numpy)
         total = max(int(program.lengths.max()), 1)
         while (self._info[:, kernel.INFO_STATE] != kernel.FINISHED).any():
             self._launch(dt, edge, gravity, lanes, program.marks, values, poses, strains)
@@ -157,7 +157,8 @@ class FusedDriver:
         kernel.fused_kernel(self.real)(
             self.blocks, self.layout.slots, STEPS_PER_LAUNCH, dt, edge, gravity, contact.WATCH_RADIUS * edge,
             contact.REBUILD_DISTANCE * edge, self.real.reals(self._memory.reshape(-1, width)),
-            self._memory.reshape(-1, width), self._parked.reshape(-1, width), self._plan, t.link, t.voxel, t.rest, t.surface,
-            t.excluded, self._start, self.real.reals(self._bits), self._scratch, self._scratch, self._touched, self._fresh,
-            self._row, self._partner, self._mask, self._info, lanes, marks, values, poses, strains,
+            self._memory.reshape(-1, width), self._parked.reshape(-1, width), self._plan, t.link, t.voxel, t.rest,
+            t.surface, t.excluded, self._start, self.real.reals(self._bits), self._scratch, self._scratch,
+            self._touched, self._fresh, self._row, self._partner, self._mask, self._info, lanes, marks, values,
+            poses, strains,
         )  # fmt: skip

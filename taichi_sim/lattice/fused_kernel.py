@@ -64,8 +64,9 @@ def park(ms: ti.template(), parked: ti.template(), block, k, lane, plan: ti.temp
 
 
 @ti.func
-def apply_event(ms: ti.template(), k, lane, e, robot, plan: ti.template(), link_table: ti.template(), event: ti.template(),
-                event_value: ti.template(), poses: ti.template(), strains: ti.template()):  # fmt: skip
+def apply_event(ms: ti.template(), k, lane, e, robot, plan: ti.template(), link_table: ti.template(),
+                event: ti.template(), event_value: ti.template(), poses: ti.template(),
+                strains: ti.template()):  # fmt: skip
     """Set a channel, or record the robot's pose if the event's target is negative."""
     target = event[e, 1]
     if target >= 0:
@@ -97,8 +98,8 @@ def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.
                 due = 0
                 if e < lanes[block, lane, LANE_LAST_EVENT]:
                     if event[e, 0] <= t:
-                        apply_event(ms, k, lane, e, lanes[block, lane, LANE_ROBOT], plan, link_table, event, event_value,
-                                    poses, strains)  # fmt: skip
+                        apply_event(ms, k, lane, e, lanes[block, lane, LANE_ROBOT], plan, link_table, event,
+                                    event_value, poses, strains)  # fmt: skip
                         e += 1
                         due = 1
                     else:
@@ -284,8 +285,8 @@ def fused_kernel(real: Real) -> Any:
                                           excluded, scratch, scratch_s, fresh, row, partner, mask, info,
                                           lanes)  # fmt: skip
                     if info[block, INFO_STATE] == RUNNING:
-                        step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table, surface,
-                             start, touched, row, partner, mask, info)  # fmt: skip
+                        step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table,
+                             surface, start, touched, row, partner, mask, info)  # fmt: skip
                         info[block, INFO_STEP] = t + 1
                         if any_lane(load(m, k, plan[MONITOR] + DIVERGED) > 0.5):
                             retire_diverged(ms, block, k, t, width, plan, lanes, info, parked)

@@ -79,7 +79,7 @@ def bend(
     m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
     x, y, z, qw, qx, qy, qz,
 ):  # fmt: skip
-    """The beam between voxels of relative position (x, y, z) and orientation q, frame of the "-" voxel: (F, M, G, N)."""
+    """The beam to a voxel at (x, y, z) with orientation q, all in the frame of the "-" voxel: (F, M, G, N)."""
     memory = plan[LINK] + l * LINK_WIDTH
     rest = load(m, k, plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST])
     before = load(m, k, memory + REGIME)

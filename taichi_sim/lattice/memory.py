@@ -66,9 +66,9 @@ class Memory:
             (groups * QUANTITY_COUNT, CHANNEL_WIDTH), (surface, 3), (1, 2), (groups, CURRENT_WIDTH),
             (groups, CONSTANT_COLUMNS), (beams, BEAM_COLUMNS), (rests, REST_WIDTH), (surface, 3), forces,
         )  # fmt: skip
-        rows = tuple((max(count, 1), width) for count, width in rows)
-        ends = np.cumsum([count * width for count, width in rows])
-        return cls(rows, (0, *(int(e) for e in ends[:-1])), int(ends[-1]))
+        sections = tuple((max(count, 1), width) for count, width in rows)
+        ends = np.cumsum([count * width for count, width in sections])
+        return cls(sections, (0, *(int(e) for e in ends[:-1])), int(ends[-1]))
 
     def span(self, section: int) -> slice:
         """The slots of a section."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class Quantity(IntEnum):
@@ -122,12 +123,12 @@ class ProgramBuilder:
     def set(
         self,
         quantity: int,
-        value: object,
+        value: ArrayLike,
         *,
-        regions: object,
-        step: object = 0,
-        rate: object = 0.0,
-        robots: object = None,
+        regions: ArrayLike,
+        step: ArrayLike = 0,
+        rate: ArrayLike = 0.0,
+        robots: ArrayLike | None = None,
     ) -> None:
         """Let channels take a value at a step and change by a rate per step from there.
 
@@ -146,8 +147,8 @@ class ProgramBuilder:
         part["step"], part["value"], part["rate"] = step, value, rate
         self._parts.append(part.ravel())
 
-    def build(self, lengths: object, snapshots: object = None) -> LatticeProgram:
+    def build(self, lengths: ArrayLike, snapshots: ArrayLike | None = None) -> LatticeProgram:
         """The program; ``snapshots`` of shape (robots, steps), none by default."""
         events = np.concatenate(self._parts) if self._parts else np.zeros(0, EVENT)
         marks = np.zeros((self.robot_count, 0), int) if snapshots is None else snapshots
-        return LatticeProgram(np.broadcast_to(lengths, self.robot_count), events, marks)  # type: ignore[arg-type]
+        return LatticeProgram(np.broadcast_to(lengths, self.robot_count), events, np.asarray(marks))

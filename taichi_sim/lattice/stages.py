@@ -65,7 +65,7 @@ def channel_value(m: ti.template(), k, channels, quantity):
 
 @ti.func
 def advance_channels(m: ti.template(), k, plan: ti.template(), edge, gravity):
-    """Evaluate every channel for this step and what follows from it: sizes, external force and damping of the groups."""
+    """Evaluate every channel for this step and what follows from it: sizes, external force and damping."""
     channel = plan[CHANNEL]
     for i in range(plan[GROUPS] * QUANTITY_COUNT):
         slot = channel + i * CHANNEL_WIDTH

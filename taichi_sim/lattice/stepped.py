@@ -27,17 +27,17 @@ class SteppedDriver:
         self.tables, self.batch, self._on_cpu = tables, batch, on_cpu
         self.real = Real(precision, 1)
         self.layout = Memory.of(
-            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels), len(tables.group_region),
-            tables.beam.shape[1], len(tables.rest), (len(tables.link_ends), 12),
+            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels),
+            len(tables.group_region), tables.beam.shape[1], len(tables.rest), (len(tables.link_ends), 12),
         )  # fmt: skip
-        self._memory = np.zeros((self.layout.slots, batch), self.real.numpy)
+        self._memory: np.ndarray = np.zeros((self.layout.slots, batch), self.real.numpy)
         for section, values in (
             (memory.CONSTANT, tables.constant),
             (memory.BEAM, tables.beam),
             (memory.CHANNEL, tables.channel),
         ):
             self.write(section, values)
-        self._start = tables.start.astype(self.real.numpy)
+        self._start: np.ndarray = tables.start.astype(self.real.numpy)
         self._plan = tables.plan(self.layout, floor, self_contact)
         self._plan[memory.PAIRS] = PARTNERS_PER_VOXEL
         self.forget_watch()
@@ -133,8 +133,8 @@ class _Launcher:
     def step(self, t: int) -> None:
         """One time step of all robots; the last call only ends them."""
         k, m, plan, lanes = self._kernels, self.memory, self._plan, self.lanes
-        k.begin(t, self._edge, self._gravity, m, plan, self._link, self._rest, lanes, self._marks, self._values, self._poses,
-                self._strains)  # fmt: skip
+        k.begin(t, self._edge, self._gravity, m, plan, self._link, self._rest, lanes, self._marks, self._values,
+                self._poses, self._strains)  # fmt: skip
         if self._driver._plan[memory.CONTACT_ON]:
             self._watch(from_watch=0)
             k.collide(m, plan, self._surface, lanes, self._partner, self._count)
@@ -143,8 +143,8 @@ class _Launcher:
 
     def _watch(self, from_watch: int) -> None:
         self._kernels.watch(
-            contact.WATCH_RADIUS * self._edge, contact.REBUILD_DISTANCE * self._edge, from_watch, self.memory, self._plan,
-            self._surface, self._excluded, self.lanes, self._partner, self._count, self._full,
+            contact.WATCH_RADIUS * self._edge, contact.REBUILD_DISTANCE * self._edge, from_watch, self.memory,
+            self._plan, self._surface, self._excluded, self.lanes, self._partner, self._count, self._full,
         )  # fmt: skip
 
     def rebuild_lists(self) -> None:

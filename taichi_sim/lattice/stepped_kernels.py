@@ -55,8 +55,9 @@ class SteppedKernels:
 
 
 @ti.func
-def rebuild_voxel(m: ti.template(), r, s, radius_squared, from_watch: ti.template(), plan: ti.template(), surface: ti.template(),
-                  excluded: ti.template(), partner: ti.template(), count: ti.template(), full: ti.template()):  # fmt: skip
+def rebuild_voxel(m: ti.template(), r, s, radius_squared, from_watch: ti.template(), plan: ti.template(),
+                  surface: ti.template(), excluded: ti.template(), partner: ti.template(), count: ti.template(),
+                  full: ti.template()):  # fmt: skip
     """List the surface voxels near surface voxel s, in ascending order; voxels of the plan's PAIRS have room."""
     x, y, z = place(m, r, s, from_watch, plan, surface)
     found = 0
@@ -146,7 +147,8 @@ def stepped_kernels(real: Real) -> SteppedKernels:
 
     @ti.kernel
     def begin(t: ti.i32, edge: real.scalar, gravity: real.scalar, m: memory, plan: ints1, link_table: ints1,
-              rest_table: ints2, lanes: ints2, event: ints2, event_value: memory, poses: scalars4, strains: scalars3):  # fmt: skip
+              rest_table: ints2, lanes: ints2, event: ints2, event_value: memory, poses: scalars4,
+              strains: scalars3):  # fmt: skip
         """Events due at step t, ends and divergence; then this step's channels and rest lengths."""
         for r in range(m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE and load(m, r, plan[MONITOR] + DIVERGED) > 0.5:

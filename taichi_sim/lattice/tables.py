@@ -12,6 +12,7 @@ from taichi_sim.lattice.materials import (
     CONSTANT_COLUMNS,
     DAMP_MINUS,
     DAMP_PLUS,
+    Material,
     beam_constants,
     voxel_constants,
 )
@@ -164,7 +165,7 @@ def _bit_matrix(flags: np.ndarray) -> np.ndarray:
     return np.packbits(padded, axis=1, bitorder="little").view(np.int32)
 
 
-def _initial_channels(materials: list) -> np.ndarray:
+def _initial_channels(materials: list[Material]) -> np.ndarray:
     channels = np.zeros((len(materials), QUANTITY_COUNT, memory.CHANNEL_WIDTH))
     base = channels[:, :, memory.BASE]
     for row, material in zip(base, materials, strict=True):

@@ -54,7 +54,7 @@ def build_topology(voxels: np.ndarray, cut_links: np.ndarray) -> Topology:
     sides = np.full((count, 6), -1, np.int64)
     sides[link_array[:, 0], 2 * axis_array + 1] = np.arange(len(links))
     sides[link_array[:, 1], 2 * axis_array] = np.arange(len(links))
-    is_surface = (sides < 0).any(axis=1)
+    is_surface: np.ndarray = np.any(sides < 0, axis=1)
     surface = order[is_surface[order]]
     return Topology(
         order, link_array, axis_array, sides, surface, np.argwhere(sides < 0), _near(link_array, count, surface)

@@ -1,0 +1,122 @@
+"""The picture of a robot in motion: a film strip of its gait above the chart of its actuators."""
+
+from os import PathLike
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from robots.checks import whole_number
+from robots.inflatable import (
+    ACTUATION,
+    PUBLISHED,
+    InflatableActuation,
+    InflatableDesign,
+    InflatableGeometry,
+    InflatableResult,
+    simulate,
+)
+from robots.inflatable_program import play
+from robots.schedule import BLADDERS, GaitSchedule
+from robots.terrain import Terrain
+from robots.view import shape
+from robots.view.drawing import draw_pose, draw_schedule
+from robots.view.scene import INK, Array, Camera
+from robots.view.strip import draw_strip
+
+__all__ = ["draw_pose", "draw_schedule", "motion_picture", "save_motion_picture"]
+
+PATH_POINTS = 8  # poses recorded for each pose drawn, so that the path of the middle is a curve
+WIDTH, CHART_HEIGHT, TITLE_HEIGHT, AXIS_HEIGHT = 8.0, 1.6, 0.45, 0.45  # [inches]
+DOTS_PER_INCH = 160
+
+
+def save_motion_picture(
+    design: InflatableDesign,
+    terrain: Terrain,
+    path: str | PathLike[str],
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    frames: int = 6,
+) -> InflatableResult:
+    """Simulate a design in single precision and write the picture of its motion.
+
+    Args:
+        design: what to simulate.
+        terrain: where.
+        path: of the picture; its suffix chooses the format (png, pdf, svg).
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates.
+        frames: poses to draw, at equal times from the beginning of the gait to its end; at least 2.
+
+    Returns:
+        The result, with the frames recorded for the picture.
+
+    Raises:
+        ValueError: in one line, for a value that is not allowed.
+    """
+    frames = whole_number("frames", frames, 2)
+    every = max(play(design.schedule, actuation)[1] // ((frames - 1) * PATH_POINTS), 1)
+    result = simulate(design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every)
+    figure = motion_picture(result, design, terrain, actuation=actuation, frames=frames)
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    return result
+
+
+def motion_picture(
+    result: InflatableResult,
+    design: InflatableDesign,
+    terrain: Terrain,
+    *,
+    actuation: InflatableActuation = ACTUATION,
+    frames: int = 6,
+    robot: int = 0,
+) -> Figure:
+    """The picture of a gait already simulated.
+
+    Args:
+        result: of ``simulate``, with frames.
+        design: of the robot.
+        terrain: where it was.
+        actuation: how it was driven.
+        frames: poses to draw.
+        robot: place in the batch.
+    """
+    columns, steps = play(design.schedule, actuation)
+    edges = np.array([*(column.start for column in columns), steps]) * result.time_step
+    times = shape.recorded(result).times
+    poses = np.unique(np.linspace(0, len(times) - 1, frames).round().astype(int)).tolist()
+    # A robot that diverged has no poses from then on.
+    poses = [i for i in poses if np.isfinite(shape.path(result, robot)[i]).all()]
+    grips = [_gripping(design.schedule, edges, times[i]) for i in poses]
+    figure = Figure(facecolor="white")
+    strip, chart = figure.add_axes((0, 0, 1, 1)), figure.add_axes((0, 0, 1, 1), label="chart")
+    draw_strip(strip, result, poses, Camera(design.orientation, terrain.slope), grips, robot)
+    draw_schedule(chart, design.schedule, edges)
+    for i in poses:
+        chart.axvline(times[i], color=INK, lw=0.8, ls=(0, (2, 2)))
+    chart.set_xlabel("time [s]", fontsize=8, color=INK)
+    strip_height = 0.96 * WIDTH * np.ptp(strip.get_ylim()) / np.ptp(strip.get_xlim())
+    total = TITLE_HEIGHT + strip_height + CHART_HEIGHT + AXIS_HEIGHT
+    figure.set_size_inches(WIDTH, total)
+    strip.set_position((0.02, (AXIS_HEIGHT + CHART_HEIGHT) / total, 0.96, strip_height / total))
+    chart.set_position((0.095, AXIS_HEIGHT / total, 0.885, (CHART_HEIGHT - 0.15) / total))
+    title = _title(result, design, terrain, robot)
+    figure.text(0.02, 1 - 0.14 / total, title, va="top", fontsize=11, color=INK)
+    return figure
+
+
+def _gripping(schedule: GaitSchedule, edges: Array, time: float) -> tuple[bool, bool]:
+    """Which feet the schedule has gripping at a time [s]; before the gait begins both do."""
+    column = int(np.searchsorted(edges[:-1], time)) - 1
+    first, second = schedule.played[BLADDERS:, column] if column >= 0 else (True, True)
+    return bool(first), bool(second)
+
+
+def _title(result: InflatableResult, design: InflatableDesign, terrain: Terrain, robot: int) -> str:
+    way = "up" if terrain.slope > 0 else "down"
+    place = f"{way} a slope of {abs(terrain.slope):g}°" if terrain.slope else "on flat ground"
+    body = f"core at {design.pressure / 1000:.3g} kPa, heading {design.orientation:.3g}°"
+    ok = result.status[robot] == "ok"
+    what = f"{result.speed[robot]:.4f} BL/s" if ok else f"{result.status[robot]}"
+    return f"{what} {place}; {body}".replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,138 @@
+"""From poses to coloured polygons on paper: camera, light and colours. Needs no matplotlib."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.inflatable import InflatableResult
+from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.view.shape import regions, surface, thickness
+
+Array = NDArray[np.float64]
+
+
+def _rgb(text: str) -> Array:
+    return np.array([int(text[i : i + 2], 16) for i in (0, 2, 4)]) / 255
+
+
+PAPER, INK = _rgb("ffffff"), _rgb("33302b")
+GROUND, GROUND_LINE, SHADOW = _rgb("f3f1ec"), _rgb("d9d5cc"), _rgb("dcd8cf")
+SKIN_COLOUR, SEAM_COLOUR = _rgb("cfc8bb"), _rgb("a39b8c")
+FEET = (_rgb("7b3f8c"), _rgb("b0639f"))
+# A bladder and the one on the other side of the pouch have one hue (Okabe & Ito's, told apart by all eyes).
+PAIRS = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))
+BLADDERS = tuple(PAIRS[min(i, BLADDER_COUNT - 1 - i)] for i in range(BLADDER_COUNT))
+# Thickness up to which a bladder is drawn pale, and from which in full colour [edges of the lattice].
+PALE, FULL = 0.3, 1.8
+# Where the light comes from (along the way, to its left, up); the brightness of what it does not reach.
+LIGHT = np.array([-0.3, -0.45, 0.84])
+AMBIENT = 0.6
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Looks at the robot from its right, so that it travels to the right of the picture and uphill is up.
+
+    The projection is oblique: whatever lies in an upright plane along the way keeps its size and angles, so
+    distances, heights and slopes can be measured on paper. What is across the way goes up and to the right.
+
+    Attributes:
+        heading: direction of travel [degrees] from x towards y.
+        slope: of the ground [degrees]; the picture is level with gravity, not with the ground.
+        shift_right: on paper, of a length across the way, to the left of the robot.
+        shift_up: likewise.
+    """
+
+    heading: float = 0.0
+    slope: float = 0.0
+    shift_right: float = 0.42
+    shift_up: float = 0.26
+
+    @cached_property
+    def frame(self) -> Array:
+        """Rows: level along the way, level to its left, up against gravity, frame of the ground; shape (3, 3)."""
+        h, s = np.deg2rad([self.heading, self.slope])
+        turn = np.array([[np.cos(h), np.sin(h), 0], [-np.sin(h), np.cos(h), 0], [0, 0, 1]])
+        tilt = np.array([[np.cos(s), 0, -np.sin(s)], [0, 1, 0], [np.sin(s), 0, np.cos(s)]])
+        return tilt @ turn
+
+    @cached_property
+    def toward(self) -> Array:
+        """The direction in which the viewer is, a unit vector in the frame of the ground, shape (3,)."""
+        ray = np.array([self.shift_right, -1.0, self.shift_up])
+        return ray @ self.frame / np.linalg.norm(ray)
+
+    def project(self, points: Array) -> Array:
+        """Points in space [m], shape (..., 3), on paper [m], shape (..., 2)."""
+        level = points @ self.frame.T
+        return level[..., [0, 2]] + level[..., 1:2] * np.array([self.shift_right, self.shift_up])
+
+    def on_ground(self, travel: ArrayLike, across: ArrayLike, z: float) -> Array:
+        """Places by how far along the way and to its left they are [m], on paper [m], shape (..., 2)."""
+        h = np.deg2rad(self.heading)
+        x = np.cos(h) * np.asarray(travel) - np.sin(h) * np.asarray(across)
+        y = np.sin(h) * np.asarray(travel) + np.cos(h) * np.asarray(across)
+        return self.project(np.stack([x, y, np.full_like(x, z)], axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """A robot on paper.
+
+    Attributes:
+        corners: of its faces, those at the back first [m], shape (N, 4, 2).
+        colours: of the faces: red, green, blue from 0 to 1, shape (N, 3).
+        shadow: of the faces, on the ground straight below [m], shape (M, 4, 2).
+    """
+
+    corners: Array
+    colours: Array
+    shadow: Array
+
+
+def build(
+    result: InflatableResult,
+    robot: int = 0,
+    frame: int = -1,
+    camera: Camera | None = None,
+    grips: tuple[bool, bool] = (True, True),
+) -> Polygons:
+    """The polygons of a recorded pose; deflated bladders are pale, and so are feet that do not grip."""
+    camera = camera or Camera()
+    seen = surface(result, robot, frame)
+    normals = np.cross(seen.quads[:, 2] - seen.quads[:, 0], seen.quads[:, 3] - seen.quads[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
+    # What looks away is hidden by the rest of its voxel; what is nearer is painted later.
+    visible = np.flatnonzero(normals @ camera.toward > 0)
+    visible = visible[np.argsort(seen.quads[visible].mean(axis=1) @ camera.toward, kind="stable")]
+    light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
+    brightness = AMBIENT + (1.05 - AMBIENT) * np.clip(normals @ light, 0, None)
+    colours = np.clip(_colours(result, robot, frame, grips)[seen.voxels] * brightness[:, None], 0, 1)
+    up = camera.frame[2]
+    lit = seen.quads[normals @ up > 0]
+    fall = (lit[..., 2:] - ground_level(result)) / up[2]
+    return Polygons(camera.project(seen.quads[visible]), colours[visible], camera.project(lit - fall * up))
+
+
+def ground_level(result: InflatableResult) -> float:
+    """z of the ground [m]."""
+    return -0.5 * result.body.voxel_size
+
+
+def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool, bool]) -> Array:
+    """Colour of every voxel, shape (V, 3)."""
+    palette = np.zeros((REGION_COUNT, 3))
+    palette[SKIN], palette[[SEAM, FOOT_SEAM]] = SKIN_COLOUR, SEAM_COLOUR
+    palette[FIRST_BLADDER:] = BLADDERS
+    for foot, (colour, gripping) in enumerate(zip(FEET, grips, strict=True)):
+        palette[FOOT_1 + foot] = colour if gripping else _pale(colour)
+    region = regions(result.body)
+    full = np.clip((thickness(result, robot, frame) - PALE) / (FULL - PALE), 0, 1)
+    full = np.where(region < FIRST_BLADDER, 1.0, full)[:, None]
+    return full * palette[region] + (1 - full) * _pale(palette[region])
+
+
+def _pale(colour: Array) -> Array:
+    return 0.32 * colour + 0.68 * np.array([0.97, 0.96, 0.94])
