@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.inflatable_body import (
     BLADDER_COUNT,
@@ -216,12 +217,12 @@ def build_program(
     return builder.build(lengths, snapshots)
 
 
-def _set_friction(builder: ProgramBuilder, robot: int, value: object, regions: object, step: int) -> None:
+def _set_friction(builder: ProgramBuilder, robot: int, value: ArrayLike, regions: ArrayLike, step: int) -> None:
     for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
         builder.set(quantity, value, regions=regions, step=step, robots=robot)
 
 
-def _set_weight(builder: ProgramBuilder, robot: int, gravity: np.ndarray, regions: object, step: object) -> None:
+def _set_weight(builder: ProgramBuilder, robot: int, gravity: np.ndarray, regions: ArrayLike, step: ArrayLike) -> None:
     for axis in range(3):
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 

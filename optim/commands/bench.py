@@ -25,6 +25,6 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Measure; the benchmark itself prints its table."""
-    from robots import bench
+    from robots.bench import main
 
-    return Report(bench.main(args), "")
+    return Report(main(args), "")
