@@ -71,6 +71,20 @@ def test_a_robot_does_not_feel_its_batch(precision, width):
     assert np.array_equal(together, threaded, equal_nan=True)
 
 
+def test_memory_of_a_device_gives_the_same_bits(monkeypatch):
+    """The stepped driver on Taichi's own arrays, as on a GPU, here on the CPU's."""
+    case = load_case("bars_collide")
+    program = dataclasses.replace(case.program(2), lengths=[300, 270], snapshots=np.array([[270], [270]]))
+    found = []
+    for on_cpu in (True, False):
+        engine = LatticeEngine(case.body, 2, time_step=case.time_step, driver="stepped")
+        monkeypatch.setattr(engine._driver, "_on_cpu", on_cpu)
+        first = engine.run(program)
+        second = engine.run(ProgramBuilder(2).build(20, [[20], [10]]))
+        found.append(np.concatenate([first.positions, second.positions]))
+    assert np.array_equal(*found)
+
+
 def test_two_runs_continue_as_one():
     """Channels, damping memory and watch lists carry over, also for robots that ended before their block."""
     case = load_case("bars_collide")

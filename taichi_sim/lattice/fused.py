@@ -12,8 +12,8 @@ from taichi_sim.lattice.tables import PackedProgram, Tables
 from taichi_sim.lattice.watch import LENGTH
 from taichi_sim.runtime import aligned
 
-# A block of 16 lanes takes about this many times as long as a single robot in scalars (measured; 8 lanes of f64 alike).
-BLOCK_COST = 2.5
+# A block of lanes takes about this many times as long as a single robot in scalars (measured).
+BLOCK_COST = {"f32": 1.7, "f64": 2.2}
 STEPS_PER_LAUNCH = 1000  # a launch costs about 0.3 ms; short ones keep progress and Ctrl-C responsive
 PAIRS_PER_VOXEL = 8  # room for watched pairs at first; it grows when needed
 
@@ -22,7 +22,7 @@ def choose_width(batch: int, precision: str, threads: int) -> int:
     """Robots per real that finish a batch soonest; results do not depend on it."""
     native = NATIVE_WIDTH[precision]
     blocks = -(-batch // native)
-    return native if -(-blocks // threads) * BLOCK_COST < -(-batch // threads) else 1
+    return native if -(-blocks // threads) * BLOCK_COST[precision] < -(-batch // threads) else 1
 
 
 class FusedDriver:
