@@ -52,6 +52,7 @@ class FusedDriver:
             self.write(section, values)
         surface, bunch = max(len(tables.surface_voxels), 1), NATIVE_WIDTH[precision]
         self._scratch = aligned((self.blocks, 3, -(-surface // bunch), bunch), self.real.numpy)
+        self._near = aligned((self.blocks, bunch), np.int32)
         self._fresh = np.zeros((self.blocks, surface), np.int32)
         self._touched = np.zeros((self.blocks, surface), np.int32)
         self._row = np.zeros((self.blocks, 2, surface + 1), np.int32)
@@ -159,6 +160,6 @@ class FusedDriver:
             contact.REBUILD_DISTANCE * edge, self.real.reals(self._memory.reshape(-1, width)),
             self._memory.reshape(-1, width), self._parked.reshape(-1, width), self._plan, t.link, t.voxel, t.rest,
             t.surface, t.excluded, self._start, self.real.reals(self._bits), self._scratch, self._scratch,
-            self._touched, self._fresh, self._row, self._partner, self._mask, self._info, lanes, marks, values,
-            poses, strains,
+            self._near, self._near, self._touched, self._fresh, self._row, self._partner, self._mask,
+            self._info, lanes, marks, values, poses, strains,
         )  # fmt: skip

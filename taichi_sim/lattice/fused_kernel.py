@@ -236,14 +236,14 @@ def retire_diverged(ms: ti.template(), block, k, t, width: ti.template(), plan: 
 @ti.func
 def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.template(), radius, distance,
                   plan: ti.template(), surface: ti.template(), excluded: ti.template(), scratch: ti.template(),
-                  scratch_s: ti.template(), fresh: ti.template(), row: ti.template(), partner: ti.template(),
-                  mask: ti.template(), info: ti.template(), lanes: ti.template()):  # fmt: skip
+                  scratch_s: ti.template(), near: ti.template(), near_s: ti.template(), fresh: ti.template(),
+                  row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(), lanes: ti.template()):  # fmt: skip
     """Build the lists of those robots again that have moved too far; halts the block if they do not fit."""
     for lane in range(width):
         moved = k + plan[MONITOR] + MOVED
         if ms[moved, lane] > distance * distance and lanes[block, lane, LANE_STATE] == LANE_ACTIVE:
             fits = rebuild_lane(ms, block, k, lane, bunch, radius * radius, plan, surface, excluded, scratch, scratch_s,
-                                fresh, row, partner, mask, info)  # fmt: skip
+                                near, near_s, fresh, row, partner, mask, info)  # fmt: skip
             if fits == 0:
                 info[block, INFO_STATE] = OUT_OF_PAIRS
             else:
@@ -258,6 +258,7 @@ def fused_kernel(real: Real) -> Any:
     reals = ti.types.ndarray(dtype=real.type, ndim=1)
     bunches = ti.types.ndarray(dtype=ti.types.vector(bunch, real.scalar), ndim=3)
     bits_type = ti.types.ndarray(dtype=ti.i32 if width == 1 else ti.types.vector(width, ti.i32), ndim=1)
+    flags = ti.types.ndarray(dtype=ti.types.vector(bunch, ti.i32), ndim=1)
     ints1, ints2, ints3 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3))
     scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
@@ -265,8 +266,8 @@ def fused_kernel(real: Real) -> Any:
     def run(blocks: ti.i32, slots: ti.i32, steps: ti.i32, dt: real.scalar, edge: real.scalar, gravity: real.scalar,
             watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2, parked: scalars2,
             plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1, excluded: ints2,
-            start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, touched: ints2, fresh: ints2,
-            row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2, event_value: scalars2,
+            start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, near: flags, near_s: ints2,
+            touched: ints2, fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2, event_value: scalars2,
             poses: scalars4, strains: scalars3):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
@@ -282,7 +283,7 @@ def fused_kernel(real: Real) -> Any:
                     if info[block, INFO_STATE] == RUNNING and plan[CONTACT_ON] != 0:
                         if any_lane(load(m, k, plan[MONITOR] + MOVED) > rebuild_distance * rebuild_distance):
                             refresh_watch(ms, block, k, width, bunch, watch_radius, rebuild_distance, plan, surface,
-                                          excluded, scratch, scratch_s, fresh, row, partner, mask, info,
+                                          excluded, scratch, scratch_s, near, near_s, fresh, row, partner, mask, info,
                                           lanes)  # fmt: skip
                     if info[block, INFO_STATE] == RUNNING:
                         step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table,

@@ -18,7 +18,8 @@ NOWHERE = 2**30
 def rebuild_lane(
     ms: ti.template(), block, k, lane, bunch: ti.template(), radius_squared, plan: ti.template(),
     surface: ti.template(), excluded: ti.template(), scratch: ti.template(), scratch_scalar: ti.template(),
-    fresh: ti.template(), row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
+    near: ti.template(), near_scalar: ti.template(), fresh: ti.template(), row: ti.template(), partner: ti.template(),
+    mask: ti.template(), info: ti.template(),
 ):  # fmt: skip
     """Build one robot's part of a block's list; returns 0 and changes nothing if the list has no room.
 
@@ -35,7 +36,9 @@ def rebuild_lane(
     bit = 1 << lane
     length = 0
     for s in range(count):
-        found = _near_voxels(block, s, bunch, count, radius_squared, excluded, scratch, scratch_scalar, fresh)
+        found = _near_voxels(
+            block, s, bunch, count, radius_squared, excluded, scratch, scratch_scalar, near, near_scalar, fresh
+        )
         row[block, new, s] = length
         o = row[block, old, s]
         end = row[block, old, s + 1]
@@ -75,8 +78,8 @@ def rebuild_lane(
 
 @ti.func
 def _near_voxels(
-    block, s, bunch: ti.template(), count, radius_squared,
-    excluded: ti.template(), scratch: ti.template(), scratch_scalar: ti.template(), fresh: ti.template(),
+    block, s, bunch: ti.template(), count, radius_squared, excluded: ti.template(), scratch: ti.template(),
+    scratch_scalar: ti.template(), near: ti.template(), near_scalar: ti.template(), fresh: ti.template(),
 ):  # fmt: skip
     """Collect later surface voxels near surface voxel s, in ascending order; returns their number."""
     found = 0
@@ -87,15 +90,13 @@ def _near_voxels(
         dx = scratch[block, 0, g] - x
         dy = scratch[block, 1, g] - y
         dz = scratch[block, 2, g] - z
-        distances = dx * dx + dy * dy + dz * dz
-        if any_lane(distances <= radius_squared):
+        within = dx * dx + dy * dy + dz * dz <= radius_squared
+        if any_lane(within):
+            near[block] = ti.select(within, 1, 0)
             for i in range(bunch):
-                other = g * bunch + i
-                ex = scratch_scalar[block, 0, g, i] - x
-                ey = scratch_scalar[block, 1, g, i] - y
-                ez = scratch_scalar[block, 2, g, i] - z
-                if ex * ex + ey * ey + ez * ez <= radius_squared and other > s and other < count:
-                    if excluded[s, other // 32] & (1 << (other % 32)) == 0:
+                if near_scalar[block, i] != 0:
+                    other = g * bunch + i
+                    if other > s and other < count and excluded[s, other // 32] & (1 << (other % 32)) == 0:
                         fresh[block, found] = other
                         found += 1
     return found
