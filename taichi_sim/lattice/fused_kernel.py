@@ -237,7 +237,8 @@ def retire_diverged(ms: ti.template(), block, k, t, width: ti.template(), plan: 
 def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.template(), radius, distance,
                   plan: ti.template(), surface: ti.template(), excluded: ti.template(), scratch: ti.template(),
                   scratch_s: ti.template(), near: ti.template(), near_s: ti.template(), fresh: ti.template(),
-                  row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(), lanes: ti.template()):  # fmt: skip
+                  row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
+                  lanes: ti.template()):  # fmt: skip
     """Build the lists of those robots again that have moved too far; halts the block if they do not fit."""
     for lane in range(width):
         moved = k + plan[MONITOR] + MOVED
@@ -267,8 +268,8 @@ def fused_kernel(real: Real) -> Any:
             watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2, parked: scalars2,
             plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1, excluded: ints2,
             start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, near: flags, near_s: ints2,
-            touched: ints2, fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2, event_value: scalars2,
-            poses: scalars4, strains: scalars3):  # fmt: skip
+            touched: ints2, fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3,
+            event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN

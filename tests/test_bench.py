@@ -1,0 +1,25 @@
+"""The benchmark runs and its figures are numbers; how large they are is for people to judge."""
+
+from argparse import Namespace
+
+import pytest
+
+from robots import bench
+from taichi_sim.lattice.roofline import measure_peak
+
+
+def test_the_peak_of_a_core_is_plausible():
+    """Between a tenth of and ten times what today's cores do."""
+    assert 1e9 < measure_peak("f32", seconds=0.05) < 1e12
+
+
+@pytest.mark.slow
+def test_all_figures(tmp_path, capsys):
+    """With a prototype that claims a million robot-steps per second."""
+    prototype = tmp_path / "prototype.py"
+    prototype.write_text("print('f32: 1000000 robot-steps per CPU second')")
+    figures = bench.main(Namespace(precision="f32", quick=True, prototype=prototype, json=False))["f32"]
+    assert figures["ratio_to_prototype"] == figures["robot_steps_per_core_second"]["median"] / 1e6
+    assert 0 < figures["part_of_peak"] < 1
+    assert figures["kilobytes_per_robot"] < 800
+    assert "robot-steps/s" in capsys.readouterr().out
