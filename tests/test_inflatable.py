@@ -11,7 +11,6 @@ from robots.inflatable import (
     INCHING,
     PUBLISHED,
     ROLLING,
-    SMALL,
     InflatableActuation,
     InflatableDesign,
     InflatableGeometry,
@@ -28,6 +27,7 @@ from taichi_sim.lattice import Quantity
 from taichi_sim.lattice.faces import corners, half_extents, mean_of_face_corners
 
 QUICK = InflatableActuation(inflation_rate=0.01, pressure_ramp=50.0, hold_steps=100, settle_steps=60)
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
 NOTHING = GaitSchedule(np.zeros((10, 8)))
 
 
@@ -124,7 +124,7 @@ def test_mean_of_face_corners_is_the_mean_over_the_corners():
     """Against the definition: four corners of every exposed face, repeated ones counted as often as they occur."""
     from taichi_sim.lattice.faces import FACE_CORNERS
 
-    body, generator = SMALL.body, np.random.default_rng(0)
+    body, generator = TINY.body, np.random.default_rng(0)
     n = body.voxel_count
     quaternions = generator.normal(size=(2, n, 4))
     quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
@@ -141,19 +141,19 @@ def test_a_quick_evaluation_and_its_frames():
     """Distances follow from the recorded frames; speeds from their conventions; order of designs does not matter."""
     schedule = GaitSchedule(INCHING.schedule.bits[:, :2], repeats=1)
     designs = [dataclasses.replace(INCHING, schedule=schedule), dataclasses.replace(ROLLING, schedule=schedule)]
-    options = {"geometry": SMALL, "actuation": QUICK, "threads": 1}
+    options = {"geometry": TINY, "actuation": QUICK, "threads": 1}
     result = simulate(designs, Terrain(), record_every=50, **options)
     assert result.status.tolist() == ["ok", "ok"]
     frames = result.frames
-    assert frames.positions.shape[1:] == (2, SMALL.body.voxel_count, 3) and frames.times[1] == pytest.approx(
-        50 * SMALL.time_step
+    assert frames.positions.shape[1:] == (2, TINY.body.voxel_count, 3) and frames.times[1] == pytest.approx(
+        50 * TINY.time_step
     )
     assert np.isfinite(frames.positions[: result.steps.min() // 50 + 1]).all()
     assert result.speed_simulated == pytest.approx(
-        result.distance / SMALL.body_length / (result.steps * SMALL.time_step)
+        result.distance / TINY.body_length / (result.steps * TINY.time_step)
     )
-    nominal = nominal_steps(2, QUICK) * SMALL.time_step
-    assert result.speed == pytest.approx(result.distance / SMALL.body_length / nominal)
+    nominal = nominal_steps(2, QUICK) * TINY.time_step
+    assert result.speed == pytest.approx(result.distance / TINY.body_length / nominal)
     backwards = simulate(designs[::-1], Terrain(), **options)
     assert np.array_equal(result.distance, backwards.distance[::-1])
     assert backwards.frames is None
@@ -164,7 +164,7 @@ def test_a_quick_evaluation_and_its_frames():
 def test_perturbation_is_seeded_per_robot():
     schedule = GaitSchedule(np.eye(10, 1), repeats=1)
     design = dataclasses.replace(INCHING, schedule=schedule)
-    options = {"geometry": SMALL, "actuation": QUICK, "perturbation": 1e-5, "threads": 1}
+    options = {"geometry": TINY, "actuation": QUICK, "perturbation": 1e-5, "threads": 1}
     three = simulate([design] * 3, **options).distance
     assert len(set(three.tolist())) == 3
     assert np.array_equal(simulate([design] * 2, **options).distance, three[:2])

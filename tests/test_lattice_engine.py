@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lattice_reference import load_case
 
-from robots.inflatable import INCHING, ROLLING, SMALL
+from robots.inflatable import INCHING, ROLLING, InflatableGeometry
 from robots.inflatable_program import InflatableActuation, build_program
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
@@ -15,6 +15,7 @@ from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Mater
 
 # A quick pancake: all stages of a run, with self-contact and floor, in about a thousand steps.
 QUICK = InflatableActuation(inflation_rate=0.02, pressure_ramp=100.0, hold_steps=150, settle_steps=100)
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
 RUBBER = Material(4e5, 3000)
 BAR = LatticeBody(voxels=[(x, 0, 0) for x in range(4)], materials=(RUBBER,), material_index=[0] * 4, voxel_size=0.01)
 
@@ -37,7 +38,7 @@ def quick_designs(count: int) -> list:
 def trajectory(designs, precision="f64", threads=1, **options):
     """Recorded poses (B, S, V, 7) of a quick gait on a slope."""
     runtime.start(precision=precision, threads=threads)
-    engine = LatticeEngine(SMALL.body, len(designs), time_step=SMALL.time_step, floor=True, precision=precision,
+    engine = LatticeEngine(TINY.body, len(designs), time_step=TINY.time_step, floor=True, precision=precision,
                            threads=threads, **options)  # fmt: skip
     program = build_program(designs, Terrain(slope=5.0), QUICK, record_every=100)
     result = engine.run(program)
@@ -174,7 +175,7 @@ def test_nothing_compiles_again(monkeypatch):
     for slope in (0.0, 10.0):
         designs = quick_designs(5)
         engine = LatticeEngine(
-            SMALL.body, 5, time_step=SMALL.time_step, floor=True, precision="f32", threads=1, width=16
+            TINY.body, 5, time_step=TINY.time_step, floor=True, precision="f32", threads=1, width=16
         )
         engine.run(build_program(designs, Terrain(slope=slope), QUICK))
     other = LatticeBody(voxels=np.argwhere(np.ones((3, 2, 2))), materials=(Material(1e6, 900, poissons_ratio=0.2),),

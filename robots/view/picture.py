@@ -85,25 +85,34 @@ def motion_picture(
     columns, steps = play(design.schedule, actuation)
     edges = np.array([*(column.start for column in columns), steps]) * result.time_step
     times = shape.recorded(result).times
-    poses = np.unique(np.linspace(0, len(times) - 1, frames).round().astype(int)).tolist()
-    # A robot that diverged has no poses from then on.
-    poses = [i for i in poses if np.isfinite(shape.path(result, robot)[i]).all()]
-    grips = [_gripping(design.schedule, edges, times[i]) for i in poses]
-    figure = Figure(facecolor="white")
-    strip, chart = figure.add_axes((0, 0, 1, 1)), figure.add_axes((0, 0, 1, 1), label="chart")
-    draw_strip(strip, result, poses, Camera(design.orientation, terrain.slope), grips, robot)
+    # A robot has no poses after its gait, which may be shorter than others of the batch, nor once it diverged.
+    there = np.flatnonzero(np.isfinite(shape.path(result, robot)).all(axis=1))
+    poses = there[np.unique(np.linspace(0, len(there) - 1, frames).round().astype(int))] if len(there) else there
+    figure = Figure(figsize=(WIDTH, TITLE_HEIGHT), facecolor="white")
+    strip, chart = (figure.add_axes((0, 0, 1, 1), label=name) for name in ("strip", "chart"))
+    figure.text(0, 0, _title(result, design, terrain, robot), va="top", fontsize=11, color=INK)
+    if len(poses):
+        grips = [_gripping(design.schedule, edges, times[i]) for i in poses]
+        draw_strip(strip, result, poses.tolist(), Camera(design.orientation, terrain.slope), grips, robot)
+    else:
+        strip.set(xlim=(0, 1), ylim=(0, 0.01))
+        strip.axis("off")
     draw_schedule(chart, design.schedule, edges)
-    for i in poses:
-        chart.axvline(times[i], color=INK, lw=0.8, ls=(0, (2, 2)))
+    chart.vlines(times[poses], *chart.get_ylim(), color=INK, lw=0.8, ls=(0, (2, 2)))
     chart.set_xlabel("time [s]", fontsize=8, color=INK)
-    strip_height = 0.96 * WIDTH * np.ptp(strip.get_ylim()) / np.ptp(strip.get_xlim())
+    _arrange(figure)
+    return figure
+
+
+def _arrange(figure: Figure) -> None:
+    """Title, strip and chart one below the other, as high as the strip is in its full width."""
+    strip, chart = figure.axes
+    strip_height = 0.96 * WIDTH * float(np.ptp(strip.get_ylim()) / np.ptp(strip.get_xlim()))
     total = TITLE_HEIGHT + strip_height + CHART_HEIGHT + AXIS_HEIGHT
     figure.set_size_inches(WIDTH, total)
     strip.set_position((0.02, (AXIS_HEIGHT + CHART_HEIGHT) / total, 0.96, strip_height / total))
     chart.set_position((0.095, AXIS_HEIGHT / total, 0.885, (CHART_HEIGHT - 0.15) / total))
-    title = _title(result, design, terrain, robot)
-    figure.text(0.02, 1 - 0.14 / total, title, va="top", fontsize=11, color=INK)
-    return figure
+    figure.texts[0].set_position((0.02, 1 - 0.14 / total))
 
 
 def _gripping(schedule: GaitSchedule, edges: Array, time: float) -> tuple[bool, bool]:

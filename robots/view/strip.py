@@ -98,7 +98,7 @@ def _places(robots: list[Polygons], rim: Array, gap: float) -> Array:
 def _draw_path(axes: "Axes", path: Array, zorder: float) -> None:
     halo = [withStroke(linewidth=2.4, foreground="white", alpha=0.9)]
     axes.plot(*path.T, color=INK, lw=1.0, zorder=zorder, path_effects=halo, solid_capstyle="round")
-    axes.plot(*path[-1], "o", color=INK, ms=3.2, mec="white", mew=0.7, zorder=zorder + 1)
+    axes.plot(*path[-1], "o", color=INK, ms=3.2, mec="white", mew=0.7, zorder=1000.0)
 
 
 def _write(axes: "Axes", text: str, place: tuple[float, float], centred: bool) -> None:

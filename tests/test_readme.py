@@ -1,0 +1,79 @@
+"""What the documents say is so."""
+
+import functools
+import json
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from optim.cli import build_parser
+from robots import inflatable
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text()
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+QUICK = inflatable.InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
+
+
+def test_python_versions_are_those_declared():
+    (sentence,) = re.findall(r"Python (3\.\d+), (3\.\d+) or (3\.\d+)", README)
+    declared = [c.split(" :: ")[-1] for c in PROJECT["classifiers"] if ":: 3." in c]
+    assert list(sentence) == declared
+    low, high = (int(version.split(".")[1]) for version in (sentence[0], sentence[-1]))
+    assert PROJECT["requires-python"] == f">=3.{low},<3.{high + 1}"
+
+
+def test_every_command_is_real_and_none_is_missing():
+    lines = re.findall(r"`morpholab ([^`]+)`", README)
+    for line in lines:
+        build_parser().parse_args(shlex.split(line))
+    commands = next(a.choices for a in build_parser()._actions if a.dest == "command")
+    assert {line.split()[0] for line in lines} == set(commands)
+
+
+def test_every_option_named_exists():
+    helps = [parser.format_help() for parser in build_parser()._actions[-1].choices.values()]
+    for option in set(re.findall(r"`(--[a-z-]+)", README)) - {"--help"}:
+        assert any(option in text for text in helps), option
+
+
+def test_every_target_of_make_exists():
+    makefile = (ROOT / "Makefile").read_text()
+    for target in set(re.findall(r"(?:`|^)make ([a-z]+)", README, re.MULTILINE)):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/architecture.md"])
+def test_every_link_leads_somewhere(name):
+    document = ROOT / name
+    for link in re.findall(r"\]\(([^)]+)\)", document.read_text()):
+        assert link.startswith("https://") or (document.parent / link).exists(), link
+
+
+def test_the_example_runs(monkeypatch, capsys):
+    quick = functools.partial(inflatable.simulate, geometry=inflatable.SMALL, actuation=QUICK)
+    monkeypatch.setattr(inflatable, "simulate", quick)
+    (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert len(example.splitlines()) <= 8
+    exec(compile(example, "README.md", "exec"), {})
+    assert re.match(r"rolling: -?\d\.\d{3} BL/s on flat ground", capsys.readouterr().out)
+
+
+def test_the_document_on_architecture_names_every_file_and_no_other():
+    files = {p.name for top in ("taichi_sim", "robots", "optim") for p in (ROOT / top).rglob("*.py")}
+    assert set(re.findall(r"[a-z_]+\.py\b", ARCHITECTURE)) == files - {"__init__.py", "__main__.py"}
+
+
+def test_documents_are_short_and_the_picture_small():
+    assert README.count("\n") <= 120 and ARCHITECTURE.count("\n") <= 150
+    assert (ROOT / "docs" / "rolling.png").stat().st_size < 150_000
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.ipynb")), ids=lambda path: path.name)
+def test_notebooks_are_kept_without_their_outputs(path):
+    cells = [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
+    assert cells and not any(cell["outputs"] or cell["execution_count"] for cell in cells)
