@@ -17,10 +17,10 @@ from robots.inflatable import (
     INCHING,
     PUBLISHED,
     ROLLING,
-    SMALL,
     Frames,
     InflatableActuation,
     InflatableDesign,
+    InflatableGeometry,
     InflatableResult,
     simulate,
 )
@@ -33,10 +33,11 @@ from robots.view.scene import Camera
 from robots.view.strip import draw_strip
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
 STILL = GaitSchedule(np.zeros((10, 1)), repeats=1)
 
 
-def posed(places=((0.0, 0.0, 0.0),), geometry=SMALL) -> InflatableResult:
+def posed(places=((0.0, 0.0, 0.0),), geometry=TINY) -> InflatableResult:
     """The robot as it was built, moved to some places one after the other."""
     body, one = geometry.body, np.ones(1)
     positions = body.start_positions + np.array(places)[:, None, None]
@@ -46,7 +47,7 @@ def posed(places=((0.0, 0.0, 0.0),), geometry=SMALL) -> InflatableResult:
     return InflatableResult(one, one, one, np.array(["ok"]), np.array([99]), 1e-4, frames, body)
 
 
-@pytest.mark.parametrize("geometry", [SMALL, PUBLISHED])
+@pytest.mark.parametrize("geometry", [TINY, PUBLISHED])
 def test_read_outs_of_the_robot_as_built(geometry):
     result = posed([(0, 0, 0), (0.3, 0, 0)], geometry)
     assert shape.width(result) == pytest.approx(geometry.columns * geometry.voxel_size)
@@ -58,7 +59,7 @@ def test_read_outs_of_the_robot_as_built(geometry):
 
 def test_the_surface_has_no_gaps():
     simulated = simulate(
-        InflatableDesign(6e3, 0.0, STILL), geometry=SMALL, actuation=QUICK, precision="f32", record_every=40
+        InflatableDesign(6e3, 0.0, STILL), geometry=TINY, actuation=QUICK, precision="f32", record_every=40
     )
     seen = shape.surface(simulated)
     corners = [[tuple(corner) for corner in quad] for quad in seen.quads.tolist()]
@@ -69,14 +70,14 @@ def test_the_surface_has_no_gaps():
 def test_pressure_makes_the_robot_round():
     slow = InflatableActuation(inflation_rate=0.05, pressure_ramp=10.0, hold_steps=1500, settle_steps=30)
     designs = [InflatableDesign(pressure, 0.0, STILL) for pressure in (0.0, 6e3, 12e3)]
-    result = simulate(designs, geometry=SMALL, actuation=slow, precision="f32", record_every=30)
+    result = simulate(designs, geometry=TINY, actuation=slow, precision="f32", record_every=30)
     flat, middle, round_ = (shape.ratio(result, robot) for robot in range(3))
     assert flat > middle + 0.4 > round_ + 0.8
     assert shape.height(result, robot=2) > 1.5 * shape.height(result, robot=0)
 
 
 def test_read_outs_need_frames():
-    result = simulate(InflatableDesign(0.0, 0.0, STILL), geometry=SMALL, actuation=QUICK, precision="f32")
+    result = simulate(InflatableDesign(0.0, 0.0, STILL), geometry=TINY, actuation=QUICK, precision="f32")
     with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
         shape.width(result)
 
@@ -114,7 +115,7 @@ def test_a_pose_on_any_axes():
     draw_pose(axes, posed(), frame=0)
     assert any(isinstance(drawn, PolyCollection) for drawn in axes.collections)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    assert right - left > SMALL.columns * SMALL.voxel_size and top > 0 > bottom
+    assert right - left > TINY.columns * TINY.voxel_size and top > 0 > bottom
 
 
 def test_a_chart_has_a_coloured_cell_for_every_bit():
@@ -141,21 +142,21 @@ def test_poses_that_are_clear_of_each_other_share_one_ground(step, lines):
 def test_the_picture_of_a_gait(tmp_path):
     for name, design, terrain in (("roll", ROLLING, Terrain()), ("inch", INCHING, Terrain(15.0))):
         path = tmp_path / f"{name}.png"
-        result = save_motion_picture(design, terrain, path, geometry=SMALL, actuation=QUICK, frames=4)
+        result = save_motion_picture(design, terrain, path, geometry=TINY, actuation=QUICK, frames=4)
         assert result.status[0] == "ok" and len(result.frames.times) >= 4
         assert path.read_bytes().startswith(b"\x89PNG") and 20_000 < path.stat().st_size < 500_000
     figure = motion_picture(result, INCHING, Terrain(15.0), actuation=QUICK, frames=4)
     (title,) = figure.texts
     assert "BL/s up a slope of 15°; core at 0 kPa, heading 90°" in title.get_text()
     again = tmp_path / "again.png"
-    save_motion_picture(INCHING, Terrain(15.0), again, geometry=SMALL, actuation=QUICK, frames=4)
+    save_motion_picture(INCHING, Terrain(15.0), again, geometry=TINY, actuation=QUICK, frames=4)
     assert again.read_bytes() == path.read_bytes()
 
 
 def test_the_shortest_gait_has_a_picture(tmp_path):
     actuation = InflatableActuation(hold_steps=20, settle_steps=2)
     design = InflatableDesign(0.0, 0.0, STILL)
-    save_motion_picture(design, Terrain(), tmp_path / "a.png", geometry=SMALL, actuation=actuation)
+    save_motion_picture(design, Terrain(), tmp_path / "a.png", geometry=TINY, actuation=actuation)
     assert (tmp_path / "a.png").exists()
 
 
@@ -164,7 +165,7 @@ def test_the_picture_of_a_robot_that_diverged():
     frames.positions[3:] = np.nan
     nothing = np.array([np.nan])
     status = np.array(["diverged"])
-    result = InflatableResult(nothing, nothing, nothing, status, np.array([50]), 1e-4, frames, SMALL.body)
+    result = InflatableResult(nothing, nothing, nothing, status, np.array([50]), 1e-4, frames, TINY.body)
     figure = motion_picture(result, ROLLING, Terrain())
     assert figure.texts[0].get_text().startswith("diverged on flat ground")
     assert len(figure.axes[0].texts) == 3 + 1  # the poses before, and the scale bar
@@ -174,7 +175,7 @@ def test_the_picture_of_a_robot_that_diverged():
 
 def test_a_picture_needs_two_poses(tmp_path):
     with pytest.raises(ValueError, match=r"^frames: 1 is not allowed; give a whole number, at least 2$"):
-        save_motion_picture(ROLLING, Terrain(), tmp_path / "a.png", geometry=SMALL, frames=1)
+        save_motion_picture(ROLLING, Terrain(), tmp_path / "a.png", geometry=TINY, frames=1)
     assert not any(tmp_path.iterdir())
 
 
