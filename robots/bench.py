@@ -84,7 +84,7 @@ def prototype_rate(path: Path, precision: str) -> float:
 
 def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:
     """All figures of one precision."""
-    lanes, pieces, steps = NATIVE_WIDTH[precision], 4 if quick else 12, 250 if quick else 500
+    lanes, pieces, steps = NATIVE_WIDTH[precision], 4, 250 if quick else 1000
     before = prototype_rate(prototype, precision) if prototype else None
     full = Batch(lanes, precision, 1, lanes)
     found: dict[str, Any] = {"first_step_s": full.first_step, "kilobytes_per_robot": full.engine.bytes_per_robot / 1e3}

@@ -124,7 +124,7 @@ def test_a_chart_has_a_coloured_cell_for_every_bit():
     (cells,) = axes.collections
     off = np.isclose(cells.get_facecolor()[:, :3], scene.GROUND).all(axis=1)
     assert (~off).sum() == INCHING.schedule.played.sum() and off.size == INCHING.schedule.played.size
-    assert axes.get_xlim() == (0, 16)
+    assert axes.get_xlim() == (0, 16) and all(x % 1 == 0 for x in axes.get_xticks())
     assert [label.get_text() for label in axes.get_yticklabels()][0:9:8] == ["bladder 1", "foot 1"]
 
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from robots.inflatable import InflatableResult
@@ -118,6 +119,7 @@ def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None 
     colours = np.where(played.reshape(-1, 1), np.array([*BLADDERS, *FEET])[row], GROUND)
     axes.add_collection(PolyCollection(list(cells), facecolors=colours, edgecolors=[PAPER], linewidths=0.6))
     axes.set_xlim(ticks[0], ticks[-1])
+    axes.xaxis.set_major_locator(MaxNLocator(integer=edges is None))
     axes.set_ylim(tops[-1] + 1.0, 0.0)
     numbers = [str(i + 1) for group in (BLADDERS, FEET) for i in range(len(group))]
     numbers[0], numbers[len(BLADDERS)] = "bladder 1", "foot 1"
