@@ -14,7 +14,7 @@ def test_names_of_terrains():
     assert Terrain.parse("hill:15") == Terrain(15.0)
 
 
-@given(st.floats(-45, 45))
+@given(st.floats(-45, 45, allow_subnormal=False))  # Taichi, once started, has the process flush subnormals to zero
 def test_every_slope_survives_its_name(slope):
     assert Terrain.parse(Terrain(slope).name) == Terrain(slope)
 
