@@ -209,13 +209,16 @@ def _write_best(problem: "GaitProblem", last: "Generation", folder: Path) -> lis
     """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
     from optim.runs.files import replacing
     from robots.hardware import export_csv
-    from robots.inflatable import NAMED_GEOMETRIES
+    from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
     from robots.view.picture import save_motion_picture
 
     if last.best_point is None:
         return []
     design = problem.design(problem.space.from_dict(last.best_point))
-    geometry = NAMED_GEOMETRIES[problem.geometry]
+    robot: dict[str, Any] = {
+        "geometry": NAMED_GEOMETRIES[problem.geometry],
+        "actuation": InflatableActuation(weight=problem.weight),
+    }
     best = folder / "best.json"
     table = folder / "gait.csv"
     if _older(table, best):
@@ -224,7 +227,7 @@ def _write_best(problem: "GaitProblem", last: "Generation", folder: Path) -> lis
     for terrain, picture in zip(problem.terrains, pictures, strict=True):
         if _older(picture, best):
             with replacing(picture) as aside:
-                save_motion_picture(design, terrain, aside, geometry=geometry)
+                save_motion_picture(design, terrain, aside, **robot)
     return [path.name for path in (best, table, *pictures)]
 
 

@@ -85,12 +85,15 @@ def run(args: argparse.Namespace) -> Report:
     )
     terrain = Terrain(args.slope)
     geometry, weight = args.geometry or "published", args.weight or "published"
+    robot: dict[str, Any] = {
+        "geometry": inflatable.NAMED_GEOMETRIES[geometry],
+        "actuation": inflatable.InflatableActuation(weight=weight),
+    }
     with shown_progress(f"{args.gait} on {terrain.name}", 1.0) as update:
         result = inflatable.simulate(
             [design],
             terrain,
-            geometry=inflatable.NAMED_GEOMETRIES[geometry],
-            actuation=inflatable.InflatableActuation(weight=weight),
+            **robot,
             precision=args.precision or "f64",
             device=args.device or "cpu",
             threads=args.threads,
@@ -114,7 +117,7 @@ def run(args: argparse.Namespace) -> Report:
         **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
     }
     if args.out is not None:
-        _write(args.out, design, terrain, geometry, document, result.frames)
+        _write(args.out, design, terrain, robot, document, result.frames)
     text = f"{args.gait} on {terrain.name}: {document['status']} after {document['steps']:,} steps"
     failed = document["status"] != "ok"
     if not failed:
@@ -129,12 +132,12 @@ def _write(
     folder: Path,
     design: "InflatableDesign",
     terrain: Terrain,
-    geometry: str,
+    robot: dict[str, Any],
     document: dict[str, Any],
     frames: Any,
 ) -> None:
     from robots.hardware import export_csv
-    from robots.inflatable import NAMED_GEOMETRIES, save_design
+    from robots.inflatable import save_design
     from robots.view.picture import save_motion_picture
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -143,4 +146,4 @@ def _write(
     if frames is not None:
         np.savez_compressed(folder / "frames.npz", **vars(frames))
     export_csv(design, folder / "gait.csv")
-    save_motion_picture(design, terrain, folder / "robot.png", geometry=NAMED_GEOMETRIES[geometry])
+    save_motion_picture(design, terrain, folder / "robot.png", **robot)
