@@ -135,14 +135,6 @@ def single_precision() -> bool:
     return _running is not None and _running.precision == "f32"
 
 
-def save_compiled_kernels() -> None:
-    """Write freshly compiled kernels to the cache now (Taichi itself does so only at a clean exit)."""
-    global _running
-    if _running is not None:
-        ti.reset()
-        _running = None
-
-
 def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
     """A NumPy array on a 64-byte boundary, as native vectors of 512 bits require."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize

@@ -9,12 +9,12 @@ from taichi_sim.lattice import contact, memory
 from taichi_sim.lattice import fused_kernel as kernel
 from taichi_sim.lattice.memory import Memory
 from taichi_sim.lattice.tables import PackedProgram, Tables
-from taichi_sim.lattice.watch import LENGTH
 from taichi_sim.runtime import aligned
 
 # A block of lanes takes about this many times as long as a single robot in scalars (measured).
 BLOCK_COST = {"f32": 1.7, "f64": 2.2}
-STEPS_PER_LAUNCH = 1000  # a launch costs about 0.3 ms; short ones keep progress and Ctrl-C responsive
+# Block-steps in a launch: it costs about 0.3 ms itself, and short ones keep progress and Ctrl-C responsive.
+STEPS_PER_LAUNCH, LEAST_STEPS = 1000, 50
 PAIRS_PER_VOXEL = 8  # room for watched pairs at first; it grows when needed
 
 
@@ -106,11 +106,6 @@ class FusedDriver:
         )
         return int(sum(a.nbytes for a in arrays) / self._robot.size)
 
-    @property
-    def watched_pairs(self) -> np.ndarray:
-        """Pairs in each block's list."""
-        return self._info[:, LENGTH]
-
     def run(
         self, program: PackedProgram, alive: np.ndarray, dt: float, edge: float, gravity: float,
         tick: Callable[[float], None],
@@ -155,8 +150,9 @@ class FusedDriver:
     def _launch(self, dt: float, edge: float, gravity: float, lanes: np.ndarray, marks: np.ndarray, values: np.ndarray,
                 poses: np.ndarray, strains: np.ndarray) -> None:  # fmt: skip
         t, width = self.tables, self.real.width
+        steps = max(STEPS_PER_LAUNCH // self.blocks, LEAST_STEPS)
         kernel.fused_kernel(self.real)(
-            self.blocks, self.layout.slots, STEPS_PER_LAUNCH, dt, edge, gravity, contact.WATCH_RADIUS * edge,
+            self.blocks, self.layout.slots, steps, dt, edge, gravity, contact.WATCH_RADIUS * edge,
             contact.REBUILD_DISTANCE * edge, self.real.reals(self._memory.reshape(-1, width)),
             self._memory.reshape(-1, width), self._parked.reshape(-1, width), self._plan, t.link, t.voxel, t.rest,
             t.surface, t.excluded, self._start, self.real.reals(self._bits), self._scratch, self._scratch,
