@@ -7,7 +7,6 @@ import numpy as np
 from taichi_sim.lanes import NATIVE_WIDTH, Real
 from taichi_sim.lattice import contact, memory
 from taichi_sim.lattice import fused_kernel as kernel
-from taichi_sim.lattice.memory import Memory
 from taichi_sim.lattice.tables import PackedProgram, Tables
 from taichi_sim.runtime import aligned
 
@@ -38,17 +37,10 @@ class FusedDriver:
         lanes = np.arange(self.blocks * width).reshape(self.blocks, width)
         self._robot = np.minimum(lanes, batch - 1)  # lanes without a robot repeat the last one
         self._has_robot = lanes < batch
-        self.layout = Memory.of(
-            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels),
-            len(tables.group_region), tables.beam.shape[1], len(tables.rest), (tables.ring, 6),
-        )  # fmt: skip
+        self.layout = tables.layout(forces=(tables.ring, 6))
         self._memory = self.real.array((self.blocks, self.layout.slots))
         self._parked = self.real.array((self.blocks, self.layout.state_slots))
-        for section, values in (
-            (memory.CONSTANT, tables.constant),
-            (memory.BEAM, tables.beam),
-            (memory.CHANNEL, tables.channel),
-        ):
+        for section, values in tables.initial_sections():
             self.write(section, values)
         surface, bunch = max(len(tables.surface_voxels), 1), NATIVE_WIDTH[precision]
         self._scratch = aligned((self.blocks, 3, -(-surface // bunch), bunch), self.real.numpy)

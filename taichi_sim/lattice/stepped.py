@@ -8,7 +8,6 @@ import numpy as np
 from taichi_sim.lanes import Real
 from taichi_sim.lattice import contact, memory
 from taichi_sim.lattice import fused_kernel as kernel
-from taichi_sim.lattice.memory import Memory
 from taichi_sim.lattice.stepped_kernels import stepped_kernels
 from taichi_sim.lattice.tables import PackedProgram, Tables
 from taichi_sim.runtime import ti
@@ -26,16 +25,9 @@ class SteppedDriver:
         """Allocate the memory and fill in the constants."""
         self.tables, self.batch, self._on_cpu = tables, batch, on_cpu
         self.real = Real(precision, 1)
-        self.layout = Memory.of(
-            len(tables.group), len(tables.link_ends), tables.gauges, len(tables.surface_voxels),
-            len(tables.group_region), tables.beam.shape[1], len(tables.rest), (len(tables.link_ends), 12),
-        )  # fmt: skip
+        self.layout = tables.layout(forces=(len(tables.link_ends), 12))
         self._memory: np.ndarray = np.zeros((self.layout.slots, batch), self.real.numpy)
-        for section, values in (
-            (memory.CONSTANT, tables.constant),
-            (memory.BEAM, tables.beam),
-            (memory.CHANNEL, tables.channel),
-        ):
+        for section, values in tables.initial_sections():
             self.write(section, values)
         self._start: np.ndarray = tables.start.astype(self.real.numpy)
         self._plan = tables.plan(self.layout, floor, self_contact)

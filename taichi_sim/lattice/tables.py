@@ -57,6 +57,17 @@ class Tables:
     poisson: bool
     ring: int
 
+    def layout(self, forces: tuple[int, int]) -> memory.Memory:
+        """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
+        return memory.Memory.of(
+            len(self.group), len(self.link_ends), self.gauges, len(self.surface_voxels), len(self.group_region),
+            self.beam.shape[1], len(self.rest), forces,
+        )  # fmt: skip
+
+    def initial_sections(self) -> tuple[tuple[int, np.ndarray], ...]:
+        """Sections of the memory that the tables fill, with values of shape (B, items, components)."""
+        return (memory.CONSTANT, self.constant), (memory.BEAM, self.beam), (memory.CHANNEL, self.channel)
+
     def plan(self, layout: memory.Memory, floor: bool, self_contact: bool) -> np.ndarray:
         """The integers that tell kernels where sections lie, how many items there are and what is switched on."""
         plan = np.zeros(memory.PLAN_SIZE, np.int32)
