@@ -1,10 +1,9 @@
 """What a "real" is: a scalar, or a native vector that holds the same quantity of many robots.
 
-The laws of the package are written once, over reals. With ``width == 1`` a real is a scalar (one robot per
-thread: GPU, gradients, a single robot); else it is a vector of ``width`` robots, which LLVM keeps as one
-machine vector. Only the operations below may touch a real: arithmetic, comparisons, ``&`` and ``|``,
-``ti.sqrt``, ``ti.select`` and the functions of this file. Unary minus, ``abs``,
-``-=``, trigonometry and casts do not compile on native vectors.
+The laws of the package are written once, over reals (see ``tracing``). With ``width == 1`` a real is a scalar (one
+robot per thread: GPU, a single robot); else it is a vector of ``width`` robots, which LLVM keeps as one machine
+vector. Only these may touch a real: arithmetic, comparisons, ``&`` and ``|``, ``sqrt``, ``select`` and the functions
+of this file. Unary minus, ``abs``, ``-=``, trigonometry and casts do not compile on native vectors.
 """
 
 from dataclasses import dataclass
@@ -12,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sim.runtime import aligned, ti
+from taichi_sim.runtime import aligned, inside_kernel, ti
+from taichi_sim.tracing import Condition, law, primitive, select
 
 NATIVE_WIDTH = {"f32": 16, "f64": 8}  # 512 bits; LLVM splits them where the machine has less
 
@@ -57,9 +57,16 @@ def _is_vector(x: Any) -> bool:
     return hasattr(x, "is_tensor") and x.is_tensor()
 
 
+@primitive
+def any_lane(condition: Any) -> Any:
+    """True if the condition holds for any robot of the real; a law that is being traced must take both ways."""
+    if isinstance(condition, Condition):
+        return True
+    return _any_lane(condition) if inside_kernel() else np.any(condition)
+
+
 @ti.func
-def any_lane(condition):
-    """True if the condition holds for any robot of the real."""
+def _any_lane(condition):
     flag = 0
     if ti.static(_is_vector(condition)):
         flag = ti.select(condition, 1, 0).max()  # LLVM makes this one test of the mask; a sum it would really sum
@@ -79,16 +86,16 @@ def all_lanes(condition):
     return flag == 0
 
 
-@ti.func
+@law
 def absolute(x):
     """|x|."""
-    return ti.select(x < 0.0, 0.0 - x, x)
+    return select(x < 0.0, 0.0 - x, x)
 
 
-@ti.func
+@law
 def larger(x, y):
     """The larger of two reals; y if x is not a number. (``ti.max`` spends two more operations on NaN.)"""
-    return ti.select(x > y, x, y)
+    return select(x > y, x, y)
 
 
 @ti.func
@@ -111,3 +118,32 @@ def store(memory: ti.template(), k, slot, value):
         memory[k + slot] = value
     else:
         memory[slot, k] = value
+
+
+@ti.func
+def accumulate(memory: ti.template(), k, slot, value):
+    """Add to a slot; where threads share a robot's memory, they take turns."""
+    if ti.static(len(memory.shape) == 1):
+        memory[k + slot] = memory[k + slot] + value
+    else:
+        ti.atomic_add(memory[slot, k], value)
+
+
+@ti.func
+def load_all(memory: ti.template(), k, slots: ti.template()):
+    """Read several slots."""
+    return ti.static(tuple([load(memory, k, slot) for slot in slots]))
+
+
+@ti.func
+def store_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
+    """Write several slots."""
+    for i in ti.static(range(len(slots))):
+        store(memory, k, slots[i], values[i])
+
+
+@ti.func
+def accumulate_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
+    """Add to several slots."""
+    for i in ti.static(range(len(slots))):
+        accumulate(memory, k, slots[i], values[i])

@@ -1,6 +1,6 @@
 """Quaternions (w, x, y, z) as functions over reals or NumPy arrays.
 
-Components, never ``ti.Vector``: reverse mode through vectors is wrong when they are not scalarised.
+Components, never ``ti.Vector``: a real may be a vector already.
 A quaternion maps a vector from the body frame to the world frame.
 """
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from taichi_sim.lanes import absolute, any_lane, larger
 from taichi_sim.runtime import single_precision, ti
+from taichi_sim.tracing import law, law_with_derivative, select, sqrt
 
 # Below this 1 - w^2 the engine that the lattice reproduces replaces the rotation vector by an approximation.
 SMALL_SINE_SQUARED = 2.4e-3
@@ -22,11 +23,16 @@ def _polynomial(reach: float, degree: int) -> list[float]:
     return [float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef]
 
 
+def _derivative(coefficients: list[float]) -> list[float]:
+    return [k * c for k, c in enumerate(coefficients)][1:]
+
+
 _SHORT = {True: _polynomial(_NEAR, 4), False: _polynomial(_NEAR, 9)}
 _LONG = {True: _polynomial(1.0, 10), False: _polynomial(1.0, 20)}
+_SHORT_SLOPE = {single: _derivative(c) for single, c in _SHORT.items()}
 
 
-@ti.pyfunc
+@law
 def multiply(aw, ax, ay, az, bw, bx, by, bz):
     """Quaternion product a b."""
     return (
@@ -37,7 +43,7 @@ def multiply(aw, ax, ay, az, bw, bx, by, bz):
     )
 
 
-@ti.pyfunc
+@law
 def multiply_conjugate(aw, ax, ay, az, bw, bx, by, bz):
     """Quaternion product conj(a) b."""
     return (
@@ -48,7 +54,7 @@ def multiply_conjugate(aw, ax, ay, az, bw, bx, by, bz):
     )
 
 
-@ti.pyfunc
+@law
 def rotate(w, x, y, z, fx, fy, fz):
     """q f conj(q): body frame to world frame."""
     tx = 2.0 * (y * fz - z * fy)
@@ -57,7 +63,7 @@ def rotate(w, x, y, z, fx, fy, fz):
     return fx + w * tx + (y * tz - z * ty), fy + w * ty + (z * tx - x * tz), fz + w * tz + (x * ty - y * tx)
 
 
-@ti.pyfunc
+@law
 def rotate_back(w, x, y, z, fx, fy, fz):
     """conj(q) f q: world frame to body frame."""
     tx = 2.0 * (y * fz - z * fy)
@@ -66,7 +72,7 @@ def rotate_back(w, x, y, z, fx, fy, fz):
     return fx - w * tx + (y * tz - z * ty), fy - w * ty + (z * tx - x * tz), fz - w * tz + (x * ty - y * tx)
 
 
-@ti.pyfunc
+@law
 def matrix(w, x, y, z):
     """Rotation matrix of a unit quaternion, row by row: body frame to world frame."""
     x2 = x + x
@@ -84,7 +90,7 @@ def matrix(w, x, y, z):
     return 1.0 - (yy + zz), xy - wz, xz + wy, xy + wz, 1.0 - (xx + zz), yz - wx, xz - wy, yz + wx, 1.0 - (xx + yy)
 
 
-@ti.pyfunc
+@law
 def apply(a, b, c, d, e, f, g, h, i, x, y, z):
     """Product of a matrix, given row by row, and a vector."""
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
@@ -99,6 +105,14 @@ def _horner(u, coefficients: ti.template()):
 
 
 @ti.func
+def _arc_slope(w, factor):
+    """d/dw of acos(w)/sqrt(1 - w^2) = (w factor - 1)/(1 - w^2), without cancellation where w is near 1."""
+    u = 1.0 - w
+    near = _horner(u, ti.static(_SHORT_SLOPE[single_precision()]))
+    return select(u > _NEAR, (w * factor - 1.0) / larger(u * (2.0 - u), 1e-12), 0.0 - near)
+
+
+@law_with_derivative(_arc_slope)
 def _arc_factor(w):
     """acos(w)/sqrt(1 - w^2) for w in (-1, 1]; each lane's value does not depend on its neighbours."""
     u = 1.0 - w
@@ -106,13 +120,21 @@ def _arc_factor(w):
     if any_lane(u > _NEAR):
         v = 1.0 - absolute(w)
         far = _horner(v, ti.static(_LONG[single_precision()]))
-        sine = ti.sqrt(larger(v * (2.0 - v), 1e-30))
-        far = ti.select(w < 0.0, 3.141592653589793 / sine - far, far)  # acos(w) = pi - acos(-w)
-        result = ti.select(u > _NEAR, far, result)
+        sine = sqrt(larger(v * (2.0 - v), 1e-30))
+        far = select(w < 0.0, 3.141592653589793 / sine - far, far)  # acos(w) = pi - acos(-w)
+        result = select(u > _NEAR, far, result)
     return result
 
 
 @ti.func
+def _rotation_vector_slope(w, factor):
+    """d/dw of :func:`rotation_vector_factor`."""
+    u = 1.0 - w
+    near = 0.0 - (0.5 + u * (0.375 + u * 0.234375))
+    return select(u * (2.0 - u) >= SMALL_SINE_SQUARED, 2.0 * _arc_slope(w, 0.5 * factor), near)
+
+
+@law_with_derivative(_rotation_vector_slope)
 def rotation_vector_factor(w):
     """k such that the engine's rotation vector of (w, v) is k v.
 
@@ -122,19 +144,19 @@ def rotation_vector_factor(w):
     u = 1.0 - w  # rounding may leave w a little above 1; both series continue there
     result = 2.0 + u * (0.5 + u * (0.1875 + u * 0.078125))  # series of 2 sqrt(2/(1 + w)), exact to 1e-13 here
     if any_lane(u * (2.0 - u) >= SMALL_SINE_SQUARED):
-        result = ti.select(u * (2.0 - u) >= SMALL_SINE_SQUARED, 2.0 * _arc_factor(w), result)
+        result = select(u * (2.0 - u) >= SMALL_SINE_SQUARED, 2.0 * _arc_factor(w), result)
     return result
 
 
-@ti.func
+@law
 def to_rotation_vector(w, x, y, z):
     """Exact rotation vector [rad] of a unit quaternion, by the shorter way."""
-    side = ti.select(w < 0.0, 0.0 * w - 1.0, 0.0 * w + 1.0)
+    side = select(w < 0.0, 0.0 * w - 1.0, 0.0 * w + 1.0)
     factor = 2.0 * side * _arc_factor(w * side)
     return factor * x, factor * y, factor * z
 
 
-@ti.func
+@law
 def from_rotation_vector(tx, ty, tz):
     """Unit quaternion of a rotation vector [rad]; series in the half angle, exact to 1e-16 below 0.25 rad."""
     hx = 0.5 * tx
@@ -146,7 +168,7 @@ def from_rotation_vector(tx, ty, tz):
     return w, k * hx, k * hy, k * hz
 
 
-@ti.func
+@law
 def from_large_rotation_vector(tx, ty, tz):
     """Unit quaternion of a rotation vector of up to two turns: a sixteenth of it, squared four times."""
     w, x, y, z = from_rotation_vector(0.0625 * tx, 0.0625 * ty, 0.0625 * tz)
@@ -155,7 +177,7 @@ def from_large_rotation_vector(tx, ty, tz):
     return w, x, y, z
 
 
-@ti.func
+@law
 def renormalise(w, x, y, z):
     """Pull a nearly unit quaternion back to length one (first order of 1/|q|)."""
     k = 1.5 - 0.5 * (w * w + x * x + y * y + z * z)

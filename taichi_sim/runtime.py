@@ -17,6 +17,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -144,3 +145,13 @@ def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
     if fill:
         array[...] = fill
     return array
+
+
+def inside_kernel() -> bool:
+    """Whether a kernel is being compiled, so that arithmetic writes instructions instead of giving numbers."""
+    return bool(ti.lang.impl.inside_kernel())
+
+
+def emit(value: Any) -> Any:
+    """A variable of the kernel being compiled that holds an expression; its later uses do not compute it again."""
+    return ti.lang.impl.expr_init(value) if isinstance(value, ti.lang.expr.Expr) else value

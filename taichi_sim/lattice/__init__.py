@@ -2,16 +2,19 @@
 
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
+from taichi_sim.lattice.gradient import LatticeGradient, Tape
 from taichi_sim.lattice.materials import Material
 from taichi_sim.lattice.program import LatticeProgram, ProgramBuilder, Quantity
 
 __all__ = [
     "LatticeBody",
     "LatticeEngine",
+    "LatticeGradient",
     "LatticeProgram",
     "LatticeResult",
     "LatticeState",
     "Material",
     "ProgramBuilder",
     "Quantity",
+    "Tape",
 ]

@@ -7,7 +7,9 @@ Source: Hiller & Lipson 2014 (section "Beam model"), with the angle regimes and 
 """
 
 from taichi_sim.lanes import absolute, larger
+from taichi_sim.rotations import apply, matrix, multiply, multiply_conjugate, rotate_back, rotation_vector_factor
 from taichi_sim.runtime import ti
+from taichi_sim.tracing import law, select, sqrt
 
 # States of a link; a new one is small but remembers nothing yet.
 LARGE, SMALL, NEW = 0.0, 1.0, 2.0
@@ -20,25 +22,25 @@ STRAIGHT = 1.732e-2  # slopes below this use the first-order rotation onto the a
 DIVERGED_STRAIN = 100.0
 
 
-@ti.func
+@law
 def stays_small(x, y, z, rest):
     """Whether a link in the small-angle regime remains there."""
     turn = absolute(y) + absolute(z)
     return (turn <= TURN_LEAVE * x) & (absolute(rest - x) <= EXTENSION_LEAVE * rest)
 
 
-@ti.func
+@law
 def becomes_small(x, y, z, rest):
     """Whether a link in the large-angle regime leaves it."""
     turn = absolute(y) + absolute(z)
     return (turn < TURN_ENTER * x) & (absolute(rest - x) < EXTENSION_ENTER * rest)
 
 
-@ti.func
+@law
 def turn_onto_axis(x, y, z, length):
     """Quaternion (w, 0, y, z) that turns the offset (x, y, z) onto +x."""
     inverse = 1.0 / length
-    w = ti.sqrt(larger(0.5 * (1.0 + x * inverse), 1e-12))
+    w = sqrt(larger(0.5 * (1.0 + x * inverse), 1e-12))
     k = 0.5 * inverse / w
     slope_y = y / x
     slope_z = z / x
@@ -46,50 +48,117 @@ def turn_onto_axis(x, y, z, length):
     sy = 0.5 * slope_z
     sz = -0.5 * slope_y
     return (
-        ti.select(straight, 1.0 - 0.5 * (sy * sy + sz * sz), w),
-        ti.select(straight, sy, z * k),
-        ti.select(straight, sz, 0.0 - y * k),
+        select(straight, 1.0 - 0.5 * (sy * sy + sz * sz), w),
+        select(straight, sy, z * k),
+        select(straight, sz, 0.0 - y * k),
     )
 
 
-@ti.func
+@law
 def end_forces(
-    edge, k, damping, pull, twist, hx, dy, dz, hy, hz, t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template()
-):
-    """Force F on the "-" end, its moment M, and the moment N that the "+" end gives up: (F, M, N), link frame.
+    edge, k, damping_minus, damping_plus, pull, twist, turning, hx, dy, dz, hy, hz,
+    t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template(),
+):  # fmt: skip
+    """Force F and moment M on the "-" end; force G and moment N that the "+" end gives up; link frame.
 
     The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
-    damping roots have the same proportions: B1 = s, B2 = s h/2, B3 = s h^2/6 with s = sqrt(E h). So strains and their
-    half changes (h...) are joined first, with the weights k and g s (half of it for moments), and bent once.
+    damping roots have the same proportions: B1 = s, B2 = s h/2, B3 = s h^2/6 with s = sqrt(E h). So the combinations
+    of strains and those of their half changes (h...) are the same, with the weights k and g s (half of it for moments).
 
     With bent = False the rotation t1 is zero and not read.
     """
+    ey, ez, ay, az, by, bz = shear_and_bending(edge, dy, dz, t1y, t1z, t2y, t2z, bent)
+    vy, vz, cy, cz, ry, rz = shear_and_bending(edge, hy, hz, h1y, h1z, h2y, h2z, bent)
+    half_minus = 0.5 * damping_minus
+    half_plus = 0.5 * damping_plus
+    ey = k * ey
+    ez = k * ez
+    return (
+        pull + damping_minus * hx, ey + damping_minus * vy, ez + damping_minus * vz,
+        twist + damping_minus * turning, 0.0 - (k * ay + half_minus * cy), k * az + half_minus * cz,
+        pull + damping_plus * hx, ey + damping_plus * vy, ez + damping_plus * vz,
+        twist + damping_plus * turning, k * by + half_plus * ry, k * bz + half_plus * rz,
+    )  # fmt: skip
+
+
+@law
+def shear_and_bending(edge, dy, dz, t1y, t1z, t2y, t2z, bent: ti.template()):
+    """Strains of a beam weighted as in its forces, in its moments at the "-" end, and at the "+" end: y, z of each."""
     arm = 0.5 * edge
+    lever = (1 / 6) * edge * edge
     ty = t2y
     tz = t2z
-    gy = h2y
-    gz = h2z
-    if ti.static(bent):
-        ty = t1y + ty
-        tz = t1z + tz
-        gy = h1y + gy
-        gz = h1z + gz
-    fx = pull + damping * hx
-    fy = (k * dy + damping * hy) - arm * (k * tz + damping * gz)
-    fz = (k * dz + damping * hz) + arm * (k * ty + damping * gy)
-    half = 0.5 * damping
-    lever = (1 / 6) * edge * edge
-    sy = arm * (k * dz + half * hz)
-    sz = arm * (k * dy + half * hy)
-    uy = lever * (k * t2y + half * h2y)
-    uz = lever * (k * t2z + half * h2z)
+    uy = lever * t2y
+    uz = lever * t2z
     vy = uy + uy
     vz = uz + uz
     if ti.static(bent):
-        wy = lever * (k * t1y + half * h1y)
-        wz = lever * (k * t1z + half * h1z)
+        ty = t1y + t2y
+        tz = t1z + t2z
+        wy = lever * t1y
+        wz = lever * t1z
         uy = 2.0 * wy + uy
         uz = 2.0 * wz + uz
         vy = wy + vy
         vz = wz + vz
-    return fx, fy, fz, twist, 0.0 - (sy + uy), sz - uz, twist, sy + vy, vz - sz
+    sy = arm * dz
+    sz = arm * dy
+    return dy - arm * tz, dz + arm * ty, sy + uy, sz - uz, sy + vy, vz - sz
+
+
+@law
+def relative_pose(x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2):
+    """Offset and orientation (w, x, y, z) of the "+" voxel in the frame of the "-" voxel."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w1, a1, b1, c1)
+    x, y, z = apply(xx, yx, zx, xy, yy, zy, xz, yz, zz, x2 - x1, y2 - y1, z2 - z1)
+    qw, qx, qy, qz = multiply_conjugate(w1, a1, b1, c1, w2, a2, b2, c2)
+    return x, y, z, qw, qx, qy, qz
+
+
+@law
+def cross_section(e1, e2, f1, f2):
+    """Mean over two voxels of the sum of their transverse strains, and of the product of one plus each."""
+    return 0.5 * ((e1 + e2) + (f1 + f2)), 0.5 * ((1.0 + e1) * (1.0 + e2) + (1.0 + f1) * (1.0 + f2))
+
+
+@law
+def straight_strains(x, y, z, qw, qx, qy, qz, rest):
+    """Offset and rotation vector of a link that is and was in the small-angle regime; its next memory."""
+    factor = rotation_vector_factor(qw)
+    return x - rest, y, z, factor * qx, factor * qy, factor * qz
+
+
+@law
+def turned_strains(x, y, z, qw, qx, qy, qz, rest, before):
+    """The same of a link of any regime, then the new regime and the rotation (w, 0, y, z) onto the axis."""
+    stays = select(stays_small(x, y, z, rest), SMALL + 0.0 * before, LARGE)
+    enters = select(becomes_small(x, y, z, rest), SMALL + 0.0 * before, LARGE)
+    small = select(before > 0.5, stays, enters)
+    is_small = small > 0.5
+    length = sqrt(x * x + y * y + z * z)
+    w, by, bz = turn_onto_axis(x, y, z, length)
+    w = select(is_small, 1.0, w)
+    by = select(is_small, 0.0, by)
+    bz = select(is_small, 0.0, bz)
+    qw, qx, qy, qz = multiply(w, 0.0 * w, by, bz, qw, qx, qy, qz)
+    k1 = rotation_vector_factor(w)
+    k2 = rotation_vector_factor(qw)
+    dx = select(is_small, x, length) - rest
+    return dx, select(is_small, y, k1 * by), select(is_small, z, k1 * bz), k2 * qx, k2 * qy, k2 * qz, small, w, by, bz
+
+
+@law
+def turned_forces(edge, stiff, minus, plus, pull, twist, turning, small, w, by, bz, d1, d2, d4, d5, h0, h1, h2, h4, h5):
+    """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel."""
+    is_small = small > 0.5
+    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = end_forces(
+        edge, stiff, minus, plus, pull, twist, turning, h0, select(is_small, d1, 0.0), select(is_small, d2, 0.0),
+        select(is_small, h1, 0.0), select(is_small, h2, 0.0), select(is_small, 0.0, d1), select(is_small, 0.0, d2),
+        d4, d5, select(is_small, 0.0, h1), select(is_small, 0.0, h2), h4, h5, True,
+    )  # fmt: skip
+    zero = 0.0 * w
+    fx, fy, fz = rotate_back(w, zero, by, bz, fx, fy, fz)
+    mx, my, mz = rotate_back(w, zero, by, bz, mx, my, mz)
+    gx, gy, gz = rotate_back(w, zero, by, bz, gx, gy, gz)
+    nx, ny, nz = rotate_back(w, zero, by, bz, nx, ny, nz)
+    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz

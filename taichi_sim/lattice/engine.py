@@ -3,15 +3,20 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.lattice import beams, memory
 from taichi_sim.lattice.body import LatticeBody
-from taichi_sim.lattice.fused import FusedDriver
+from taichi_sim.lattice.fused import FusedDriver, FusedRun
 from taichi_sim.lattice.program import LatticeProgram
+from taichi_sim.lattice.stepped import SteppedDriver, SteppedRun
 from taichi_sim.lattice.tables import build_tables, pack_program
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice.gradient import Tape
 
 DRIVERS = ("auto", "fused", "stepped")
 
@@ -106,7 +111,7 @@ class LatticeEngine:
             raise ValueError(f"batch: {batch!r} is not allowed; give a whole number of at least 1")
         bodies = bodies * batch if len(bodies) == 1 else bodies
         self._check_bodies(bodies, int(batch))
-        self.body, self.batch = bodies[0], int(batch)
+        self.body, self.batch, self.bodies = bodies[0], int(batch), tuple(bodies)
         stable = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
         self.time_step = stable if time_step is None else float(time_step)
         if not (math.isfinite(self.time_step) and self.time_step > 0):
@@ -118,19 +123,17 @@ class LatticeEngine:
         if driver == "fused" and device != "cpu":
             raise ValueError(f"driver: 'fused' runs on a cpu only, not on {device!r}; use 'auto'")
         self.gravity = float(gravity)
-        self._configuration = (device, precision, threads)
-        running = runtime.start(*self._configuration)
-        self._order = self.body.topology.order
-        self._tables = build_tables(bodies, self.time_step)
+        self.configuration = (device, precision, threads)
+        running = runtime.start(*self.configuration)
+        self.order = self.body.topology.order
+        self.tables = build_tables(bodies, self.time_step)
         switches = (bool(floor), bool(self_contact))
         if driver == "stepped" or device != "cpu":
-            from taichi_sim.lattice.stepped import SteppedDriver
-
             self._driver: FusedDriver | SteppedDriver = SteppedDriver(
-                self._tables, self.batch, precision, *switches, device == "cpu"
+                self.tables, self.batch, precision, *switches, device == "cpu"
             )
         else:
-            self._driver = FusedDriver(self._tables, self.batch, precision, running.threads, *switches, width)
+            self._driver = FusedDriver(self.tables, self.batch, precision, running.threads, *switches, width)
         self._diverged = np.zeros(self.batch, bool)
         self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
 
@@ -152,27 +155,49 @@ class LatticeEngine:
                 raise ValueError("body: bodies of one batch may differ in the values of their materials only")
 
     @property
+    def inverse_masses(self) -> np.ndarray:
+        """Inverse mass and inertia of every voxel in the engine's order, shape (B, V, 2)."""
+        inverse: np.ndarray = self.tables.constant[:, self.tables.group, :2]
+        return inverse
+
+    @property
     def bytes_per_robot(self) -> int:
         """Memory of the batch per robot [B], without recordings."""
         return self._driver.bytes_per_robot
 
     def set_positions(self, positions: np.ndarray) -> None:
-        """Put every robot at rest, upright, at these voxel centres [m], shape (B, V, 3); links forget their past.
+        """Put every robot at rest, upright, at these voxel centres [m], shape (B, V, 3); links forget their past."""
+        still = np.zeros((self.batch, self.body.voxel_count, 3))
+        upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (self.batch, self.body.voxel_count, 4))
+        self.set_state(LatticeState(positions, upright, still, still))
+
+    def set_state(self, state: LatticeState) -> None:
+        """Let every robot start anew in a state; its links forget their past, its channels do not.
 
         Fixed voxels are held where the body says, whatever their start.
+
+        Raises:
+            ValueError: for wrong shapes, or quaternions whose length is not one to six digits.
         """
-        positions = np.asarray(positions, float)
-        if positions.shape != (self.batch, self.body.voxel_count, 3) or not np.isfinite(positions).all():
-            raise ValueError(f"positions: give finite numbers of shape ({self.batch}, {self.body.voxel_count}, 3)")
         voxel = np.zeros((self.batch, self.body.voxel_count, memory.VOXEL_WIDTH))
-        voxel[:, :, :3] = positions[:, self._order]
-        voxel[:, :, 3] = 1.0
+        parts = (("positions", 0, 3), ("orientations", 3, 4), ("velocities", 7, 3), ("angular_velocities", 10, 3))
+        for name, first, width in parts:
+            given = np.asarray(getattr(state, name), float)
+            if given.shape != (self.batch, self.body.voxel_count, width) or not np.isfinite(given).all():
+                raise ValueError(
+                    f"{name}: give finite numbers of shape ({self.batch}, {self.body.voxel_count}, {width})"
+                )
+            voxel[:, :, first : first + width] = given[:, self.order]
+        if np.abs((voxel[:, :, 3:7] ** 2).sum(axis=2) - 1).max() > 2e-6:
+            raise ValueError("orientations: give unit quaternions (w, x, y, z)")
+        voxel[:, :, memory.MOMENTUM : memory.SPIN] /= self.inverse_masses[..., :1]
+        voxel[:, :, memory.SPIN : memory.STICKS] /= self.inverse_masses[..., 1:]
         voxel[:, :, memory.STICKS] = 1.0  # every voxel starts in the static state
         self._driver.write(memory.VOXEL, voxel)
-        link = np.zeros((self.batch, len(self._tables.link_ends), memory.LINK_WIDTH))
+        link = np.zeros((self.batch, len(self.tables.link_ends), memory.LINK_WIDTH))
         link[:, :, memory.REGIME] = beams.NEW
         self._driver.write(memory.LINK, link)
-        self._driver.write(memory.STRAIN, np.zeros((self.batch, self._tables.gauges, memory.STRAIN_WIDTH)))
+        self._driver.write(memory.STRAIN, np.zeros((self.batch, self.tables.gauges, memory.STRAIN_WIDTH)))
         self._driver.forget_watch()
         self._diverged[:] = False
 
@@ -186,23 +211,43 @@ class LatticeEngine:
         Raises:
             ValueError: if the program is for another number of robots or names unknown regions.
         """
+        run = self.begin(program)
+        run.advance(tick=progress)
+        return self.finish(run)
+
+    def record(
+        self, program: LatticeProgram, memory: float = 1e9, progress: Callable[[float], None] | None = None
+    ) -> "Tape":
+        """Run a program like :meth:`run`, and keep what is needed to differentiate what it did.
+
+        Args:
+            program: what happens, steps counted from now.
+            memory: bound [B] on what is kept now and while pulling back; the less, the more is computed again.
+            progress: called now and then with the fraction done, 0 to 1.
+
+        Raises:
+            ValueError: as :meth:`run`; or if the memory is too small.
+        """
+        from taichi_sim.lattice.gradient import record
+
+        return record(self, program, memory, progress)
+
+    def begin(self, program: LatticeProgram) -> FusedRun | SteppedRun:
+        """Start a program at its step 0; for :meth:`run` and for gradients."""
         if program.robot_count != self.batch:
             raise ValueError(f"program: made for {program.robot_count} robots, the engine has {self.batch}")
-        packed = pack_program(program, self._tables.group_region)
-        runtime.start(*self._configuration)
-        steps, diverged, poses, strains = self._driver.run(
-            packed,
-            ~self._diverged,
-            self.time_step,
-            self.body.voxel_size,
-            self.gravity,
-            progress or (lambda fraction: None),
-        )
+        packed = pack_program(program, self.tables.group_region)
+        runtime.start(*self.configuration)
+        return self._driver.begin(packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity)
+
+    def finish(self, run: FusedRun | SteppedRun) -> LatticeResult:
+        """What a run came to, in the body's voxel order."""
+        steps, diverged, poses, strains = run.finish()
         # A state that is not finite is no result, whatever the strains said.
         diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))
         self._diverged |= diverged
-        back = np.empty_like(self._order)
-        back[self._order] = np.arange(len(self._order))
+        back = np.empty_like(self.order)
+        back[self.order] = np.arange(len(self.order))
         poses = poses[:, :, back]
         strains = strains[:, :, : len(self.body.topology.links)]
         for recorded in (poses, strains):
@@ -213,10 +258,10 @@ class LatticeEngine:
     def state(self) -> LatticeState:
         """Where the voxels are and how they move; NaN for robots that diverged."""
         voxel = np.empty((self.batch, self.body.voxel_count, memory.VOXEL_WIDTH))
-        voxel[:, self._order] = self._driver.read(memory.VOXEL)
+        voxel[:, self.order] = self._driver.read(memory.VOXEL)
         voxel[self._diverged] = np.nan
         inverse = np.empty((self.batch, self.body.voxel_count, 2))
-        inverse[:, self._order] = self._tables.constant[:, self._tables.group, :2]
+        inverse[:, self.order] = self.inverse_masses
         velocities = voxel[..., memory.MOMENTUM : memory.MOMENTUM + 3] * inverse[..., :1]
         spins = voxel[..., memory.SPIN : memory.SPIN + 3] * inverse[..., 1:]
         return LatticeState(voxel[..., :3], voxel[..., 3:7], velocities, spins)

@@ -43,8 +43,8 @@ from taichi_sim.lattice.watch import LIST, NOWHERE, rebuild_lane
 from taichi_sim.runtime import ti
 
 # Columns of the integers of a block; the first three belong to the watch list.
-INFO_STEP, INFO_NEXT_MARK, INFO_STATE = 3, 4, 5
-INFO_COLUMNS = 6
+INFO_STEP, INFO_NEXT_MARK, INFO_STATE, INFO_LOGGED, INFO_KEPT = 3, 4, 5, 6, 7
+INFO_COLUMNS = 8
 RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
 
 # Columns of the integers of a lane.
@@ -119,8 +119,9 @@ def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.
 
 @ti.func
 def collide(m: ti.template(), block, k, lane_bits, plan: ti.template(), surface: ti.template(), touched: ti.template(),
-            row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template()):  # fmt: skip
-    """Contact forces of all watched pairs, in the order of the list."""
+            row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
+            recording: ti.template(), log: ti.template()):  # fmt: skip
+    """Contact forces of all watched pairs, in the order of the list; pairs that touch are logged if asked for."""
     current = info[block, LIST]
     for s in range(plan[SURFACE]):
         first = row[block, current, s]
@@ -139,6 +140,29 @@ def collide(m: ti.template(), block, k, lane_bits, plan: ti.template(), surface:
                     fx, fy, fz = stages.contact_force(m, k, s, other, dx, dy, dz, limit, near, plan, surface)
                     add_contact(m, block, k, s, 0.0 - fx, 0.0 - fy, 0.0 - fz, plan, touched)
                     add_contact(m, block, k, other, fx, fy, fz, plan, touched)
+                    if ti.static(recording):
+                        log_contact(block, s, other, mask[block, current, q], info, log)
+
+
+@ti.func
+def log_contact(block, s, other, bits, info: ti.template(), log: ti.template()):
+    """Note two surface voxels that touch and the robots that watch them; what finds no room is counted only."""
+    n = info[block, INFO_LOGGED]
+    if n < log.shape[1]:
+        log[block, n, 0] = s
+        log[block, n, 1] = other
+        log[block, n, 2] = bits
+    info[block, INFO_LOGGED] = n + 1
+
+
+@ti.func
+def keep(m: ti.template(), block, k, n, plan: ti.template(), info: ti.template(), states: ti.template(), room,
+         log_first: ti.template()):  # fmt: skip
+    """Copy a block's state to place n of its record."""
+    first = (block * room + n) * plan[STATE_SLOTS]
+    for slot in range(plan[STATE_SLOTS]):
+        states[first + slot] = m[k + slot]
+    log_first[block, n] = info[block, INFO_LOGGED]
 
 
 @ti.func
@@ -178,12 +202,13 @@ def add_force(m: ti.template(), k, slot, a, b, c, sign: ti.template(), fx, fy, f
 def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.template(), link_table: ti.template(),
          voxel_table: ti.template(), rest_table: ti.template(), surface: ti.template(), start: ti.template(),
          touched: ti.template(), row: ti.template(), partner: ti.template(), mask: ti.template(),
-         info: ti.template()):  # fmt: skip
+         info: ti.template(), recording: ti.template(), log: ti.template()):  # fmt: skip
     """One time step of a block: channels, contact forces, then links and integration voxel by voxel."""
     stages.advance_channels(m, k, plan, edge, gravity)
     stages.update_rest_lengths(m, k, plan, rest_table)
     if plan[CONTACT_ON] != 0:
-        collide(m, block, k, lane_bits, plan, surface, touched, row, partner, mask, info)
+        collide(m, block, k, lane_bits, plan, surface, touched, row, partner, mask, info,
+                recording, log)  # fmt: skip
     nought = 0.0 * load(m, k, plan[CONSTANT])
     moved = nought
     for v in range(plan[VOXELS]):
@@ -252,8 +277,11 @@ def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.t
 
 
 @lru_cache
-def fused_kernel(real: Real) -> Any:
-    """The kernel for one kind of real. Everything that differs between bodies and runs is an argument."""
+def fused_kernel(real: Real, recording: bool = False) -> Any:
+    """The kernel for one kind of real. Everything that differs between bodies and runs is an argument.
+
+    With ``recording`` it keeps the state before every step from step ``first`` on, and the contacts of each.
+    """
     width = real.width
     bunch = NATIVE_WIDTH[real.precision]
     reals = ti.types.ndarray(dtype=real.type, ndim=1)
@@ -264,20 +292,25 @@ def fused_kernel(real: Real) -> Any:
     scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
     @ti.kernel
-    def run(blocks: ti.i32, slots: ti.i32, steps: ti.i32, dt: real.scalar, edge: real.scalar, gravity: real.scalar,
-            watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2, parked: scalars2,
+    def run(blocks: ti.i32, slots: ti.i32, steps: ti.i32, until: ti.i32, dt: real.scalar, edge: real.scalar,
+            gravity: real.scalar, watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2, parked: scalars2,
             plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1, excluded: ints2,
             start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, near: flags, near_s: ints2,
             touched: ints2, fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3,
-            event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3):  # fmt: skip
+            event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3, first: ti.i32, states: reals,
+            room: ti.i32, log: ints3, log_first: ints2):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN
                 k = block * slots
                 left = steps
-                while left > 0 and info[block, INFO_STATE] == RUNNING:
+                while left > 0 and info[block, INFO_STATE] == RUNNING and info[block, INFO_STEP] < until:
                     left -= 1
                     t = info[block, INFO_STEP]
+                    if ti.static(recording):
+                        if t != info[block, INFO_KEPT]:  # before the events of step t, and not again after a halt
+                            keep(m, block, k, t - first, plan, info, states, room, log_first)
+                            info[block, INFO_KEPT] = t
                     if t == info[block, INFO_NEXT_MARK]:
                         handle_marks(ms, block, k, t, width, plan, link_table, lanes, info, event, event_value, parked,
                                      poses, strains)  # fmt: skip
@@ -288,8 +321,11 @@ def fused_kernel(real: Real) -> Any:
                                           lanes)  # fmt: skip
                     if info[block, INFO_STATE] == RUNNING:
                         step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table,
-                             surface, start, touched, row, partner, mask, info)  # fmt: skip
+                             surface, start, touched, row, partner, mask, info, recording, log)  # fmt: skip
                         info[block, INFO_STEP] = t + 1
+                        if ti.static(recording):
+                            if t + 1 == until:
+                                keep(m, block, k, t + 1 - first, plan, info, states, room, log_first)
                         if any_lane(load(m, k, plan[MONITOR] + DIVERGED) > 0.5):
                             retire_diverged(ms, block, k, t, width, plan, lanes, info, parked)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from taichi_sim.tracing import law, sqrt
+
 
 @dataclass(frozen=True)
 class Material:
@@ -84,32 +86,35 @@ def axial_stiffness_modulus(minus: Material, plus: Material) -> float:
     return link_modulus(minus, plus) / ((1 - 2 * nu) * (1 + nu))
 
 
-def beam_constants(minus: Material, plus: Material, edge: float, time_step: float) -> np.ndarray:
-    """Constants of the Euler-Bernoulli beam between two voxels of edge h.
-
-    Args:
-        minus: material at the end with the smaller coordinate.
-        plus: material at the other end.
-        edge: voxel edge h [m].
-        time_step: dt [s].
+@law
+def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step):
+    """Constants of the Euler-Bernoulli beam between two voxels of edge h, of the materials 1 ("-" end) and 2.
 
     Returns:
         A row of the columns above (Hiller & Lipson, eq. 6-13, for a square beam as long as it is wide):
         forces E^ (1 - nu) h^2 and E^ nu h^2 per strain; b1 = E_l h; g sqrt(E_l h) with g = 2 sqrt(m) zeta_i / dt for
         both ends; the twisting stiffness a2 and sqrt(a2 h^2 / 6) / sqrt(E_l h); the ends' shares of the link strain.
+        E_l = 2 E1 E2 / (E1 + E2) are springs in series, E^ = E_l / ((1 - 2 nu)(1 + nu)).
     """
-    h, e = edge, link_modulus(minus, plus)
-    nu = (minus.poissons_ratio + plus.poissons_ratio) / 2
-    e_hat = axial_stiffness_modulus(minus, plus)
-    a2 = e * h**3 / (12 * (1 + nu))
-    row = np.empty(BEAM_COLUMNS)
-    row[[AXIAL, TRANSVERSE, STIFF]] = e_hat * (1 - nu) * h**2, e_hat * nu * h**2, e * h
-    for column, m in ((DAMP_MINUS, minus), (DAMP_PLUS, plus)):
-        row[column] = 2 * math.sqrt(voxel_mass(m, h)) * m.internal_damping / time_step * math.sqrt(e * h)
-    row[[TWIST, TWIST_ROOT]] = a2, math.sqrt(a2 * h**2 / 6) / math.sqrt(e * h)
-    total = minus.youngs_modulus + plus.youngs_modulus
-    row[[SHARE_MINUS, SHARE_PLUS]] = 2 * plus.youngs_modulus / total, 2 * minus.youngs_modulus / total
-    return row
+    volume = edge * edge * edge
+    total = e1 + e2
+    e = 2.0 * e1 * e2 / total
+    nu = 0.5 * (nu1 + nu2)
+    pressed = e / ((1.0 - 2.0 * nu) * (1.0 + nu)) * edge * edge
+    stiff = e * edge
+    root = sqrt(stiff)
+    a2 = e * volume / (12.0 * (1.0 + nu))
+    return (
+        pressed * (1.0 - nu), pressed * nu, stiff,
+        2.0 * sqrt(rho1 * volume) * zeta1 / time_step * root, 2.0 * sqrt(rho2 * volume) * zeta2 / time_step * root,
+        a2, sqrt(a2 * edge * edge / 6.0) / root, 2.0 * e2 / total, 2.0 * e1 / total,
+    )  # fmt: skip
+
+
+def beam_constants(minus: Material, plus: Material, edge: float, time_step: float) -> np.ndarray:
+    """:func:`beam_row` of two materials, edge h [m], time step dt [s]."""
+    ends = [v for m in (minus, plus) for v in (m.youngs_modulus, m.density, m.poissons_ratio, m.internal_damping)]
+    return np.array(beam_row(*ends, edge, time_step))
 
 
 # Columns of the table of voxel constants, one row per group of voxels.
@@ -118,14 +123,22 @@ def beam_constants(minus: Material, plus: Material, edge: float, time_step: floa
 CONSTANT_COLUMNS = 9
 
 
-def voxel_constants(material: Material, edge: float) -> np.ndarray:
+@law
+def voxel_row(e, rho, zeta_c, alpha, nu, edge):
     """Constants of one voxel: masses, critical damping coefficients 2 sqrt(m E h) and 2 sqrt(I E h^3), contact."""
-    mass, e = voxel_mass(material, edge), material.youngs_modulus
-    inertia = mass * edge**2 / 6
-    critical = 2 * math.sqrt(mass * e * edge)
-    row = np.empty(CONSTANT_COLUMNS)
-    row[[INVERSE_MASS, INVERSE_INERTIA, MASS]] = 1 / mass, 1 / inertia, mass
-    row[[CRITICAL_TRANSLATION, CRITICAL_ROTATION]] = critical, 2 * math.sqrt(inertia * e * edge**3)
-    row[[STIFFNESS, CONTACT_DAMPING]] = 2 * e * edge, material.collision_damping * critical
-    row[[EXPANSION, NU]] = material.thermal_expansion, material.poissons_ratio
-    return row
+    volume = edge * edge * edge
+    mass = rho * volume
+    inertia = mass * edge * edge / 6.0
+    critical = 2.0 * sqrt(mass * e * edge)
+    return (
+        1.0 / mass, 1.0 / inertia, mass, critical, 2.0 * sqrt(inertia * e * volume), 2.0 * e * edge, zeta_c * critical,
+        alpha, nu,
+    )  # fmt: skip
+
+
+def voxel_constants(material: Material, edge: float) -> np.ndarray:
+    """:func:`voxel_row` of a material, edge h [m]."""
+    m = material
+    return np.array(
+        voxel_row(m.youngs_modulus, m.density, m.collision_damping, m.thermal_expansion, m.poissons_ratio, edge)
+    )

@@ -5,7 +5,7 @@ and k a robot's or block's key to it (see ``lanes.load``); ``plan`` says where t
 integer tables are shared by all robots and hold slots relative to a section (see ``columns``).
 """
 
-from taichi_sim.lanes import larger, load, store
+from taichi_sim.lanes import load, load_all, store
 from taichi_sim.lattice import contact
 from taichi_sim.lattice.columns import (
     ACCELERATION,
@@ -55,6 +55,7 @@ from taichi_sim.lattice.memory import (
 )
 from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.runtime import ti
+from taichi_sim.tracing import law
 
 
 @ti.func
@@ -65,34 +66,67 @@ def channel_value(m: ti.template(), k, channels, quantity):
 
 @ti.func
 def advance_channels(m: ti.template(), k, plan: ti.template(), edge, gravity):
-    """Evaluate every channel for this step and what follows from it: sizes, external force and damping."""
-    channel = plan[CHANNEL]
+    """Evaluate every channel for this step and what follows from it."""
     for i in range(plan[GROUPS] * QUANTITY_COUNT):
-        slot = channel + i * CHANNEL_WIDTH
+        slot = plan[CHANNEL] + i * CHANNEL_WIDTH
         age = load(m, k, slot + AGE)
         store(m, k, slot + VALUE, load(m, k, slot + BASE) + load(m, k, slot + RATE) * age)
         store(m, k, slot + AGE, age + 1.0)
+    derive_current(m, k, plan, edge, gravity)
+
+
+@ti.func
+def derive_current(m: ti.template(), k, plan: ti.template(), edge, gravity):
+    """Sizes, external force and damping of every group, from the values of its channels."""
     for g in range(plan[GROUPS]):
-        channels = channel + g * CHANNELS_PER_GROUP
-        constant = plan[CONSTANT] + g * CONSTANT_COLUMNS
+        ex, temp, sx, sy, sz, mass, ax, ay, az, fx, fy, fz, zeta, ct, cr = load_all(m, k, group_slots(g, plan))
+        rx, ry, rz, mean, px, py, pz, drag, spin = group_state(
+            ex, temp, sx, sy, sz, mass, ax, ay, az, fx, fy, fz, zeta, ct, cr, edge, gravity
+        )
         current = plan[CURRENT] + g * CURRENT_WIDTH
-        warmth = 1.0 + load(m, k, constant + EXPANSION) * channel_value(m, k, channels, TEMPERATURE)
-        total = 0.0 * warmth
-        for a in ti.static(range(3)):
-            scale = channel_value(m, k, channels, SCALE + a) * warmth
-            store(m, k, current + SIZE + a, edge * scale)
-            total = total + scale
-        # Exactly h for unit scales: a voxel that starts on the floor must touch it, or it would not stick.
-        store(m, k, current + MEAN_SIZE, edge * (total / 3.0))
-        mass = load(m, k, constant + MASS)
-        for a in ti.static(range(3)):
-            pull = channel_value(m, k, channels, ACCELERATION + a)
-            if ti.static(a == 2):
-                pull = pull - gravity
-            store(m, k, current + PUSH + a, mass * pull + channel_value(m, k, channels, FORCE + a))
-        zeta = channel_value(m, k, channels, GLOBAL_DAMPING)
-        store(m, k, current + DRAG, zeta * load(m, k, constant + CRITICAL_TRANSLATION))
-        store(m, k, current + SPIN_DRAG, zeta * load(m, k, constant + CRITICAL_ROTATION))
+        store(m, k, current + SIZE, rx)
+        store(m, k, current + SIZE + 1, ry)
+        store(m, k, current + SIZE + 2, rz)
+        store(m, k, current + MEAN_SIZE, mean)
+        store(m, k, current + PUSH, px)
+        store(m, k, current + PUSH + 1, py)
+        store(m, k, current + PUSH + 2, pz)
+        store(m, k, current + DRAG, drag)
+        store(m, k, current + SPIN_DRAG, spin)
+
+
+@ti.func
+def group_slots(g, plan: ti.template()):
+    """Slots of the 15 numbers from which the state of a group follows, see :func:`group_state`."""
+    constant = plan[CONSTANT] + g * CONSTANT_COLUMNS
+    value = plan[CHANNEL] + g * CHANNELS_PER_GROUP + VALUE
+    return (
+        constant + EXPANSION, value + TEMPERATURE * CHANNEL_WIDTH,
+        value + SCALE * CHANNEL_WIDTH, value + (SCALE + 1) * CHANNEL_WIDTH, value + (SCALE + 2) * CHANNEL_WIDTH,
+        constant + MASS, value + ACCELERATION * CHANNEL_WIDTH, value + (ACCELERATION + 1) * CHANNEL_WIDTH,
+        value + (ACCELERATION + 2) * CHANNEL_WIDTH, value + FORCE * CHANNEL_WIDTH,
+        value + (FORCE + 1) * CHANNEL_WIDTH, value + (FORCE + 2) * CHANNEL_WIDTH,
+        value + GLOBAL_DAMPING * CHANNEL_WIDTH, constant + CRITICAL_TRANSLATION, constant + CRITICAL_ROTATION,
+    )  # fmt: skip
+
+
+@law
+def group_state(
+    expansion, temperature, scale_x, scale_y, scale_z, mass, ax, ay, az, fx, fy, fz, zeta,
+    critical_translation, critical_rotation, edge, gravity,
+):  # fmt: skip
+    """Rest sizes and their mean, external force on a voxel, damping coefficients."""
+    warmth = 1.0 + expansion * temperature
+    sx = scale_x * warmth
+    sy = scale_y * warmth
+    sz = scale_z * warmth
+    # Exactly h for unit scales: a voxel that starts on the floor must touch it, or it would not stick.
+    mean = edge * ((sx + sy + sz) / 3.0)
+    return (
+        edge * sx, edge * sy, edge * sz, mean,
+        mass * ax + fx, mass * ay + fy, mass * (az - gravity) + fz,
+        zeta * critical_translation, zeta * critical_rotation,
+    )  # fmt: skip
 
 
 @ti.func
@@ -116,26 +150,28 @@ def surface_place(m: ti.template(), k, s, plan: ti.template(), surface: ti.templ
 
 
 @ti.func
+def contact_slots(s1, s2, plan: ti.template(), surface: ti.template()):
+    """Slots of inverse masses, stiffnesses and damping coefficients of two surface voxels."""
+    c1 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s1 + SURFACE_GROUP]
+    c2 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s2 + SURFACE_GROUP]
+    return (
+        c1 + INVERSE_MASS, c2 + INVERSE_MASS, c1 + STIFFNESS, c2 + STIFFNESS, c1 + CONTACT_DAMPING, c2 + CONTACT_DAMPING
+    )  # fmt: skip
+
+
+@ti.func
+def motion_slots(base, s, plan: ti.template(), surface: ti.template()):
+    """Slots of position and momentum of a surface voxel."""
+    voxel = base + plan[VOXEL] + surface[SURFACE_COLUMNS * s + SURFACE_VOXEL]
+    return voxel, voxel + 1, voxel + 2, voxel + MOMENTUM, voxel + MOMENTUM + 1, voxel + MOMENTUM + 2
+
+
+@ti.func
 def contact_force(
     m: ti.template(), k, s1, s2, dx, dy, dz, limit, near: ti.template(), plan: ti.template(), surface: ti.template()
 ):
     """Force on the second of two surface voxels that touch where ``near``; the first feels the opposite."""
-    p1 = plan[VOXEL] + surface[SURFACE_COLUMNS * s1 + SURFACE_VOXEL] + MOMENTUM
-    p2 = plan[VOXEL] + surface[SURFACE_COLUMNS * s2 + SURFACE_VOXEL] + MOMENTUM
-    c1 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s1 + SURFACE_GROUP]
-    c2 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s2 + SURFACE_GROUP]
-    w1 = load(m, k, c1 + INVERSE_MASS)
-    w2 = load(m, k, c2 + INVERSE_MASS)
-    distance = ti.sqrt(dx * dx + dy * dy + dz * dz)
-    inverse = 1.0 / larger(distance, 1e-12)
-    approach = (
-        (w1 * load(m, k, p1) - w2 * load(m, k, p2)) * dx
-        + (w1 * load(m, k, p1 + 1) - w2 * load(m, k, p2 + 1)) * dy
-        + (w1 * load(m, k, p1 + 2) - w2 * load(m, k, p2 + 2)) * dz
-    ) * inverse
-    force = contact.repulsion(
-        limit - distance, approach, load(m, k, c1 + STIFFNESS), load(m, k, c2 + STIFFNESS),
-        load(m, k, c1 + CONTACT_DAMPING), load(m, k, c2 + CONTACT_DAMPING),
-    )  # fmt: skip
-    scale = ti.select(near, force * inverse, 0.0)
-    return scale * dx, scale * dy, scale * dz
+    _, _, _, px, py, pz = load_all(m, k, motion_slots(0, s1, plan, surface))
+    _, _, _, qx, qy, qz = load_all(m, k, motion_slots(0, s2, plan, surface))
+    w1, w2, k1, k2, c1, c2 = load_all(m, k, contact_slots(s1, s2, plan, surface))
+    return contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)

@@ -34,6 +34,7 @@ from taichi_sim.lattice.memory import (
     MONITOR,
     MOVED,
     PAIRS,
+    STATE_SLOTS,
     SURFACE,
     VOXEL,
     VOXELS,
@@ -49,6 +50,7 @@ class SteppedKernels:
 
     begin: Any
     watch: Any
+    keep: Any
     collide: Any
     links: Any
     voxels: Any
@@ -88,8 +90,8 @@ def place(m: ti.template(), r, s, from_watch: ti.template(), plan: ti.template()
 
 @ti.func
 def gather_contacts(m: ti.template(), r, s, plan: ti.template(), surface: ti.template(), partner: ti.template(),
-                    count: ti.template()):  # fmt: skip
-    """Sum of the contact forces on a surface voxel, partners in ascending order."""
+                    count: ti.template(), n, log: ti.template(), logged: ti.template()):  # fmt: skip
+    """Sum of the contact forces on a surface voxel, partners in ascending order; logs pairs that touch if n >= 0."""
     x, y, z, size = stages.surface_place(m, r, s, plan, surface)
     fx = 0.0 * size
     fy = fx
@@ -104,6 +106,11 @@ def gather_contacts(m: ti.template(), r, s, plan: ti.template(), surface: ti.tem
             if near:
                 gx, gy, gz = stages.contact_force(m, r, s, other, dx, dy, dz, limit, near, plan, surface)
                 fx, fy, fz = fx - gx, fy - gy, fz - gz
+                if n >= 0:
+                    place_in_log = ti.atomic_add(logged[n, r], 1)
+                    if place_in_log < log.shape[1]:
+                        log[n, place_in_log, r, 0] = s
+                        log[n, place_in_log, r, 1] = other
         else:
             dx, dy, dz = x - ox, y - oy, z - oz
             near = dx * dx + dy * dy + dz * dz < limit * limit
@@ -142,7 +149,7 @@ def gather_links(m: ti.template(), r, v, plan: ti.template(), voxel_table: ti.te
 def stepped_kernels(real: Real) -> SteppedKernels:
     """Kernels for one precision. Everything that differs between bodies and runs is an argument."""
     memory = ti.types.ndarray(dtype=real.scalar, ndim=2)
-    ints1, ints2, ints3 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3))
+    ints1, ints2, ints3, ints4 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3, 4))
     scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
 
     @ti.kernel
@@ -187,11 +194,20 @@ def stepped_kernels(real: Real) -> SteppedKernels:
                 store(m, r, plan[WATCH] + 3 * s + 2, z)
 
     @ti.kernel
-    def collide(m: memory, plan: ints1, surface: ints1, lanes: ints2, partner: ints3, count: ints2):
-        """Contact forces."""
+    def keep(n: ti.i32, m: memory, plan: ints1, states: memory, logged: ints2):
+        """Copy the state to place n of a record."""
+        for slot, r in ti.ndrange(plan[STATE_SLOTS], m.shape[1]):
+            states[n * plan[STATE_SLOTS] + slot, r] = m[slot, r]
+            if slot == 0:
+                logged[n, r] = 0
+
+    @ti.kernel
+    def collide(m: memory, plan: ints1, surface: ints1, lanes: ints2, partner: ints3, count: ints2, n: ti.i32,
+                log: ints4, logged: ints2):  # fmt: skip
+        """Contact forces; those of a recorded step (n >= 0) are logged."""
         for s, r in ti.ndrange(plan[SURFACE], m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE:
-                fx, fy, fz = gather_contacts(m, r, s, plan, surface, partner, count)
+                fx, fy, fz = gather_contacts(m, r, s, plan, surface, partner, count, n, log, logged)
                 store(m, r, plan[CONTACT] + 3 * s, fx)
                 store(m, r, plan[CONTACT] + 3 * s + 1, fy)
                 store(m, r, plan[CONTACT] + 3 * s + 2, fz)
@@ -244,4 +260,4 @@ def stepped_kernels(real: Real) -> SteppedKernels:
                 if s >= 0 and plan[CONTACT_ON] != 0:
                     ti.atomic_max(m[plan[MONITOR] + MOVED, r], squared_move(m, r, s, x, y, z, plan))
 
-    return SteppedKernels(begin, watch, collide, links, voxels)
+    return SteppedKernels(begin, watch, keep, collide, links, voxels)

@@ -32,6 +32,8 @@ class Tables:
         start: start positions [m], engine order, shape (V, 3).
         group: group of each voxel, engine order, shape (V,).
         group_region: region of each group, shape (G,).
+        group_material: material of each group, shape (G,).
+        beam_materials: materials at the "-" and the "+" end of each beam, shape (C, 2).
         constant: voxel constants, shape (B, G, 9).
         beam: beam constants, shape (B, C, 16).
         channel: channels at the start, shape (B, 23 G, 4).
@@ -50,6 +52,8 @@ class Tables:
     excluded: np.ndarray
     start: np.ndarray
     group_region: np.ndarray
+    group_material: np.ndarray
+    beam_materials: np.ndarray
     constant: np.ndarray
     beam: np.ndarray
     channel: np.ndarray
@@ -115,6 +119,8 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
         excluded=_bit_matrix(topology.excluded),
         start=body.start_positions[order],
         group_region=groups[:, 1].copy(),
+        group_material=groups[:, 0].copy(),
+        beam_materials=beam_pairs,
         constant=np.array([constant[id(b)] for b in bodies]),
         beam=np.array([beam[id(b)] for b in bodies]),
         channel=np.array([channel[id(b)] for b in bodies]),
@@ -197,12 +203,14 @@ class PackedProgram:
         marks: (step, target) of each event, sorted by robot and step; a target below 0 records snapshot -target - 1.
         values: (base, rate) of each event.
         first: first mark of each robot, and one past the last, shape (B + 1,).
+        source: number of the program's event that each came from, -1 for snapshots.
         lengths: shape (B,).
         slots: snapshots per robot, S.
     """
 
     marks: np.ndarray
     values: np.ndarray
+    source: np.ndarray
     first: np.ndarray
     lengths: np.ndarray
     slots: int
@@ -218,24 +226,29 @@ def pack_program(program: LatticeProgram, group_region: np.ndarray) -> PackedPro
     limit = int(group_region.max()) + 1
     if len(events) and events["region"].max() >= limit:
         raise ValueError(f"events: region {events['region'].max()} is unknown; the body has 0..{limit - 1}")
-    parts = []
+    parts, sources = [], []
     for group, region in enumerate(group_region):
-        part = events[events["region"] == region]
+        (chosen,) = np.nonzero(events["region"] == region)
+        part = events[chosen]
         targets = group * QUANTITY_COUNT + part["quantity"]
         parts.append(_marks(part["robot"], part["step"], targets, part["value"], part["rate"]))
+        sources.append(chosen)
     robot, slot = np.nonzero(program.snapshots >= 0)
     nothing = np.zeros(len(robot))
     parts.append(_marks(robot, program.snapshots[robot, slot], -1 - slot, nothing, nothing))
-    marks = np.concatenate(parts)
-    marks = marks[np.lexsort((marks["step"], marks["robot"]))]  # stable: the last event of a step wins
+    sources.append(np.full(len(robot), -1))
+    marks, source = np.concatenate(parts), np.concatenate(sources)
+    order = np.lexsort((marks["step"], marks["robot"]))  # stable: the last event of a step wins
+    marks, source = marks[order], source[order]
     first = np.searchsorted(marks["robot"], np.arange(program.robot_count + 1))
     pairs = np.stack([marks["step"], marks["region"]], axis=1)
     values = np.stack([marks["value"], marks["rate"]], axis=1)
     if not len(marks):
-        pairs, values = np.zeros((1, 2)), np.zeros((1, 2))
+        pairs, values, source = np.zeros((1, 2)), np.zeros((1, 2)), np.full(1, -1)
     return PackedProgram(
         pairs.astype(np.int32),
         values,
+        source,
         first.astype(np.int32),
         program.lengths.astype(np.int32),
         program.snapshots.shape[1],

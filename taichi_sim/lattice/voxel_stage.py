@@ -59,6 +59,7 @@ from taichi_sim.lattice.memory import (
 from taichi_sim.lattice.stages import channel_value
 from taichi_sim.rotations import from_large_rotation_vector, rotate, to_rotation_vector
 from taichi_sim.runtime import ti
+from taichi_sim.tracing import select
 
 
 @ti.func
@@ -103,20 +104,20 @@ def voxel_stage(
     if on_floor:
         touches = depth >= 0.0
         normal = load(m, k, constant + STIFFNESS) * depth
-        fz = fz + ti.select(touches, normal - load(m, k, constant + CONTACT_DAMPING) * vz, 0.0)
+        fz = fz + select(touches, normal - load(m, k, constant + CONTACT_DAMPING) * vz, 0.0)
         sticks = load(m, k, voxel + STICKS)
         loose = floor.breaks_loose(fx, fy, channel_value(m, k, channels, STATIC_FRICTION), normal)
         rx, ry = floor.sliding_friction(vx, vy, channel_value(m, k, channels, KINETIC_FRICTION), normal)
         slides = touches & (sticks < 0.5)
-        rx = ti.select(slides, rx, 0.0)
-        ry = ti.select(slides, ry, 0.0)
+        rx = select(slides, rx, 0.0)
+        ry = select(slides, ry, 0.0)
         px = px + (fx + rx) * dt
         py = py + (fy + ry) * dt
-        stuck = ti.select(loose, 0.0, sticks)
-        stuck = ti.select(floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass), 1.0, stuck)
-        stuck = ti.select(touches, stuck, 0.0)
-        px = ti.select(stuck > 0.5, 0.0, px)
-        py = ti.select(stuck > 0.5, 0.0, py)
+        stuck = select(loose, 0.0, sticks)
+        stuck = select(floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass), 1.0, stuck)
+        stuck = select(touches, stuck, 0.0)
+        px = select(stuck > 0.5, 0.0, px)
+        py = select(stuck > 0.5, 0.0, py)
     else:
         px = px + fx * dt
         py = py + fy * dt
@@ -133,18 +134,21 @@ def voxel_stage(
     sx = sx + (mx + channel_value(m, k, channels, MOMENT) - sx * drag) * dt
     sy = sy + (my + channel_value(m, k, channels, MOMENT + 1) - sy * drag) * dt
     sz = sz + (mz + channel_value(m, k, channels, MOMENT + 2) - sz * drag) * dt
+    bits = voxel_table[row + FIXED]
+    if bits != 0:
+        nought = 0.0 * inverse_mass
+        px, py, pz = held(bits, 1, px, nought), held(bits, 2, py, nought), held(bits, 4, pz, nought)
+        sx, sy, sz = held(bits, 8, sx, nought), held(bits, 16, sy, nought), held(bits, 32, sz, nought)
+        x = held(bits, 1, x, start[v, 0] + channel_value(m, k, channels, TRANSLATION))
+        y = held(bits, 2, y, start[v, 1] + channel_value(m, k, channels, TRANSLATION + 1))
+        z = held(bits, 4, z, start[v, 2] + channel_value(m, k, channels, TRANSLATION + 2))
     qw, qx, qy, qz = motion.rotate_by_momentum(qw, qx, qy, qz, sx, sy, sz, dt * inverse_inertia)
-    if voxel_table[row + FIXED] != 0:
-        bits = voxel_table[row + FIXED]
-        x, px = held(bits & 1, x, px, start[v, 0] + channel_value(m, k, channels, TRANSLATION))
-        y, py = held(bits & 2, y, py, start[v, 1] + channel_value(m, k, channels, TRANSLATION + 1))
-        z, pz = held(bits & 4, z, pz, start[v, 2] + channel_value(m, k, channels, TRANSLATION + 2))
-        if bits >= 8:
-            tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
-            tx, sx = held(bits & 8, tx, sx, channel_value(m, k, channels, ROTATION))
-            ty, sy = held(bits & 16, ty, sy, channel_value(m, k, channels, ROTATION + 1))
-            tz, sz = held(bits & 32, tz, sz, channel_value(m, k, channels, ROTATION + 2))
-            qw, qx, qy, qz = from_large_rotation_vector(tx, ty, tz)
+    if bits >= 8:
+        tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
+        tx = held(bits, 8, tx, channel_value(m, k, channels, ROTATION))
+        ty = held(bits, 16, ty, channel_value(m, k, channels, ROTATION + 1))
+        tz = held(bits, 32, tz, channel_value(m, k, channels, ROTATION + 2))
+        qw, qx, qy, qz = from_large_rotation_vector(tx, ty, tz)
     store(m, k, voxel, x)
     store(m, k, voxel + 1, y)
     store(m, k, voxel + 2, z)
@@ -162,12 +166,11 @@ def voxel_stage(
 
 
 @ti.func
-def held(bit, value, momentum, prescribed):
-    """A degree of freedom that the world holds takes its prescribed value and loses its momentum."""
-    if bit != 0:
+def held(bits, bit: ti.template(), value, prescribed):
+    """What becomes of a degree of freedom: its own value, or the prescribed one where the world holds it."""
+    if bits & bit != 0:
         value = prescribed
-        momentum = 0.0 * prescribed
-    return value, momentum
+    return value
 
 
 @ti.func
@@ -184,23 +187,28 @@ def squared_move(m: ti.template(), k, slot, x, y, z, plan: ti.template()):
 def pressure_force(m: ti.template(), k, v, plan: ti.template(), voxel_table: ti.template()):
     """Pressure times the deformed area of the voxel's pressurised faces, in the voxel frame."""
     row = v * VOXEL_COLUMNS
+    gx, gy, gz, hx, hy, hz, nx, ny, nz = gauged_faces(m, k, 0, v, plan, voxel_table)
     size = plan[CURRENT] + voxel_table[row + GROUP] + SIZE
     pressure = channel_value(m, k, plan[CHANNEL] + voxel_table[row + CHANNELS], PRESSURE)
-    ex = load(m, k, size) * (1.0 + half_stretch(m, k, v, 0, plan, voxel_table))
-    ey = load(m, k, size + 1) * (1.0 + half_stretch(m, k, v, 1, plan, voxel_table))
-    ez = load(m, k, size + 2) * (1.0 + half_stretch(m, k, v, 2, plan, voxel_table))
-    return (
-        pressure * (ey * ez) * ti.cast(voxel_table[row + NORMAL], float),
-        pressure * (ez * ex) * ti.cast(voxel_table[row + NORMAL + 1], float),
-        pressure * (ex * ey) * ti.cast(voxel_table[row + NORMAL + 2], float),
+    return motion.pressure_on_faces(
+        gx, gy, gz, load(m, k, size), load(m, k, size + 1), load(m, k, size + 2), pressure, hx, hy, hz, nx, ny, nz
     )
 
 
 @ti.func
-def half_stretch(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
-    """(share- + share+)/2 of the corners along an axis; a side without a link does not stretch."""
-    gauge = plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
-    return load(m, k, gauge + axis) * (0.5 * ti.cast(link_count(v, axis, voxel_table), float))
+def gauged_faces(m: ti.template(), k, base, v, plan: ti.template(), voxel_table: ti.template()):
+    """Strains of a voxel, half the number of links along each axis, and the normals of its pressurised faces."""
+    gauge = base + plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
+    normal = v * VOXEL_COLUMNS + NORMAL
+    return (
+        load(m, k, gauge), load(m, k, gauge + 1), load(m, k, gauge + 2),
+        0.5 * ti.cast(link_count(v, 0, voxel_table), float),
+        0.5 * ti.cast(link_count(v, 1, voxel_table), float),
+        0.5 * ti.cast(link_count(v, 2, voxel_table), float),
+        ti.cast(voxel_table[normal], float),
+        ti.cast(voxel_table[normal + 1], float),
+        ti.cast(voxel_table[normal + 2], float),
+    )  # fmt: skip
 
 
 @ti.func
@@ -215,35 +223,51 @@ def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.temp
     """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
     row = v * VOXEL_COLUMNS
     gauge = plan[STRAIN] + voxel_table[row + GAUGE]
-    nu = load(m, k, plan[CONSTANT] + voxel_table[row + GROUP] + NU)
-    stretched = 0.0 * nu
-    for axis in ti.static(range(3)):
-        total = 0.0 * nu
-        for side in ti.static(range(2)):
-            l = voxel_table[row + SIDE_LINK + 2 * axis + side]
-            if l >= 0:
-                share = (
-                    plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM] + (SHARE_PLUS if side == 0 else SHARE_MINUS)
-                )
-                rest = plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST]
-                strain = load(m, k, plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
-                total = total + strain * load(m, k, share)
-        mean = total
-        if link_count(v, axis, voxel_table) == 2:
-            mean = 0.5 * total
-        store(m, k, gauge + axis, mean)
-        if plan[POISSON_ON] != 0:
-            stretched = stretched + ti.select(in_tension(m, k, v, axis, plan, voxel_table), mean, 0.0)
+    ex = axis_strain(m, k, m, k, 0, v, 0, plan, link_table, voxel_table)
+    ey = axis_strain(m, k, m, k, 0, v, 1, plan, link_table, voxel_table)
+    ez = axis_strain(m, k, m, k, 0, v, 2, plan, link_table, voxel_table)
+    store(m, k, gauge, ex)
+    store(m, k, gauge + 1, ey)
+    store(m, k, gauge + 2, ez)
     if plan[POISSON_ON] != 0:
-        squeezed = motion.power(1.0 + stretched, 0.0 - nu) - 1.0
-        for axis in ti.static(range(3)):
-            pulled = in_tension(m, k, v, axis, plan, voxel_table)
-            store(m, k, gauge + 3 + axis, ti.select(pulled, load(m, k, gauge + axis), squeezed))
+        nu = load(m, k, plan[CONSTANT] + voxel_table[row + GROUP] + NU)
+        tx = in_tension(m, k, v, 0, plan, voxel_table)
+        ty = in_tension(m, k, v, 1, plan, voxel_table)
+        tz = in_tension(m, k, v, 2, plan, voxel_table)
+        ex, ey, ez = motion.poisson_strains(ex, ey, ez, nu, tx, ty, tz)
+        store(m, k, gauge + 3, ex)
+        store(m, k, gauge + 4, ey)
+        store(m, k, gauge + 5, ez)
+
+
+@ti.func
+def axis_strain(
+    m: ti.template(), k, state: ti.template(), ks, base, v, axis: ti.template(), plan: ti.template(),
+    link_table: ti.template(), voxel_table: ti.template(),
+):  # fmt: skip
+    """Mean of a voxel's shares in the strains of its links along an axis."""
+    total = 0.0 * load(m, k, plan[CONSTANT])
+    for side in ti.static(range(2)):
+        l = voxel_table[v * VOXEL_COLUMNS + SIDE_LINK + 2 * axis + side]
+        if l >= 0:
+            share, rest = gauge_slots(l, side, plan, link_table)
+            strain = load(state, ks, base + plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
+            total = total + strain * load(m, k, share)
+    if link_count(v, axis, voxel_table) == 2:
+        total = 0.5 * total
+    return total
+
+
+@ti.func
+def gauge_slots(l, side: ti.template(), plan: ti.template(), link_table: ti.template()):
+    """Slots of the share that the voxel on one side has in a link's strain, and of the link's rest length."""
+    share = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM] + (SHARE_PLUS if side == 0 else SHARE_MINUS)
+    return share, plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST]
 
 
 @ti.func
 def in_tension(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
-    """Two links, or one and something to pull against: a held degree of freedom or an external force."""
+    """1 for two links, or one and something to pull against: a held degree of freedom or an external force; else 0."""
     row = v * VOXEL_COLUMNS
     channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
     pull = channel_value(m, k, channels, FORCE + axis) + channel_value(m, k, channels, ACCELERATION + axis)
@@ -255,5 +279,5 @@ def in_tension(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(),
         if voxel_table[row + FIXED] & (1 << axis) != 0:
             tension = tension + 1.0
         else:
-            tension = ti.select(pull != 0.0, 1.0, tension)
-    return tension > 0.5
+            tension = select(pull != 0.0, 1.0, tension)
+    return tension

@@ -1,0 +1,218 @@
+"""Exact gradients of what a batch of robots did: reverse mode through a run, contacts and friction included.
+
+The derivative is that of the computation itself, step by step, with the same contacts, friction states and regimes of
+links as the forward engine. These switches are not differentiated: between two of them the gradient is exact, at one it
+is that of one side. Over long horizons a cost is piecewise smooth, with a small jump wherever a foot begins to stick or
+to slip a step earlier, and the gradient tells nothing of the jumps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_sim import runtime
+from taichi_sim.lattice import memory as places
+from taichi_sim.lattice.checkpoints import FORWARD, Plan, make_plan
+from taichi_sim.lattice.material_gradient import material_gradients
+from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
+    from taichi_sim.lattice.fused import FusedRun
+    from taichi_sim.lattice.fused_reverse import FusedReverse
+    from taichi_sim.lattice.stepped import SteppedRun
+    from taichi_sim.lattice.stepped_reverse import SteppedReverse
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeGradient:
+    """Derivatives of a cost, at the values that the run had.
+
+    Attributes:
+        values, rates: by value and rate of every event of the program, in its order, shape (E,).
+        positions: by the voxel centres at the start of the run, shape (B, V, 3).
+        orientations: by the quaternions, as four free numbers, shape (B, V, 4).
+        velocities, angular_velocities: by those at the start, shape (B, V, 3).
+        materials: by the numbers of the materials, name of the field to shape (B, M), scale (B, M, 3); the time step is
+            held fixed, and so is the momentum at the start.
+    """
+
+    values: np.ndarray
+    rates: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+    velocities: np.ndarray
+    angular_velocities: np.ndarray
+    materials: dict[str, np.ndarray]
+
+
+def record(engine: "LatticeEngine", program: LatticeProgram, memory: float,
+           progress: Callable[[float], None] | None) -> "Tape":  # fmt: skip
+    """See ``LatticeEngine.record``."""
+    if not memory > 0:
+        raise ValueError(f"memory: {memory!r} is not allowed; give a positive number of bytes")
+    run = engine.begin(program)
+    start = run.checkpoint()
+    steps = int(program.lengths.max())
+    plan = make_plan(steps, run.state_bytes, sum(a.nbytes for a in start), memory - run.reverse_bytes)
+    checkpoints = {0: start}
+    for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:
+        run.advance(mark, tick=progress)
+        checkpoints[mark] = run.checkpoint()
+    run.advance(tick=progress)
+    return Tape(engine, program, run, plan, checkpoints)
+
+
+class Tape:
+    """A run that can be differentiated, as often as wanted; the engine may go on meanwhile.
+
+    Attributes:
+        result: what ``run`` would have returned.
+        state: the state after the run.
+    """
+
+    def __init__(self, engine: "LatticeEngine", program: LatticeProgram, run: "FusedRun | SteppedRun", plan: Plan,
+                 checkpoints: dict[int, tuple[np.ndarray, ...]]) -> None:  # fmt: skip
+        """Finish the run; see ``LatticeEngine.record``."""
+        self.result: LatticeResult = engine.finish(run)
+        self.state: LatticeState = engine.state()
+        self._engine, self._program, self._run, self._plan = engine, program, run, plan
+        self._checkpoints = checkpoints
+
+    @property
+    def memory(self) -> float:
+        """Bytes taken, now and while pulling back."""
+        return self._plan.memory
+
+    def pull_back(
+        self,
+        positions: np.ndarray | None = None,
+        orientations: np.ndarray | None = None,
+        strains: np.ndarray | None = None,
+        state: "LatticeState | None" = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> LatticeGradient:
+        """The derivatives of a cost from its derivatives by what the run gave.
+
+        Args:
+            positions, orientations, strains: of the cost by those of ``result``, shapes as there; so running costs are
+                functions of recorded poses.
+            state: of the cost by the final ``state``.
+            progress: called now and then with the fraction done, 0 to 1.
+
+        Raises:
+            ValueError: one line; for shapes that do not match, numbers that are not finite, or a robot that diverged
+                although the cost depends on it.
+        """
+        poses, strain_seeds = self._pose_seeds(positions, orientations), self._strain_seeds(strains)
+        finals = self._state_seeds(state)
+        lost = np.flatnonzero(self.result.status != "ok")
+        for robot in lost:
+            if any(np.any(seeds[robot]) for seeds in (poses, strain_seeds, finals)):
+                raise ValueError(
+                    f"robot {robot}: diverged at step {self.result.steps[robot]}; it has no gradient, give it zeros"
+                )
+        runtime.start(*self._engine.configuration)
+        now = self._run.checkpoint()
+        try:
+            reverse = self._run.reverse(poses, strain_seeds, finals)
+            self._undo(reverse, progress)
+        finally:
+            self._run.restore(now)
+        return self._gradient(reverse, finals)
+
+    def _undo(self, reverse: "FusedReverse | SteppedReverse", progress: Callable[[float], None] | None) -> None:
+        """Go through the plan from the last piece to the first."""
+        checkpoints = dict(self._checkpoints)
+        steps = int(self._program.lengths.max())
+        for action, low, high in self._plan.undo(0, steps):
+            if action == FORWARD:
+                if high not in checkpoints:
+                    self._run.restore(checkpoints[low])
+                    self._run.advance(high)
+                    checkpoints[high] = self._run.checkpoint()
+                continue
+            self._run.restore(checkpoints[low])
+            reverse.undo(low, high)
+            checkpoints.pop(low)
+            if progress:
+                progress(1 - low / max(steps, 1))
+
+    def _pose_seeds(self, positions: np.ndarray | None, orientations: np.ndarray | None) -> np.ndarray:
+        """Cotangents of recorded poses in the engine's voxel order, shape (B, S, V, 7)."""
+        shape = self.result.positions.shape[:3]
+        seeds = np.zeros((*shape, 7))
+        for name, given, part in (("positions", positions, slice(0, 3)), ("orientations", orientations, slice(3, 7))):
+            if given is not None:
+                seeds[..., part] = _checked(name, given, (*shape, part.stop - part.start))
+        seeds[self._program.snapshots < 0] = 0.0
+        return seeds[:, :, self._engine.order]
+
+    def _strain_seeds(self, strains: np.ndarray | None) -> np.ndarray:
+        shape = self.result.strains.shape
+        seeds = np.zeros(shape) if strains is None else _checked("strains", strains, shape).copy()
+        seeds[self._program.snapshots < 0] = 0.0
+        return seeds
+
+    def _state_seeds(self, state: "LatticeState | None") -> np.ndarray:
+        """Cotangents of the last state's places, momenta and spins in the engine's order, shape (B, V, 13)."""
+        batch, voxels = self._engine.batch, self._engine.body.voxel_count
+        seeds = np.zeros((batch, voxels, places.STICKS))
+        if state is None:
+            return seeds
+        parts = (("positions", 0, 3), ("orientations", 3, 4), ("velocities", 7, 3), ("angular_velocities", 10, 3))
+        for name, first, width in parts:
+            given = _checked(f"state.{name}", getattr(state, name), (batch, voxels, width))
+            seeds[:, :, first : first + width] = given[:, self._engine.order]
+        inverse = self._engine.inverse_masses
+        seeds[:, :, places.MOMENTUM : places.SPIN] *= inverse[..., :1]
+        seeds[:, :, places.SPIN :] *= inverse[..., 1:]
+        return seeds
+
+    def _gradient(self, reverse: "FusedReverse | SteppedReverse", finals: np.ndarray) -> LatticeGradient:
+        engine, source = self._engine, self._run.program.source
+        events = np.zeros((len(self._program.events), 2))
+        np.add.at(events, source[source >= 0], reverse.events[source >= 0].astype(float))
+        voxel = np.empty((engine.batch, engine.body.voxel_count, places.VOXEL_WIDTH))
+        voxel[:, engine.order] = reverse.read(places.VOXEL)
+        inverse = np.empty((engine.batch, engine.body.voxel_count, 2))
+        inverse[:, engine.order] = engine.inverse_masses
+        base = reverse.read(places.CHANNEL)[..., places.BASE].reshape(engine.batch, -1, QUANTITY_COUNT)
+        constants = reverse.read(places.CONSTANT)
+        constants[:, :, :2] += self._by_final_masses(finals)
+        return LatticeGradient(
+            values=events[:, 0],
+            rates=events[:, 1],
+            positions=voxel[..., :3],
+            orientations=voxel[..., 3:7],
+            velocities=voxel[..., places.MOMENTUM : places.SPIN] / inverse[..., :1],
+            angular_velocities=voxel[..., places.SPIN : places.STICKS] / inverse[..., 1:],
+            materials=material_gradients(engine.bodies, engine.tables, engine.time_step, constants,
+                                         reverse.read(places.BEAM), base),
+        )  # fmt: skip
+
+    def _by_final_masses(self, finals: np.ndarray) -> np.ndarray:
+        """Velocities are momenta times inverse masses: what the cost owes to the latter, shape (B, G, 2)."""
+        engine, tables = self._engine, self._engine.tables
+        inverse = engine.inverse_masses
+        share = np.zeros((engine.batch, len(tables.group_region), 2))
+        for part, first, velocities in (
+            (0, places.MOMENTUM, self.state.velocities),
+            (1, places.SPIN, self.state.angular_velocities),
+        ):
+            moved = np.nan_to_num(velocities[:, engine.order]) * finals[:, :, first : first + 3]
+            total = moved.sum(axis=2) / inverse[..., part] ** 2
+            for group in range(share.shape[1]):
+                share[:, group, part] = total[:, tables.group == group].sum(axis=1)
+        return share
+
+
+def _checked(name: str, given: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.asarray(given, float)
+    if array.shape != shape:
+        raise ValueError(f"{name}: cotangents of shape {array.shape} are not allowed; give {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: cotangents must be finite numbers")
+    return array
