@@ -32,8 +32,8 @@ def body(poisson: bool = False) -> LatticeBody:
     lower = [(x, y, 0) for x in range(8) for y in range(2)]
     hinge = [(0, y, 1) for y in range(2)]
     upper = [(x, y, 2) for x in range(8) for y in range(2)]
-    voxels = np.array(lower + hinge + upper)
-    regions = np.array([0] * len(lower) + [1] * len(hinge) + [2] * len(upper))
+    voxels = np.array([*lower, *hinge, *upper])
+    regions = np.repeat([0, 1, 2], [len(lower), len(hinge), len(upper)])
     fixed = np.zeros((len(voxels), 6), bool)
     normals = np.zeros((len(voxels), 3), int)
     normals[regions == 2, 2] = 1
@@ -58,7 +58,7 @@ def start(shape: LatticeBody) -> LatticeState:
     upper = shape.regions == 2
     positions[upper, 2] -= 0.0013 * shape.voxels[upper, 0]
     positions[shape.regions == 0, 2] -= 1e-4
-    velocities = rng.normal(0, 0.02, (shape.voxel_count, 3)) + [0.35, 0.1, 0.0]
+    velocities = np.array([0.35, 0.1, 0.0]) + rng.normal(0, 0.02, (shape.voxel_count, 3))
     velocities[upper, 2] -= 0.3
     turns = rng.normal(0, 0.02, (shape.voxel_count, 3))
     orientations = np.concatenate([np.ones((len(turns), 1)), turns], axis=1)

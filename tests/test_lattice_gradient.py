@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gradient_scene import EVENTS, STEPS, TIME_STEP, Cost, body, program, repeated, start
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,7 +22,6 @@ from taichi_sim.lattice import (
 )
 from taichi_sim.lattice.checkpoints import make_plan
 from taichi_sim.lattice.watch import REBUILDS
-from gradient_scene import EVENTS, STEPS, TIME_STEP, Cost, body, program, repeated, start
 
 DIRECTIONS = 20
 TOLERANCE = 1e-6
@@ -65,7 +65,7 @@ def test_the_scene_is_eventful():
 
 def differences(scene, bodies, programs, states, steps):
     """Central differences over pairs of robots, first all that go forward, then all that go back."""
-    shape, cost, _, _ = scene
+    cost = scene[1]
     lab = engine(bodies, len(states.positions))
     lab.set_state(states)
     values = cost.of(lab, lab.run(programs))

@@ -135,7 +135,7 @@ class LatticeEngine:
         else:
             self._driver = FusedDriver(self.tables, self.batch, precision, running.threads, *switches, width)
         self._diverged = np.zeros(self.batch, bool)
-        self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
+        self.reset()
 
     @staticmethod
     def _check_bodies(bodies: list[LatticeBody], batch: int) -> None:
@@ -164,6 +164,11 @@ class LatticeEngine:
     def bytes_per_robot(self) -> int:
         """Memory of the batch per robot [B], without recordings."""
         return self._driver.bytes_per_robot
+
+    def reset(self) -> None:
+        """Put every robot at rest at its start, its channels as the materials say."""
+        self._driver.write(memory.CHANNEL, self.tables.channel)
+        self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
 
     def set_positions(self, positions: np.ndarray) -> None:
         """Put every robot at rest, upright, at these voxel centres [m], shape (B, V, 3); links forget their past."""

@@ -38,7 +38,7 @@ def straight_link(
         edge, stiff, minus, plus, pull, twist * d3, turning, 0.5 * (d0 - m0), d1, d2, 0.5 * (d1 - m1), 0.5 * (d2 - m2),
         0.0, 0.0, d4, d5, 0.0, 0.0, 0.5 * (d4 - m4), 0.5 * (d5 - m5), False,
     )  # fmt: skip
-    return (*_to_world(w1, a1, b1, c1, forces), d0, d1, d2, d3, d4, d5)
+    return to_world(w1, a1, b1, c1, *forces) + (d0, d1, d2, d3, d4, d5)
 
 
 @law
@@ -56,13 +56,18 @@ def turned_link(
         edge, stiff, minus, plus, pull, twist * d3, turning, small, w, by, bz, d1, d2, d4, d5,
         half * (d0 - m0), half * (d1 - m1), half * (d2 - m2), half * (d4 - m4), half * (d5 - m5),
     )  # fmt: skip
-    return (*_to_world(w1, a1, b1, c1, forces), d0, d1, d2, d3, d4, d5)
+    return to_world(w1, a1, b1, c1, *forces) + (d0, d1, d2, d3, d4, d5)
 
 
-def _to_world(w, a, b, c, forces):
-    """Turn F, M, G and N from the frame of the "-" voxel to the world."""
-    turn = matrix(w, a, b, c)
-    return [component for i in range(0, 12, 3) for component in apply(*turn, *forces[i : i + 3])]
+@law
+def to_world(w, a, b, c, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz):
+    """F, M, G and N turned from the frame of the "-" voxel."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, a, b, c)
+    fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
+    mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
+    gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
+    nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
+    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
 @ti.func
