@@ -5,11 +5,11 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,13 +18,21 @@ from optim.problem import OK, Evaluation
 from optim.space import Space, Variable
 from robots import inflatable
 from robots.checks import whole_number
-from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign
-from robots.schedule import GaitSchedule
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign, InflatableResult, nominal_steps
+from robots.schedule import BLADDERS, ROWS, GaitSchedule
 from robots.terrain import Terrain
+
+if TYPE_CHECKING:
+    from robots.inflatable_gradient import InflatableGradient
+    from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
+LATER_OPTIONS = {"encoding": "codes", "ramp_steps": None}  # described where they differ from these
+ENCODINGS = ("codes", "bits")
+BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
+RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +40,8 @@ class GaitProblem:
     """Score of a point: mean over the terrains of the speed [body lengths/s], by the published convention.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
-    ``pressure`` 0 to 12,000 Pa, and for every actuator the code (f, phi) of its row of the schedule,
-    ``f_bladder1`` and so on, whole numbers from 0 to ``columns``.
+    ``pressure`` 0 to 12,000 Pa, and the schedule: for every actuator the code (f, phi) of its row, ``f_bladder1``
+    and so on, whole numbers from 0 to ``columns``; or every bit, ``bladder1_1`` to ``foot2_8``, row by row.
 
     Attributes:
         terrains: where the robot travels, one simulation each.
@@ -42,6 +50,9 @@ class GaitProblem:
         schedule: the control, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
+        encoding: of a free schedule, ``"codes"`` or ``"bits"``; only bits can be relaxed.
+        ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
+            pressure is free: as published, the length of the ramp depends on it, and jumps.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
         precision: ``"f32"`` or ``"f64"``.
@@ -56,6 +67,8 @@ class GaitProblem:
     schedule: GaitSchedule | None = None
     columns: int = 8
     repeats: int = 2
+    encoding: str = "codes"
+    ramp_steps: int | None = None
     geometry: str = "published"
     weight: str = "published"
     precision: str = "f32"
@@ -78,7 +91,12 @@ class GaitProblem:
         if self.schedule is not None:
             object.__setattr__(self, "columns", self.schedule.columns)
             object.__setattr__(self, "repeats", self.schedule.repeats)
+            object.__setattr__(self, "encoding", "codes")  # of nothing
         whole_number("columns", self.columns, 1)
+        if self.encoding not in ENCODINGS:
+            raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
+        if self.ramp_steps is not None:
+            whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation.
         self.design(self.space.low)
         InflatableActuation(weight=self.weight)
@@ -101,7 +119,10 @@ class GaitProblem:
             variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
         if self.pressure is None:
             variables.append(Variable("pressure", 0.0, 12_000.0, step=1200.0))
-        if self.schedule is None:
+        if self.schedule is None and self.encoding == "bits":
+            names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
+            variables.extend(Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names)
+        elif self.schedule is None:
             for code in ("f", "phi"):
                 names = [f"{code}_{row}" for row in GaitSchedule.row_names]
                 variables.extend(Variable(name, 0, self.columns, "integer", step=0.9) for name in names)
@@ -111,7 +132,9 @@ class GaitProblem:
         """The design of a point, shape (D,)."""
         values = self.space.to_dict(point)
         schedule = self.schedule
-        if schedule is None:
+        if schedule is None and self.encoding == "bits":
+            schedule = GaitSchedule(self._matrix(point) == 1, self.repeats)
+        elif schedule is None:
             f, phi = ([values[f"{code}_{row}"] for row in GaitSchedule.row_names] for code in ("f", "phi"))
             schedule = GaitSchedule.from_codes(f, phi, self.columns, self.repeats)
         return InflatableDesign(
@@ -120,28 +143,90 @@ class GaitProblem:
             schedule=schedule,
         )
 
+    def _matrix(self, point: ArrayLike) -> NDArray[np.float64]:
+        """What a point, shape (D,), says of every actuator in every column, shape (10, T); they come last."""
+        return np.asarray(point, float)[-ROWS * self.columns :].reshape(ROWS, self.columns)
+
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate all points, shape (N, D), as one batch per terrain.
 
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        speeds: dict[str, NDArray[np.float64]] = {}
-        status = np.full(len(designs), OK, dtype=object)
-        for number, terrain in enumerate(self.terrains):
-            result = inflatable.simulate(
-                designs,
-                terrain,
-                geometry=NAMED_GEOMETRIES[self.geometry],
-                actuation=InflatableActuation(weight=self.weight),
-                precision=self.precision,
-                device=self.device,
-                threads=self.threads,
-                progress=self._progress_on(number),
-            )
-            speeds[f"speed_{terrain.name}"] = result.speed
+        return self._judgement(self._on_terrains(inflatable.simulate, designs))
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
+
+        Without a value between 0 and 1 it can still be another judgement than :meth:`evaluate`: by ``ramp_steps``,
+        and by columns in which nothing moves, see ``RelaxedSchedule``.
+        """
+        from robots.inflatable_gradient import differentiate, simulate_relaxed  # no other search needs it
+
+        points = self.space.relaxed().validate(np.atleast_2d(points))
+        designs = [self.relaxed_design(point, sharpness) for point in points]
+        ramp_steps = RAMP_STEPS if self.ramp_steps is None and self.pressure is None else self.ramp_steps
+        if not gradients:
+            return self._judgement(self._on_terrains(simulate_relaxed, designs, ramp_steps=ramp_steps))
+        runs = self._on_terrains(differentiate, designs, ramp_steps=ramp_steps)
+        slopes = np.mean([self._slopes(run, points, sharpness) for run in runs], axis=0)
+        return self._judgement([run.result for run in runs], slopes)
+
+    def relaxed_design(self, point: ArrayLike, sharpness: float) -> "RelaxedDesign":
+        """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
+        from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+
+        values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
+        if self.schedule is None:
+            schedule = self._relaxed_schedule(point).sharpened(sharpness)
+        else:
+            schedule = RelaxedSchedule.from_schedule(self.schedule)
+        return RelaxedDesign(
+            pressure=values["pressure"] if self.pressure is None else self.pressure,
+            orientation=values["orientation"] if self.orientation is None else self.orientation,
+            schedule=schedule,
+        )
+
+    def _relaxed_schedule(self, point: ArrayLike) -> "RelaxedSchedule":
+        from robots.relaxed_schedule import RelaxedSchedule
+
+        levels = self._matrix(point)
+        return RelaxedSchedule(inflation=levels[:BLADDERS], grip=levels[BLADDERS:], repeats=self.repeats)
+
+    def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
+        """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
+        slopes = [run.orientation[:, None]] if self.orientation is None else []
+        if self.pressure is None:
+            slopes.append(run.pressure[:, None])
+        if self.schedule is None:
+            sharpening = [self._relaxed_schedule(point).sharpening_slope(sharpness) for point in points]
+            bits = np.concatenate([run.inflation, run.grip], axis=1) * np.array(sharpening)
+            slopes.append(bits.reshape(len(points), -1))
+        geometry, steps = NAMED_GEOMETRIES[self.geometry], nominal_steps(self.columns * self.repeats, self._actuation)
+        return np.concatenate(slopes, axis=1) / (geometry.body_length * steps * geometry.time_step)
+
+    @property
+    def _actuation(self) -> InflatableActuation:
+        return InflatableActuation(weight=self.weight)
+
+    def _on_terrains(self, run: Callable[..., Any], designs: Sequence[Any], **more: Any) -> list[Any]:
+        """What ``run`` makes of all designs, one batch per terrain."""
+        robot = {"geometry": NAMED_GEOMETRIES[self.geometry], "actuation": self._actuation}
+        where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
+        return [
+            run(designs, terrain, **robot, **where, **more, progress=self._progress_on(number))
+            for number, terrain in enumerate(self.terrains)
+        ]
+
+    def _judgement(
+        self, results: Sequence[InflatableResult], gradients: NDArray[np.float64] | None = None
+    ) -> Evaluation:
+        """Mean of the speeds on all terrains; the first failure is the status."""
+        speeds = {f"speed_{terrain.name}": r.speed for terrain, r in zip(self.terrains, results, strict=True)}
+        status = np.full(len(results[0].status), OK, dtype=object)
+        for result in results:
             status = np.where(status == OK, result.status, status)
-        return Evaluation(np.mean(list(speeds.values()), axis=0), status, speeds)
+        return Evaluation(np.mean(list(speeds.values()), axis=0), status, speeds, gradients)
 
     def _progress_on(self, number: int) -> Callable[[float], None] | None:
         """Turns the progress on one terrain into that of the evaluation."""
@@ -165,6 +250,7 @@ class GaitProblem:
             "free": list(self.free),
             **_given(fixed),
             **{name: getattr(self, name) for name in OPTIONS},
+            **{name: getattr(self, name) for name, usual in LATER_OPTIONS.items() if getattr(self, name) != usual},
         }
 
     @classmethod

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,11 +23,14 @@ class Evaluation:
             be given as shape (N,) for a single objective. Infinite values count as failures.
         status: shape (N,), text: ``"ok"``, or why the point failed.
         details: more about each point, by name, each of shape (N, ...); finite where it did not fail.
+        gradients: d objective / d variable of a single objective, each in its own unit, shape (N, D); NaN in
+            the row of a point that failed. None where nobody asked for them.
     """
 
     objectives: NDArray[np.float64]
     status: NDArray[np.str_] | Sequence[str] = ()
     details: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    gradients: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         objectives = np.array(self.objectives, float)
@@ -47,6 +50,14 @@ class Evaluation:
         objectives[status != OK] = np.nan
         object.__setattr__(self, "objectives", objectives)
         object.__setattr__(self, "status", status.astype(str))
+        if self.gradients is not None:
+            gradients = np.array(self.gradients, float)
+            if objectives.shape[1] != 1 or gradients.ndim != 2 or len(gradients) != len(objectives):
+                raise ValueError(
+                    f"gradients: shape {gradients.shape} is not allowed; give (points, variables) of one objective"
+                )
+            gradients[status != OK] = np.nan
+            object.__setattr__(self, "gradients", gradients)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -73,3 +84,22 @@ class Problem(Protocol):
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of one point, shape (D,), to a file, the same bytes for the same point."""
+
+
+@runtime_checkable
+class RelaxableProblem(Problem, Protocol):
+    """A problem that can also be judged between the values of its binary variables, and differentiated there."""
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """Judge points of ``space.relaxed()``, shape (N, D).
+
+        Args:
+            points: binary variables may have any value from 0 to 1; a point without such a value between is
+                judged as :meth:`evaluate` judges it, but for what the problem says it does otherwise.
+            sharpness: how strongly the problem pushes those values towards 0 and 1 before it judges them; 0
+                leaves them as they are.
+            gradients: whether ``Evaluation.gradients`` is wanted, with respect to ``points``.
+
+        Raises:
+            ValueError: in one line, if the space has no relaxation.
+        """

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -109,12 +109,31 @@ class Space:
         return np.array([variable.step for variable in self.variables], float)
 
     @cached_property
+    def span(self) -> Vector:
+        """Ranges of the variables, shape (D,)."""
+        return self.high - self.low
+
+    @cached_property
+    def angles(self) -> NDArray[np.bool_]:
+        """Which variables wrap round, shape (D,)."""
+        return np.array([variable.kind == "angle" for variable in self.variables])
+
+    @cached_property
     def _integers(self) -> NDArray[np.bool_]:
         return np.array([variable.is_integer for variable in self.variables])
 
-    @cached_property
-    def _angles(self) -> NDArray[np.bool_]:
-        return np.array([variable.kind == "angle" for variable in self.variables])
+    def relaxed(self) -> "Space":
+        """The same space with its binary variables continuous from 0 to 1.
+
+        Raises:
+            ValueError: in one line, for a variable of kind ``"integer"``.
+        """
+        for variable in self.variables:
+            if variable.kind == "integer":
+                raise ValueError(
+                    f"{variable.name}: an integer has no relaxation; gradients need continuous or binary variables"
+                )
+        return Space(tuple(replace(v, kind="continuous") if v.is_integer else v for v in self.variables))
 
     def reflect(self, points: ArrayLike) -> Vector:
         """Bring points into the bounds: folded back at a bound as by a mirror, angles wrapped round.
@@ -122,14 +141,22 @@ class Space:
         Points inside stay exactly what they are.
         """
         points = np.asarray(points, float)
-        span = self.high - self.low
-        beyond = np.mod(points - self.low, np.where(self._angles, span, 2 * span))
-        folded = self.low + np.where(self._angles, beyond, np.minimum(beyond, 2 * span - beyond))
+        beyond = np.mod(points - self.low, np.where(self.angles, self.span, 2 * self.span))
+        folded = self.low + np.where(self.angles, beyond, np.minimum(beyond, 2 * self.span - beyond))
         return np.where(self.contains(points), points, self.clip(folded))  # clip: the sum above is rounded
 
     def clip(self, points: ArrayLike) -> Vector:
         """Bring points into the bounds: each coordinate to the nearest value allowed."""
         return np.clip(np.asarray(points, float), self.low, self.high)
+
+    def bound(self, points: ArrayLike) -> Vector:
+        """Bring points into the bounds: each coordinate to the nearest value allowed, angles wrapped round."""
+        return np.where(self.angles, self.reflect(points), self.clip(points))
+
+    def offset(self, points: ArrayLike, origin: ArrayLike) -> Vector:
+        """``points - origin`` in ranges of the variables; of angles the shorter way round."""
+        offset = (np.asarray(points, float) - np.asarray(origin, float)) / self.span
+        return np.where(self.angles, offset - np.rint(offset), offset)
 
     def round(self, points: ArrayLike) -> Vector:
         """Integers and binaries rounded to the nearest whole number, the rest unchanged."""

@@ -35,6 +35,7 @@ __all__ = [
     "InflatableGeometry",
     "InflatableResult",
     "load_design",
+    "nominal_steps",
     "predicted_steps",
     "save_design",
     "simulate",

@@ -47,12 +47,32 @@ class Sphere:
         path.write_text(json.dumps(self.space.to_dict(point)))
 
 
-def run(path, generations=GENERATIONS, resume=False, problem=None, **options):
+class Hill(Sphere):
+    """A quick problem with a relaxation."""
+
+    space = Space((Variable("x", -5.0, 5.0, step=0.5), Variable("on", 0, 1, "binary", step=0.3)))
+
+    def __init__(self):
+        super().__init__()
+        self.asked = []
+
+    def evaluate(self, points):
+        self.asked.append("points")
+        return super().evaluate(self.space.validate(points))
+
+    def evaluate_relaxed(self, points, sharpness, gradients):
+        self.asked.append((sharpness, gradients))
+        judgement = super().evaluate(self.space.relaxed().validate(points))
+        slopes = -np.sign(points - [1.0, 3.0]) if gradients else None
+        return Evaluation(judgement.objectives, judgement.status, judgement.details, slopes)
+
+
+def run(path, generations=GENERATIONS, resume=False, problem=None, method=CONFIG["method"], **options):
     problem = problem or Sphere()
-    with open_run(path, {**CONFIG, "generations": generations}, resume=resume, **options) as folder:
-        settings = {key: value for key, value in CONFIG["method"].items() if key != "name"}
-        method = build_method(CONFIG["method"]["name"], problem.space, settings)
-        return run_search(problem, method, folder, generations)
+    config = {**CONFIG, "method": method, "generations": generations}
+    with open_run(path, config, resume=resume, **options) as folder:
+        settings = {key: value for key, value in method.items() if key != "name"}
+        return run_search(problem, build_method(method["name"], problem.space, settings), folder, generations)
 
 
 def products(path):
@@ -123,6 +143,33 @@ def test_more_generations_continue_a_run(tmp_path, whole):
     run(tmp_path / "short", generations=1)
     run(tmp_path / "short", resume=True)
     assert products(tmp_path / "short") == products(whole)
+
+
+GRADIENT = {"name": "gradient", "climbers": 3, "seed": 5, "stage": 2}
+
+
+@pytest.mark.parametrize("settings", [{}, {"rule": "l-bfgs"}, {"gradient": "smoothed", "samples": 2}])
+def test_gradient_searches_get_what_they_want_and_resume_exactly(tmp_path, settings):
+    problem, method = Hill(), {**GRADIENT, **settings}
+    run(tmp_path / "whole", generations=8, problem=problem, method=method)
+    exact = "gradient" not in settings
+    relaxed = [(sharpness, exact) for sharpness in (1.0, 1.0, 2.0, 2.0)]
+    assert problem.asked == [asked for pair in zip(["points"] * 4, relaxed, strict=True) for asked in pair] + ["points"]
+    lines = log(tmp_path / "whole")
+    assert lines[-1]["best"] == -lines[-1]["best_details"]["distance"] and lines[-1]["best_point"]["on"] in (0, 1)
+    moves = 3 if exact else 12
+    assert np.diff([line["evaluations"] for line in lines]).tolist() == [moves, 3] * 4
+    for stop in (0, 3, 4):
+        run(tmp_path / f"cut{stop}", generations=stop, problem=Hill(), method=method)
+        run(tmp_path / f"cut{stop}", generations=8, resume=True, problem=Hill(), method=method)
+        assert products(tmp_path / f"cut{stop}") == products(tmp_path / "whole")
+
+
+def test_without_a_relaxation_there_are_no_gradients(tmp_path):
+    problem = Sphere()
+    problem.space = Hill.space
+    with pytest.raises(ValueError, match=r"^method: it wants gradients, but Sphere has no relaxation; choose another"):
+        run(tmp_path / "a", problem=problem, method=GRADIENT)
 
 
 class Killed(BaseException):

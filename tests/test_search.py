@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optim.problem import Evaluation
-from optim.search import METHODS, HillClimb, RandomSearch, build_method
+from optim.search import METHODS, HillClimb, RandomSearch, build_method, default_settings
 from optim.space import Space, Variable
 
 SPACE = Space(
@@ -14,20 +14,28 @@ SPACE = Space(
         Variable("n", 0, 8, "integer", step=0.9),
     )
 )
-BEST = np.array([1.0, 30.0, 5.0])
+RELAXABLE = Space((*SPACE.variables[:2], Variable("n", 0, 1, "binary")))
+SPACES = {"gradient": RELAXABLE, "hill-climb": SPACE, "random": SPACE}
+BEST = np.array([1.0, 30.0, 1.0])
+SCALE = np.array([10.0, 90.0, 8.0])
 methods = pytest.mark.parametrize("name", METHODS)
 
 
+def build(name, settings):
+    return build_method(name, SPACES[name], settings)
+
+
 def sphere(points):
-    return -np.sum(((points - BEST) / [10.0, 90.0, 8.0]) ** 2, axis=1)
+    return -np.sum(((points - BEST) / SCALE) ** 2, axis=1)
 
 
 def run(method, generations, judge=sphere):
     for _ in range(generations):
         points = method.ask()
         assert np.array_equal(points, method.ask())
-        SPACE.validate(points)
-        method.tell(points, Evaluation(judge(points)))
+        (method.space if method.wants == "points" else method.space.relaxed()).validate(points)
+        gradients = -2 * (points - BEST) / SCALE**2 if method.wants == "gradients" else None
+        method.tell(points, Evaluation(judge(points), gradients=gradients))
     return method
 
 
@@ -37,7 +45,7 @@ def same(a, b):
 
 @methods
 def test_converges_on_a_sphere(name):
-    method = build_method(name, SPACE, {"climbers": 20, "seed": 3})
+    method = build(name, {"climbers": 20, "seed": 3})
     start = run(method, 1).result().scores
     result = run(method, 150).result()
     assert result.score > -2e-3 and result.score == sphere(result.point[None])[0]
@@ -48,9 +56,9 @@ def test_converges_on_a_sphere(name):
 @methods
 def test_continues_exactly_from_its_state(name):
     settings = {"climbers": 4, "seed": 8}
-    whole = run(build_method(name, SPACE, settings), 20)
-    state = run(build_method(name, SPACE, settings), 9).state()
-    rest = build_method(name, SPACE, settings)
+    whole = run(build(name, settings), 20)
+    state = run(build(name, settings), 9).state()
+    rest = build(name, settings)
     rest.restore(state)
     assert same(run(rest, 11), whole)
 
@@ -60,7 +68,7 @@ def test_failures_never_win(name):
     def judge(points):  # everything on the left has failed
         return np.where(points[:, 0] < 0, np.nan, sphere(points))
 
-    method = run(build_method(name, SPACE, {"climbers": 20, "seed": 0}), 1, judge)
+    method = run(build(name, {"climbers": 20, "seed": 0}), 1, judge)
     failed = np.isnan(method.result().scores)
     assert failed.any()
     result = run(method, 60, judge).result()
@@ -74,20 +82,20 @@ def test_without_a_success_there_is_no_score(name):
     def judge(points):
         return np.full(len(points), np.nan)
 
-    result = run(build_method(name, SPACE, {"climbers": 3, "seed": 0}), 5, judge).result()
+    result = run(build(name, {"climbers": 3, "seed": 0}), 5, judge).result()
     assert np.isnan(result.score) and np.isnan(result.scores).all()
 
 
 @methods
 def test_climbers_know_nothing_of_each_other(name):
-    few, many = (run(build_method(name, SPACE, {"climbers": n, "seed": 1}), 10) for n in (3, 7))
+    few, many = (run(build(name, {"climbers": n, "seed": 1}), 10) for n in (3, 7))
     assert np.array_equal(few.result().points, many.result().points[:3])
     assert len(np.unique(many.result().points, axis=0)) == 7
 
 
 @methods
 def test_another_seed_is_another_search(name):
-    a, b = (build_method(name, SPACE, {"climbers": 3, "seed": seed}) for seed in (1, 2))
+    a, b = (build(name, {"climbers": 3, "seed": seed}) for seed in (1, 2))
     assert not np.array_equal(a.ask(), b.ask())
 
 
@@ -95,20 +103,20 @@ def test_another_seed_is_another_search(name):
 @pytest.mark.parametrize(("setting", "value"), [("climbers", 0), ("climbers", 2.5), ("seed", -1)])
 def test_settings_without_sense_are_refused(name, setting, value):
     with pytest.raises(ValueError, match=f"{setting}: {value} is not allowed"):
-        build_method(name, SPACE, {setting: value})
+        build(name, {setting: value})
 
 
 @methods
 def test_wrong_shapes_are_refused(name):
-    method = build_method(name, SPACE, {"climbers": 3})
+    method = build(name, {"climbers": 3})
     with pytest.raises(ValueError, match=r"objectives of shape \(3, 2\) are not allowed; give \(3, 1\)"):
         method.tell(method.ask(), Evaluation(np.zeros((3, 2))))
     with pytest.raises(ValueError, match="state: points of shape"):
-        method.restore(build_method(name, SPACE, {"climbers": 4}).state())
+        method.restore(build(name, {"climbers": 4}).state())
 
 
 def test_unknown_names_and_settings_are_listed():
-    with pytest.raises(ValueError, match="method: 'annealing' is unknown; choose one of hill-climb, random"):
+    with pytest.raises(ValueError, match="method: 'annealing' is unknown; choose one of gradient, hill-climb, random"):
         build_method("annealing", SPACE, {})
     with pytest.raises(
         ValueError, match="start: method random does not take it; its settings are climbers, seed"
@@ -167,6 +175,21 @@ def test_an_evaluation_holds_no_number_that_did_not_succeed(objectives):
     evaluation = Evaluation(objectives, ["ok", "diverged"] * 3 if len(objectives) == 6 else ())
     assert np.array_equal(evaluation.failed, ~np.isfinite(evaluation.objectives[:, 0]))
     assert set(evaluation.status) <= {"ok", "failed", "diverged"}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_setting_has_a_default_that_is_allowed(name):
+    settings = default_settings(name)
+    assert settings["climbers"] == 60 and settings["seed"] == 0
+    assert same(build(name, settings), build(name, {}))
+
+
+def test_gradients_of_failures_are_none_at_all():
+    evaluation = Evaluation([1.0, np.nan], gradients=np.ones((2, 3)))
+    assert np.array_equal(np.isnan(evaluation.gradients[:, 0]), [False, True])
+    for objectives, gradients in (([1.0, 2.0], np.ones((1, 3))), (np.ones((2, 2)), np.ones((2, 3)))):
+        with pytest.raises(ValueError, match=r"gradients: shape \(\d, 3\) is not allowed; give \(points, variables\)"):
+            Evaluation(objectives, gradients=gradients)
 
 
 def test_an_evaluation_is_one_judgement_a_point():

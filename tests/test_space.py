@@ -45,6 +45,33 @@ def test_angles_wrap_round(angle, turns):
 
 
 @given(anywhere)
+def test_the_nearest_point_within_the_bounds(point):
+    bound = SPACE.bound(point)
+    assert SPACE.contains(bound).all() and np.array_equal(SPACE.bound(bound), bound)
+    others = ~SPACE.angles
+    assert np.array_equal(bound[others], np.clip(point, SPACE.low, SPACE.high)[others])
+    assert np.array_equal(bound[SPACE.angles], SPACE.reflect(point)[SPACE.angles])
+
+
+@given(inside, inside)
+def test_offsets_lead_from_one_point_to_another_the_short_way(a, b):
+    offset = SPACE.offset(b, a)
+    assert abs(offset).max() <= 1 and abs(offset[SPACE.angles]).max() <= 0.5
+    there = SPACE.bound(a + offset * SPACE.span)
+    assert SPACE.offset(there, b) == pytest.approx(0, abs=1e-6)
+
+
+def test_only_integers_have_no_relaxation():
+    with pytest.raises(ValueError, match=r"^f: an integer has no relaxation; gradients need continuous or binary"):
+        SPACE.relaxed()
+    space = Space(tuple(variable for variable in SPACE.variables if variable.name != "f"))
+    relaxed = space.relaxed()
+    assert [v.kind for v in relaxed.variables] == ["continuous", "angle", "continuous", "continuous"]
+    assert relaxed.names == space.names and np.array_equal(relaxed.low, space.low) and relaxed.relaxed() == relaxed
+    relaxed.validate([0.0, 0.0, 0.3, 0.1])
+
+
+@given(anywhere)
 def test_integers_are_still_whole_after_rounding_and_reflection(point):
     assert np.array_equal(
         SPACE.validate(SPACE.reflect(SPACE.round(point))), SPACE.reflect(SPACE.round(point))

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
-from optim.search import METHODS
+from optim.search import METHODS, default_settings
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
     from optim.runs import Generation, RunFolder
     from optim.search import Method
 
-METHOD = {"name": "hill-climb", "climbers": 60, "seed": 0}
+METHOD = "hill-climb"
 GENERATIONS = 200
+# Options that are settings of the method by the same name, where they are given.
+SETTINGS = ("climbers", "seed", "rule", "learning_rate", "gradient", "samples", "smoothing")
 
 
 def add_parser(commands: Any) -> None:
@@ -61,6 +63,8 @@ def add_parser(commands: Any) -> None:
         help="with which every climber starts (default: random)",
     )
 
+    _add_gradient_options(parser.add_argument_group("search by --method gradient"))
+
     design = parser.add_argument_group("what is designed")
     design.add_argument(
         "--terrain",
@@ -71,6 +75,12 @@ def add_parser(commands: Any) -> None:
     )
     design.add_argument(
         "--free", metavar="PARTS", help="what may change (default: orientation,shape,control)"
+    )
+    design.add_argument(
+        "--encoding",
+        choices=("codes", "bits"),
+        help="of the control: frequency and offset of each actuator, or every bit (default: codes; bits with "
+        "--method gradient)",
     )
     design.add_argument(
         "--gait",
@@ -94,6 +104,30 @@ def add_parser(commands: Any) -> None:
     parser.set_defaults(run=run)
 
 
+def _add_gradient_options(group: Any) -> None:
+    group.add_argument("--rule", choices=("adam", "l-bfgs"), help="of the steps (default: adam)")
+    group.add_argument(
+        "--learning-rate",
+        type=options.number(0.0),
+        metavar="RATE",
+        help="typical step, in ranges of the variables (default: 0.05)",
+    )
+    group.add_argument(
+        "--gradient",
+        choices=("exact", "smoothed"),
+        help="of the simulation, or estimated from perturbed points (default: exact)",
+    )
+    group.add_argument(
+        "--samples", type=options.whole(1), metavar="N", help="pairs of perturbed points a climber (default: 8)"
+    )
+    group.add_argument(
+        "--smoothing",
+        type=options.number(0.0),
+        metavar="DEVIATION",
+        help="of the perturbations, in ranges of the variables (default: 0.05)",
+    )
+
+
 def run(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
     from optim.gait_problem import GaitProblem
@@ -103,9 +137,9 @@ def run(args: argparse.Namespace) -> Report:
     from optim.search import build_method
 
     known = read_config(args.out) if args.resume and has_run(args.out) else None
-    problem, note = _problem(args, GaitProblem.from_description(known["problem"]) if known else None)
-    settings = _method(args, known["method"] if known else {})
-    name = settings.pop("name")
+    name = _same("method.name", args.method, known["method"]["name"], args.out) if known else args.method or METHOD
+    problem, note = _problem(args, GaitProblem.from_description(known["problem"]) if known else None, name)
+    settings = _method(args, name, known["method"] if known else None)
     method = build_method(name, problem.space, settings)
     generations = args.generations
     if generations is None:
@@ -144,7 +178,14 @@ def _search(
         return run_search(problem, method, folder, generations, show)
 
 
-def _problem(args: argparse.Namespace, known: "GaitProblem | None") -> tuple["GaitProblem", str]:
+def _same(field: str, given: str | None, known: str, folder: Path) -> str:
+    """What a run that continues has; an error where something else is given, before that fits nothing else."""
+    if given not in (None, known):
+        raise ValueError(f"{field}: {given!r} is not what the run in {folder} has, {known!r}; leave it out")
+    return known
+
+
+def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str) -> tuple["GaitProblem", str]:
     """The problem asked for, and a note on what was fixed by default.
 
     What is not given is as in the run that continues, or else the default.
@@ -152,6 +193,9 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None") -> tuple["Ga
     from optim.gait_problem import OPTIONS, PARTS, GaitProblem
 
     settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
+    if known and known.schedule is None:
+        _same("problem.encoding", args.encoding, known.encoding, args.out)
+    settings.setdefault("encoding", args.encoding or ("bits" if method == "gradient" else "codes"))
     for name in (*OPTIONS, "threads"):
         if getattr(args, name) is not None:
             settings[name] = getattr(args, name)
@@ -195,11 +239,14 @@ def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[st
     return taken
 
 
-def _method(args: argparse.Namespace, known: dict[str, Any]) -> dict[str, Any]:
-    """Name and settings of the method; what is not given is as in the run that continues, or the default."""
-    given = {"name": args.method, "climbers": args.climbers, "seed": args.seed}
+def _method(args: argparse.Namespace, name: str, known: dict[str, Any] | None) -> dict[str, Any]:
+    """Settings of the method; what is not given is as in the run that continues, or the default."""
+    given = {name: getattr(args, name) for name in SETTINGS}
     start = {"orientation": args.start_orientation, "pressure": args.start_pressure}
-    settings = METHOD | known | {name: value for name, value in given.items() if value is not None}
+    settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
+    settings |= {name: value for name, value in given.items() if value is not None}
+    if name == "gradient":
+        settings["verify"] = True  # a relaxed judgement of a gait is never quite the true one
     if any(value is not None for value in start.values()):
         settings["start"] = {name: value for name, value in start.items() if value is not None}
     return settings

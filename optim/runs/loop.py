@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.problem import Evaluation, Problem
+from optim.problem import Evaluation, Problem, RelaxableProblem
 from optim.runs.folder import RunFolder
 from optim.search.method import Method, SearchResult
 
@@ -74,7 +74,7 @@ def run_search(
     while last is None or last.generation < generations:
         started = time.perf_counter()
         points = method.ask()
-        evaluation = problem.evaluate(points)
+        evaluation = _evaluate(problem, method, points)
         method.tell(points, evaluation)
         result = method.result()
         before, last = last, _next(last, problem, result, points, evaluation)
@@ -85,6 +85,17 @@ def run_search(
         if progress:
             progress(last)
     return last
+
+
+def _evaluate(problem: Problem, method: Method, points: np.ndarray) -> Evaluation:
+    """The judgement that the method wants."""
+    if method.wants == "points":
+        return problem.evaluate(points)
+    if not isinstance(problem, RelaxableProblem):
+        raise ValueError(
+            f"method: it wants {method.wants}, but {type(problem).__name__} has no relaxation; choose another method"
+        )
+    return problem.evaluate_relaxed(points, method.sharpness, method.wants == "gradients")
 
 
 def _next(

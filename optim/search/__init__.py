@@ -4,14 +4,28 @@ from collections.abc import Mapping
 from inspect import signature
 from typing import Any
 
+from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.method import Method, SearchResult
 from optim.search.random_search import RandomSearch
 from optim.space import Space
 
-__all__ = ["METHODS", "HillClimb", "Method", "RandomSearch", "SearchResult", "build_method"]
+__all__ = [
+    "METHODS",
+    "GradientAscent",
+    "HillClimb",
+    "Method",
+    "RandomSearch",
+    "SearchResult",
+    "build_method",
+    "default_settings",
+]
 
-METHODS: dict[str, type[HillClimb] | type[RandomSearch]] = {"hill-climb": HillClimb, "random": RandomSearch}
+METHODS: dict[str, type[GradientAscent] | type[HillClimb] | type[RandomSearch]] = {
+    "gradient": GradientAscent,
+    "hill-climb": HillClimb,
+    "random": RandomSearch,
+}
 
 
 def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method:
@@ -29,3 +43,9 @@ def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method
                 f"{setting}: method {name} does not take it; its settings are {', '.join(allowed)}"
             )
     return METHODS[name](space, **settings)
+
+
+def default_settings(name: str) -> dict[str, Any]:
+    """What a method in ``METHODS`` does where nothing else is set, by the names of its settings."""
+    parameters = signature(METHODS[name]).parameters.values()
+    return {p.name: p.default for p in parameters if p.default is not p.empty and p.default is not None}

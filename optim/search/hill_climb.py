@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from optim.search.independent import IndependentSearches
+from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import generator
 from optim.space import Space, Vector
 
@@ -38,7 +38,6 @@ class HillClimb(IndependentSearches):
                 f"step: 0 of {space.names[int(np.argmin(space.step))]} is not allowed; it would never change"
             )
         self.start = dict(start or {})
-        space.check_names("start", self.start)
         self._starts()
 
     def ask(self) -> Vector:
@@ -50,8 +49,4 @@ class HillClimb(IndependentSearches):
         return self.space.reflect(self.space.round(self.points + self.space.step * deviates))
 
     def _starts(self) -> Vector:
-        rngs = [generator(self.seed, 0, climber) for climber in range(self.climbers)]
-        points = np.concatenate([self.space.sample(rng, 1) for rng in rngs])
-        for name, value in self.start.items():
-            points[:, self.space.names.index(name)] = value
-        return self.space.validate(points)
+        return random_starts(self.space, self.seed, 0, range(self.climbers), self.start)

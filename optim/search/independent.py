@@ -1,14 +1,14 @@
 """What methods share that run C searches side by side, each knowing only its own best point."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import SearchResult
+from optim.search.method import SearchResult, Wants, generator
 from optim.space import Space, Vector
 
 
@@ -35,23 +35,32 @@ class IndependentSearches(ABC):
         self.points = np.full((climbers, space.size), np.nan)
         self.scores = np.full(climbers, np.nan)
 
+    @property
+    def wants(self) -> Wants:
+        """Points of the space."""
+        return "points"
+
+    @property
+    def sharpness(self) -> float:
+        """Of no meaning for points of the space."""
+        return 0.0
+
     @abstractmethod
     def ask(self) -> Vector:
         """One point per search, shape (C, D)."""
 
     def tell(self, points: Vector, evaluation: Evaluation) -> None:
         """Keep what is better; ``evaluation`` has a single objective."""
-        if evaluation.objectives.shape != (self.climbers, 1):
-            shape = evaluation.objectives.shape
-            raise ValueError(
-                f"evaluation: objectives of shape {shape} are not allowed; give ({self.climbers}, 1)"
-            )
-        scores = evaluation.objectives[:, 0]
+        self._keep(points, single_objective(evaluation, self.climbers))
+        self.generation += 1
+
+    def _keep(self, points: Vector, scores: Vector) -> NDArray[np.bool_]:
+        """Take over the points, one a search, that are better; which those are, shape (C,)."""
         better = (scores > self.scores) | (np.isnan(self.scores) & ~np.isnan(scores))
         taken = better | (self.generation == 0)
         self.points = np.where(taken[:, None], points, self.points)
         self.scores = np.where(taken, scores, self.scores)
-        self.generation += 1
+        return better
 
     def result(self) -> SearchResult:
         """The best point of all searches (the first of equals) and of each."""
@@ -74,3 +83,23 @@ class IndependentSearches(ABC):
             raise ValueError(f"state: points of shape {state['points'].shape}, expected {self.points.shape}")
         self.generation = int(state["generation"])
         self.points, self.scores = state["points"].copy(), state["scores"].copy()
+
+
+def single_objective(evaluation: Evaluation, count: int) -> Vector:
+    """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
+    if evaluation.objectives.shape != (count, 1):
+        shape = evaluation.objectives.shape
+        raise ValueError(f"evaluation: objectives of shape {shape} are not allowed; give ({count}, 1)")
+    return evaluation.objectives[:, 0]
+
+
+def random_starts(
+    space: Space, seed: int, generation: int, climbers: Sequence[int], start: Mapping[str, float]
+) -> Vector:
+    """A point for each of the climbers, shape (len(climbers), D): random but for the values given by name."""
+    space.check_names("start", start)
+    rngs = [generator(seed, generation, climber) for climber in climbers]
+    points = np.concatenate([space.sample(rng, 1) for rng in rngs])
+    for name, value in start.items():
+        points[:, space.names.index(name)] = value
+    return space.validate(points)

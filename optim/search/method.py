@@ -1,13 +1,15 @@
 """What every search method offers, and where its random numbers come from."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.space import Vector
+
+Wants = Literal["points", "relaxed", "gradients"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +38,23 @@ class Method(Protocol):
     Example:
         >>> for _ in range(generations + 1):
         ...     points = method.ask()
-        ...     method.tell(points, problem.evaluate(points))
+        ...     method.tell(points, problem.evaluate(points))  # if all it wants is points
     """
 
+    @property
+    def wants(self) -> Wants:
+        """How the points asked for next shall be judged.
+
+        ``"points"`` are those of the space. ``"relaxed"`` and ``"gradients"`` are those of its relaxation, for
+        ``RelaxableProblem.evaluate_relaxed`` without and with gradients; only true points are ever the result.
+        """
+
+    @property
+    def sharpness(self) -> float:
+        """With which relaxed points shall be judged."""
+
     def ask(self) -> Vector:
-        """The points to evaluate next, shape (N, D), inside the space."""
+        """The points to evaluate next, shape (N, D), inside the space, or its relaxation if ``wants`` says so."""
 
     def tell(self, points: Vector, evaluation: Evaluation) -> None:
         """Take in the judgement of the points asked for."""

@@ -297,8 +297,8 @@ def fused_kernel(real: Real, recording: bool = False) -> Any:
             parked: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1,
             excluded: ints2, start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, near: flags,
             near_s: ints2, touched: ints2, fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2,
-            lanes: ints3, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3, first: ti.i32, states: reals,
-            room: ti.i32, log: ints3, log_first: ints2):  # fmt: skip
+            lanes: ints3, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3, first: ti.i32,
+            states: reals, room: ti.i32, log: ints3, log_first: ints2):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN

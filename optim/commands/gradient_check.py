@@ -1,0 +1,105 @@
+"""``morpholab gradient-check``: where the exact gradient of a robot can be trusted."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from optim.commands import Report, options
+from optim.commands.progress import shown_progress
+from robots.terrain import Terrain
+
+if TYPE_CHECKING:
+    from optim.gait_problem import GaitProblem
+
+HORIZONS = (1, 2, 4, 8)
+INSIDE = 0.15  # of its range: how far the point keeps from every bound
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "gradient-check",
+        help="compare gradients with differences",
+        description="Compare the exact gradient of the speed, by pressure, orientation and relaxed schedule, with "
+        "central differences over step sizes and horizons, and with the gradient of the smoothed speed.",
+    )
+    parser.add_argument("--gait", default="inching", metavar="GAIT", help="inching, rolling, or the file of a design")
+    parser.add_argument(
+        "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN", help="flat or hill:15 (default: flat)"
+    )
+    parser.add_argument(
+        "--horizons", metavar="COLUMNS", help="columns of the gait that are played (default: 1,2,4,8)"
+    )
+    parser.add_argument("--directions", type=options.whole(2), default=6, metavar="N", help="random ones (default: 6)")
+    parser.add_argument(
+        "--samples", type=options.whole(2), default=48, metavar="N", help="pairs of the smoothed gradient (default: 48)"
+    )
+    parser.add_argument(
+        "--smoothing", type=options.number(1e-6, 1.0), default=0.05, metavar="S",
+        help="its standard deviation in ranges of the variables (default: 0.05)",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="(default: 0)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for gradient.png and gradient.json")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    options.add_json(parser)
+    options.add_robot(parser, precision="f64", schedule=False)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Check every horizon."""
+    from optim.gradient_report import check_gradient, save_plot
+    from robots.files import write_text
+
+    gait = options.load_gait(args.gait)
+    problems = {}
+    for columns in _horizons(args.horizons, gait.schedule.columns):
+        problem = _problem(args, columns)
+        problems[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _point(problem, gait)
+    with shown_progress("differences", 1.0, args.quiet) as update:
+        report = check_gradient(
+            problems, directions=args.directions, smoothing=args.smoothing, samples=args.samples, seed=args.seed,
+            progress=lambda fraction: update(fraction, None),
+        )  # fmt: skip
+    document, text = report.document(), report.text()
+    if args.out:
+        import json
+
+        args.out.mkdir(parents=True, exist_ok=True)
+        write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
+        save_plot(report, args.out / "gradient.png")
+        text += f"\n{args.out}: gradient.json, gradient.png"
+    return Report(document, text)
+
+
+def _horizons(text: str | None, columns: int) -> list[int]:
+    """Numbers of columns, ascending; those of the gait that exist by default."""
+    if text is None:
+        return [n for n in HORIZONS if n <= columns] or [columns]
+    try:
+        wanted = sorted({int(part) for part in text.split(",")})
+    except ValueError:
+        raise ValueError(f"horizons: {text!r} is not allowed; give numbers of columns such as 1,2,4") from None
+    if wanted[0] < 1 or wanted[-1] > columns:
+        raise ValueError(f"horizons: {text!r} is not allowed; the gait has columns 1 to {columns}")
+    return wanted
+
+
+def _problem(args: argparse.Namespace, columns: int) -> "GaitProblem":
+    from optim.gait_problem import GaitProblem
+
+    given = {name: getattr(args, name) for name in ("geometry", "weight", "device", "threads")}
+    return GaitProblem(
+        (args.terrain,), columns=columns, repeats=1, encoding="bits", precision=args.precision or "f64",
+        **{name: value for name, value in given.items() if value is not None},
+    )  # fmt: skip
+
+
+def _point(problem: "GaitProblem", gait: Any) -> np.ndarray:
+    """The first columns of a gait, drawn away from the bounds so that differences reach both sides."""
+    bits = gait.schedule.bits[:, : problem.columns].astype(float)
+    point = np.concatenate([[gait.orientation, gait.pressure], bits.ravel()])
+    space = problem.space
+    return np.clip(point, space.low + INSIDE * space.span, space.high - INSIDE * space.span)

@@ -1,0 +1,199 @@
+"""Where a problem's exact gradient can be trusted: against central differences, and against the smoothed gradient.
+
+Contact makes a long rollout piecewise smooth: between two jumps the exact gradient is the slope, but a search takes
+steps that cross many. So slopes along random directions are compared over a range of step sizes, and beside them the
+gradient of the objective smoothed by normal deviates, which is what a step of that size really meets.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import RelaxableProblem
+
+Floats = NDArray[np.float64]
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # ranges of the variables
+TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two gradients, that count as agreement
+
+
+@dataclass(frozen=True, eq=False)
+class Horizon:
+    """Slopes of one problem at one point along D random directions [objective per range of the variables].
+
+    Attributes:
+        name: of the problem.
+        value: of the objective.
+        exact: from the gradient, shape (D,).
+        differences: central ones for every step size, shape (S, D); NaN where an evaluation failed.
+        smoothed: of the objective under normal deviates along these directions, shape (D,).
+        smoothed_error: standard errors of those, shape (D,).
+    """
+
+    name: str
+    value: float
+    exact: Floats
+    differences: Floats
+    smoothed: Floats
+    smoothed_error: Floats
+
+    @property
+    def errors(self) -> Floats:
+        """|difference - exact| / |exact| as vectors over the directions, for every step size, shape (S,)."""
+        found: Floats = np.linalg.norm(self.differences - self.exact, axis=1) / np.linalg.norm(self.exact)
+        return found
+
+    @property
+    def exact_cosines(self) -> Floats:
+        """Cosine of the exact gradient and the differences, shape (S,)."""
+        return np.array([cosine(self.exact, d) for d in self.differences])
+
+    @property
+    def smoothed_cosines(self) -> Floats:
+        """Cosine of the smoothed gradient and the differences, shape (S,)."""
+        return np.array([cosine(self.smoothed, d) for d in self.differences])
+
+
+@dataclass(frozen=True, eq=False)
+class GradientReport:
+    """What the check of several horizons found.
+
+    Attributes:
+        steps: step sizes of the differences [ranges of the variables], shape (S,).
+        smoothing: standard deviation of the smoothed gradient [ranges].
+        horizons: one for each problem.
+    """
+
+    steps: Floats
+    smoothing: float
+    horizons: tuple[Horizon, ...]
+
+    def verdict(self, horizon: Horizon) -> str:
+        """What to rely on, in words."""
+        exact = self.steps[horizon.errors <= TRUSTED]
+        smooth = self.steps[horizon.smoothed_cosines >= AGREES]
+        words = f"exact up to steps of {exact.max():g}" if exact.size else "exact at none of the steps"
+        return f"{words}; smoothed at {', '.join(f'{s:g}' for s in smooth) or 'none'}"
+
+    def text(self) -> str:
+        """A table: error of the exact gradient, and cosines of it and of the smoothed one, for every step size."""
+        lines = [f"{'horizon':<14}{'step':>8}{'error':>10}{'cosine':>9}{'smoothed':>10}"]
+        for horizon in self.horizons:
+            rows = zip(self.steps, horizon.errors, horizon.exact_cosines, horizon.smoothed_cosines, strict=True)
+            for number, (step, error, exact, smooth) in enumerate(rows):
+                name = horizon.name if number == 0 else ""
+                lines.append(f"{name:<14}{step:>8.0e}{error:>10.1e}{exact:>9.3f}{smooth:>10.3f}")
+            lines.append(f"{'':<14}{self.verdict(horizon)}")
+        return "\n".join(lines)
+
+    def document(self) -> dict[str, Any]:
+        """All figures, fit for JSON; what is no number is None."""
+        horizons = []
+        for horizon in self.horizons:
+            more = {name: getattr(horizon, name) for name in ("errors", "exact_cosines", "smoothed_cosines")}
+            horizons.append({**_plain(asdict(horizon) | more), "verdict": self.verdict(horizon)})
+        return {"steps": self.steps.tolist(), "smoothing": self.smoothing, "horizons": horizons}
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    def number(x: Any) -> Any:
+        return [number(y) for y in x] if isinstance(x, list) else x if np.isfinite(x) else None
+
+    return {k: v if isinstance(v, str) else number(np.asarray(v).tolist()) for k, v in values.items()}
+
+
+def cosine(a: Floats, b: Floats) -> float:
+    """Cosine of the angle between two vectors; NaN if one is zero or not finite."""
+    length = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / length if length > 0 else np.nan
+
+
+def check_gradient(
+    problems: Mapping[str, tuple[RelaxableProblem, Floats]],
+    *,
+    steps: tuple[float, ...] = STEPS,
+    directions: int = 6,
+    smoothing: float = 0.05,
+    samples: int = 48,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> GradientReport:
+    """Check problems such as the same robot over longer and longer horizons, each at a point of its relaxed space.
+
+    Args:
+        problems: a problem and a point by name; the point must keep away from the bounds by the largest step.
+        steps: of the differences [ranges of the variables], along unit vectors.
+        directions: D, random ones, orthonormal in ranges of the variables.
+        smoothing: standard deviation of the smoothed gradient along each direction [ranges].
+        samples: antithetic pairs of the smoothed gradient.
+        seed: of directions and deviates.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: one line; if a point is too near a bound, or its evaluation fails.
+    """
+    horizons = []
+    for number, (name, (problem, point)) in enumerate(problems.items()):
+        horizons.append(_check(name, problem, point, steps, directions, smoothing, samples, seed))
+        if progress:
+            progress((number + 1) / len(problems))
+    return GradientReport(np.array(steps), smoothing, tuple(horizons))
+
+
+def _check(
+    name: str, problem: RelaxableProblem, point: Floats, steps: tuple[float, ...], directions: int, smoothing: float,
+    samples: int, seed: int,
+) -> Horizon:  # fmt: skip
+    space, rng = problem.space.relaxed(), np.random.default_rng(seed)
+    count = min(directions, space.size)
+    basis = np.linalg.qr(rng.standard_normal((space.size, count)))[0].T
+    here = problem.evaluate_relaxed(point[None], 0.0, gradients=True)
+    if here.failed[0] or here.gradients is None:
+        raise ValueError(f"{name}: the evaluation of the point ended as {here.status[0]!r}; it has no gradient")
+    sizes = np.array(steps)
+    moves = [sign * size * basis for size in sizes for sign in (1, -1)]
+    deviates = rng.standard_normal((samples, count))
+    moves += [sign * smoothing * deviates @ basis for sign in (1, -1)]
+    points = space.bound(point + np.concatenate(moves) * space.span)
+    if (points[: 2 * len(sizes) * count] != (point + np.concatenate(moves[: 2 * len(sizes)]) * space.span)).any():
+        raise ValueError(f"point: nearer to a bound of {name} than the largest step, {sizes.max():g} ranges")
+    values = problem.evaluate_relaxed(points, 0.0, gradients=False).objectives[:, 0]
+    pairs = values[: 2 * len(sizes) * count].reshape(len(sizes), 2, count)
+    rises = (values[-2 * samples : -samples] - values[-samples:])[:, None] * deviates / (2 * smoothing)
+    rises = rises[np.isfinite(rises).all(axis=1)]
+    return Horizon(
+        name=name,
+        value=float(here.objectives[0, 0]),
+        exact=basis @ (here.gradients[0] * space.span),
+        differences=(pairs[:, 0] - pairs[:, 1]) / (2 * sizes[:, None]),
+        smoothed=rises.mean(axis=0),
+        smoothed_error=rises.std(axis=0, ddof=1) / np.sqrt(len(rises)),
+    )
+
+
+def save_plot(report: GradientReport, path: Path) -> None:
+    """Errors and cosines over the step size, a line for each horizon, as a picture."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.8), layout="constrained")
+    error, exact, smooth = figure.subplots(1, 3, sharex=True)
+    for number, horizon in enumerate(report.horizons):
+        colour = f"C{number}"
+        error.loglog(report.steps, horizon.errors, "o-", color=colour, label=horizon.name)
+        exact.semilogx(report.steps, horizon.exact_cosines, "o-", color=colour)
+        smooth.semilogx(report.steps, horizon.smoothed_cosines, "o-", color=colour)
+    error.axhline(TRUSTED, color="0.6", linestyle=":")
+    error.set_title("relative error of the exact gradient", fontsize=10)
+    error.legend(fontsize=8, frameon=False)
+    smooth.axvline(report.smoothing, color="0.6", linestyle=":")
+    for axes, title in ((exact, "cosine of exact gradient"), (smooth, "cosine of smoothed gradient")):
+        axes.set_title(f"{title} and differences", fontsize=10)
+        axes.set_ylim(-1.05, 1.05)
+        axes.axhline(AGREES, color="0.6", linestyle=":")
+    for axes in (error, exact, smooth):
+        axes.set_xlabel("step of the differences [ranges of the variables]", fontsize=9)
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=150)

@@ -1,0 +1,230 @@
+"""Gradient ascent from many starts, through a relaxation of what is binary."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.independent import IndependentSearches, random_starts, single_objective
+from optim.search.method import Wants, generator
+from optim.search.step_rules import LBFGS, Adam, StepRule
+from optim.space import Space, Vector
+
+PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
+LIMIT = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
+ENOUGH = 1e-4  # of the gain that the gradient promised, for a monotone rule (Armijo)
+# State of the climbers, beside what independent searches have.
+ARRAYS = ("here", "anchor", "value", "slope", "step", "scale", "record", "stalled")
+
+
+class GradientAscent(IndependentSearches):
+    """C climbers that follow the gradient, each restarting at random when it gets nowhere.
+
+    Where variables are binary, generations alternate: an even one evaluates the true points next to where the
+    climbers are (the starts in generation 0), an odd one evaluates the relaxed points themselves with their
+    gradients, and moves them. Elsewhere every generation does all of it. ``sharpness`` doubles from 1 to
+    ``sharpest``, which makes values between 0 and 1 ever less useful (continuation, as in topology optimisation:
+    Wang, Lazarov & Sigmund, Struct. Multidisc. Optim. 43, 2011).
+
+    A point that failed, or whose gradient did, is taken back half way to the last that did not. The gradient of a
+    landscape of cliffs and plateaus says nothing: ``gradient="smoothed"`` climbs its mean under normal deviates,
+    with antithetic pairs (evolution strategies: Salimans et al., arXiv:1703.03864, sec. 2.1).
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        climbers: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        rule: Literal["adam", "l-bfgs"] = "adam",
+        learning_rate: float = 0.05,
+        clip: float = 1.0,
+        gradient: Literal["exact", "smoothed"] = "exact",
+        samples: int = 8,
+        smoothing: float = 0.05,
+        sharpest: float = 8.0,
+        stage: int = 20,
+        patience: int = 20,
+        verify: bool = False,
+    ) -> None:
+        """Set up the climbers.
+
+        Args:
+            space: what may be changed; no integers but binary ones.
+            climbers: C.
+            seed: of all random numbers.
+            start: values by name with which every climber starts, again and again; the others are random.
+            rule: of the steps.
+            learning_rate: typical step of Adam and first step of L-BFGS [ranges of the variables].
+            clip: length to which Adam shortens longer gradients [objective per range].
+            gradient: ``"exact"`` from the problem; ``"smoothed"`` estimated here, by ``2 * samples`` evaluations.
+            samples: antithetic pairs of a smoothed gradient.
+            smoothing: their standard deviation [ranges].
+            sharpest: the last sharpness.
+            stage: moves between two doublings.
+            patience: moves without progress before a climber restarts.
+            verify: evaluate true points in their own generations even if no variable is binary, for a problem
+                that judges relaxed points differently.
+        """
+        super().__init__(space, climbers=climbers, seed=seed)
+        for name, value, allowed in (("rule", rule, ("adam", "l-bfgs")), ("gradient", gradient, ("exact", "smoothed"))):
+            if value not in allowed:
+                raise ValueError(f"{name}: {value!r} is not allowed; choose one of {', '.join(allowed)}")
+        for name, number in (("learning_rate", learning_rate), ("clip", clip), ("smoothing", smoothing)):
+            if not 0 < number < np.inf:
+                raise ValueError(f"{name}: {number!r} is not allowed; give a positive number")
+        if not 1 <= sharpest < np.inf:
+            raise ValueError(f"sharpest: {sharpest!r} is not allowed; give a number of at least 1")
+        for name, whole in (("samples", samples), ("stage", stage), ("patience", patience)):
+            if not isinstance(whole, int) or whole < 1:
+                raise ValueError(f"{name}: {whole!r} is not allowed; give a whole number, at least 1")
+        if rule == "l-bfgs" and gradient == "smoothed":
+            raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
+        self.start, self.exact = dict(start or {}), gradient == "exact"
+        self.samples, self.smoothing = samples, smoothing
+        self.sharpest, self.stage, self.patience = sharpest, stage, patience
+        self.relaxed = space.relaxed()
+        self.binary = self.relaxed != space
+        self.alternates = verify or self.binary
+        shape = (climbers, space.size)
+        self.rule: StepRule = LBFGS(*shape, learning_rate) if rule == "l-bfgs" else Adam(*shape, learning_rate, clip)
+        self.here, self.anchor = np.empty(shape), np.empty(shape)  # what is evaluated; the last that did not fail
+        self.value, self.slope = np.empty(climbers), np.empty(shape)  # of the anchor; objective per range
+        self.step, self.scale = np.empty(shape), np.empty(climbers)  # from the anchor, and how much of it to go
+        self.record, self.stalled = np.empty(climbers), np.empty(climbers)  # best value, moves since it rose
+        self._restart(np.ones(climbers, bool))
+
+    @property
+    def wants(self) -> Wants:
+        """Points of the space and relaxed ones in turns; all are relaxed where that is the same."""
+        if self.alternates and self.generation % 2 == 0:
+            return "points"
+        return "gradients" if self.exact else "relaxed"
+
+    @property
+    def sharpness(self) -> float:
+        """Doubles every ``stage`` moves; 0 if nothing is binary."""
+        doublings = (self.generation // 2) // self.stage
+        return min(2.0**doublings, self.sharpest) if self.binary else 0.0
+
+    def ask(self) -> Vector:
+        """One point per climber, shape (C, D), or all points of a smoothed gradient, shape (C * 2 * samples, D)."""
+        if self.wants == "points":
+            return self.space.round(self.here)
+        if self.exact:
+            return self.here.copy()
+        away = self.smoothing * self._deviates() * self.space.span
+        centres = self.here[:, None]
+        points = np.stack([centres + away, centres - away], axis=1)
+        return self.relaxed.bound(points).reshape(-1, self.space.size)
+
+    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+        """Keep true points that are better; move after relaxed ones."""
+        scores = single_objective(evaluation, self.climbers * (2 * self.samples if self.wants == "relaxed" else 1))
+        if self.wants == "points":
+            self.stalled[self._keep(points, scores)] = 0
+            self._advance()
+            return
+        if not self.alternates:
+            self._keep(*_best_of_each(points, scores, self.climbers))
+        values, slopes = self._exact(scores, evaluation) if self.exact else self._smoothed(scores)
+        self._advance()  # the streams of restarts are those of the generation to come
+        self._move(values, slopes)
+
+    def _advance(self) -> None:
+        """On to the next generation; values from before a doubling cannot be compared with those after it."""
+        before = self.sharpness
+        self.generation += 1
+        if self.sharpness != before:
+            self.value[:] = self.record[:] = -np.inf
+            self.stalled[:] = 0
+            self.rule.forget(np.ones(self.climbers, bool))
+
+    def _exact(self, scores: Vector, evaluation: Evaluation) -> tuple[Vector, Vector]:
+        """Values, shape (C,), and slopes [objective per range], shape (C, D), as the problem gives them."""
+        shape = None if evaluation.gradients is None else evaluation.gradients.shape
+        if evaluation.gradients is None or shape != self.here.shape:
+            raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {self.here.shape}")
+        with np.errstate(over="ignore"):
+            return scores, evaluation.gradients * self.space.span
+
+    def _smoothed(self, scores: Vector) -> tuple[Vector, Vector]:
+        """Values and slopes of the mean under normal deviates, from the pairs that did not fail; else NaN."""
+        up, down = np.moveaxis(scores.reshape(self.climbers, 2, self.samples), 1, 0)
+        valid = (abs(up) < LIMIT) & (abs(down) < LIMIT)
+        count = np.where(valid.any(axis=1), valid.sum(axis=1), np.nan)
+        up, down = np.where(valid, up, 0.0), np.where(valid, down, 0.0)
+        values = (up + down).sum(axis=1) / (2 * count)
+        rises = (up - down)[..., None] * self._deviates()
+        return values, rises.sum(axis=1) / (2 * self.smoothing * count[:, None])
+
+    def _deviates(self) -> Vector:
+        """Standard normal, shape (C, samples, D), the same as often as asked in a generation."""
+        rngs = [generator(self.seed, self.generation, climber, 1) for climber in range(self.climbers)]
+        return np.stack([rng.standard_normal((self.samples, self.space.size)) for rng in rngs])
+
+    def _move(self, values: Vector, slopes: Vector) -> None:
+        """Go on from the points just judged, or half way back; restart what is lost or stalled."""
+        valid = (abs(values) < LIMIT) & (abs(slopes) < LIMIT).all(axis=1)
+        values, slopes = np.where(valid, values, -np.inf), np.where(valid[:, None], slopes, 0.0)
+        moved = self.relaxed.offset(self.here, self.anchor)
+        accepted = valid
+        if self.rule.monotone:
+            promised = np.nansum(self.slope * moved, axis=1)
+            accepted = valid & ~(values < self.value + ENOUGH * promised)
+        self.rule.learn(accepted & np.isfinite(self.value), moved, slopes - self.slope)
+        self.anchor = np.where(accepted[:, None], self.here, self.anchor)
+        self.value = np.where(accepted, values, self.value)
+        self.slope = np.where(accepted[:, None], slopes, self.slope)
+        steps = self.rule.steps(accepted, self.slope, self._free())
+        self.step = np.where(accepted[:, None], steps, self.step)
+        self.scale = np.where(accepted, np.minimum(1.0, 2 * self.scale), self.scale / 2)
+        self.here = self.relaxed.bound(self.anchor + self.scale[:, None] * self.step * self.space.span)
+
+        known = np.isfinite(self.record)
+        hurdle = np.where(known, self.record + PROGRESS * np.where(known, abs(self.record), 0.0), -np.inf)
+        self.stalled = np.where(values > hurdle, 0.0, self.stalled + 1)
+        self.record = np.maximum(self.record, values)
+        lost = ~valid & np.isnan(self.anchor).any(axis=1)  # its start failed
+        flat = accepted & (self.step == 0).all(axis=1)  # a plateau, or a summit
+        self._restart(lost | flat | (self.stalled >= self.patience))
+
+    def _free(self) -> NDArray[np.bool_]:
+        """Which variables the gradient does not push against a bound, shape (C, D)."""
+        held = (self.anchor <= self.space.low) & (self.slope < 0) | (self.anchor >= self.space.high) & (self.slope > 0)
+        return ~held | self.space.angles
+
+    def _restart(self, climbers: NDArray[np.bool_]) -> None:
+        """Let some climbers begin anew, at a random point of the relaxed space."""
+        which = np.flatnonzero(climbers).tolist()
+        if which:
+            self.here[climbers] = random_starts(self.relaxed, self.seed, self.generation, which, self.start)
+        for values, first in (
+            (self.anchor, np.nan), (self.value, -np.inf), (self.slope, 0.0), (self.step, 0.0),
+            (self.scale, 1.0), (self.record, -np.inf), (self.stalled, 0.0),
+        ):  # fmt: skip
+            values[climbers] = first
+        self.rule.forget(climbers)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Generation, best points and scores; where the climbers are, and what their rule has learnt."""
+        own = {name: getattr(self, name).copy() for name in ARRAYS}
+        return super().state() | own | {f"rule/{name}": a.copy() for name, a in self.rule.arrays.items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        super().restore(state)
+        for name in ARRAYS:
+            setattr(self, name, state[name].copy())
+        self.rule.arrays = {name: state[f"rule/{name}"].copy() for name in self.rule.arrays}
+
+
+def _best_of_each(points: Vector, scores: Vector, climbers: int) -> tuple[Vector, Vector]:
+    """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
+    grouped = np.where(np.isnan(scores), -np.inf, scores).reshape(climbers, -1)
+    best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)
+    return points[best], scores[best]
