@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
-from optim.commands import bench, codesign, export, simulate
+from optim.commands import bench, codesign, export, gradient_check, simulate
 
 INTERRUPTED = 130  # as shells report a program that Ctrl-C ended
 
@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
     parser = _Parser(prog="morpholab", description="Simulate soft robots and design their bodies and gaits.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, codesign, export, bench):
+    for command in (simulate, codesign, gradient_check, export, bench):
         command.add_parser(commands)
     return parser
 

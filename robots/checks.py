@@ -5,9 +5,7 @@ import math
 import numpy as np
 
 
-def number(
-    field: str, value: object, low: float = -math.inf, high: float = math.inf, unit: str = ""
-) -> float:
+def number(field: str, value: object, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
     """The value as a finite float between ``low`` and ``high``, both included.
 
     Raises:

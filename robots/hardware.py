@@ -258,9 +258,7 @@ def gait_table(design: Design, rig: PneumaticRig | None = None, units: str = "kp
     return GaitTable(times, CHANNELS, pressures / KPA_PER_UNIT[units], units, metadata)
 
 
-def _corner_points(
-    targets: _Array, rise: _Array, fall: _Array, still: float
-) -> tuple[_Array, _Array, _Array]:
+def _corner_points(targets: _Array, rise: _Array, fall: _Array, still: float) -> tuple[_Array, _Array, _Array]:
     """Go from vented lines to one row of targets, shape (S, C) [kPa], after the other.
 
     Returns:

@@ -11,14 +11,17 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.checks import number, whole_number
 from robots.files import read_text, write_text
+from robots.inflatable_actuation import ACTUATION, InflatableActuation, nominal_steps, play
 from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, SMALL, InflatableGeometry
-from robots.inflatable_program import ACTUATION, InflatableActuation, build_program, nominal_steps, play
+from robots.inflatable_program import build_program
+from robots.rest_sizes import rest_sizes
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult, Quantity
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 __all__ = [
@@ -211,31 +214,54 @@ def simulate(
         threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
-        noise = [np.random.default_rng([seed, robot]).normal(0.0, perturbation, body.voxels.shape) for robot in order]
-        engine.set_positions(body.start_positions + np.array(noise))
+        engine.set_positions(scattered(body, perturbation, seed, order))
     program = build_program([designs[i] for i in order], terrain, actuation, record_every)
     run = engine.run(program, progress)
     back = np.argsort(order)
     run = LatticeResult(*(getattr(run, f)[back] for f in ("status", "steps", "positions", "orientations", "strains")))
-    return _summarise(designs, run, program.snapshots[back], geometry, actuation, record_every)
+    headings = np.array([d.orientation for d in designs])
+    columns = np.array([d.schedule.columns * d.schedule.repeats for d in designs])
+    sizes = rest_sizes(body, program)[back]
+    return summarise(run, program.snapshots[back], sizes, headings, columns, geometry, actuation, record_every)
 
 
-def _summarise(
-    designs: list[InflatableDesign], run: LatticeResult, marks: np.ndarray, geometry: InflatableGeometry,
-    actuation: InflatableActuation, record_every: int | None,
+def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
+    """Start positions [m] with Gaussian noise of a standard deviation [m], shape (B, V, 3); a robot has its own."""
+    noise = [np.random.default_rng([seed, r]).normal(0.0, deviation, body.voxels.shape) for r in np.asarray(robots)]
+    return body.start_positions + np.array(noise)
+
+
+def travel_directions(headings: np.ndarray) -> np.ndarray:
+    """Unit vectors in the plane, shape (B, 2), of headings [degrees], shape (B,)."""
+    angles = np.deg2rad(headings)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def summarise(
+    run: LatticeResult, marks: np.ndarray, sizes: np.ndarray, headings: np.ndarray, columns: np.ndarray,
+    geometry: InflatableGeometry, actuation: InflatableActuation, record_every: int | None = None,
 ) -> InflatableResult:  # fmt: skip
+    """What a run says of its robots.
+
+    Args:
+        run: of a batch; its first two snapshots are the end of the initialisation and the end of the gait.
+        marks: steps of the snapshots, shape (B, S).
+        sizes: rest sizes of the voxels at the snapshots [m], shape (B, S, V, 3).
+        headings: [degrees], shape (B,).
+        columns: that each robot plays, shape (B,).
+        geometry: of the robots.
+        actuation: of the robots.
+        record_every: steps between the snapshots from the third on; None without.
+    """
     body, dt = geometry.body, geometry.time_step
     begin, end = marks[:, 0], marks[:, 1]
-    sizes = np.array([_voxel_sizes(body, d, actuation, m) for d, m in zip(designs, marks, strict=True)])
     extents = half_extents(body, run.strains, sizes)
     middle = mean_of_face_corners(body, run.positions[:, :2], run.orientations[:, :2], extents[:, :2])
-    heading = np.deg2rad([d.orientation for d in designs])
-    travel = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    distance = ((middle[:, 1, :2] - middle[:, 0, :2]) * travel).sum(axis=1)
+    distance = ((middle[:, 1, :2] - middle[:, 0, :2]) * travel_directions(headings)).sum(axis=1)
     ok = run.status == "ok"
     distance = np.where(ok, distance, np.nan)
     lengths = distance / geometry.body_length
-    nominal = np.array([nominal_steps(d.schedule.columns * d.schedule.repeats, actuation) for d in designs])
+    nominal = np.array([nominal_steps(int(count), actuation) for count in columns])
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
     if record_every:
@@ -247,18 +273,3 @@ def _summarise(
     return InflatableResult(
         distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, steps, dt, frames, body
     )
-
-
-def _voxel_sizes(
-    body: LatticeBody, design: InflatableDesign, actuation: InflatableActuation, marks: np.ndarray
-) -> np.ndarray:
-    """Rest size of every voxel at the recorded steps [m], shape (S, V, 3)."""
-    program = build_program([design], Terrain(), actuation)
-    scales = np.array([m.scale for m in body.materials])[body.material_index]
-    sizes = np.repeat(scales[None], len(marks), axis=0)
-    for axis in range(3):
-        for region in range(body.region_count):
-            values = program.values_after(0, region, Quantity.SCALE + axis, marks)
-            if values is not None:
-                sizes[:, body.regions == region, axis] = values[:, None]
-    return sizes * body.voxel_size

@@ -5,15 +5,14 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.dual import Real, cosine, sine
+from robots.inflatable_actuation import ACTUATION, Column, InflatableActuation, play
 from robots.inflatable_body import (
-    BLADDER_COUNT,
     BLADDER_REGIONS,
     FIRST_BLADDER,
     FOOT_REGIONS,
@@ -26,7 +25,11 @@ from robots.terrain import Terrain
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
-WEIGHTS = ("published", "physical")
+EVERYWHERE = np.arange(REGION_COUNT)
+NO_WEIGHT = (0.0, 0.0, 0.0)
+
+Scalar = float | Real
+Vector = tuple[Scalar, Scalar, Scalar]
 
 
 class Design(Protocol):
@@ -45,146 +48,28 @@ class Design(Protocol):
         """When bladders inflate and feet grip."""
 
 
-@dataclass(frozen=True)
-class InflatableActuation:
-    """How the robot is driven. The defaults are those of the published experiment.
+class Builder(Protocol):
+    """Where events go: a ``ProgramBuilder``, or one that keeps derivatives too."""
 
-    Attributes:
-        high_friction: of skin, seams and gripping feet, static and kinetic; bladders have a third of it.
-        low_friction: of sliding feet.
-        deflated, inflated: thickness of a bladder, in voxels per voxel.
-        inflation_rate: change of that thickness per time step.
-        widening: growth across the pouch per growth in thickness.
-        lengthening_flat, lengthening_round: a bladder grows 1/c along the pouch per growth in thickness, with c
-            rising linearly with core pressure from the first to the second.
-        round_pressure: core pressure [Pa] at which c reaches ``lengthening_round``.
-        pressure_ramp: rise of the core pressure per time step of the initialisation [Pa].
-        hold_steps: steps at full pressure before the gait begins.
-        settle_steps: steps between the end of one column's motion and the next column.
-        moving_damping, settling_damping: damping ratio against the world while bladders move, and between.
-        weight: "published": bladders have no weight while they move or stay inflated, a quirk of the experiment;
-            "physical": they always have it.
-    """
-
-    high_friction: float = 2.0
-    low_friction: float = 1e-4
-    deflated: float = 0.2
-    inflated: float = 2.5
-    inflation_rate: float = 3e-4
-    widening: float = 1 / 20
-    lengthening_flat: float = 1.7
-    lengthening_round: float = 10.0
-    round_pressure: float = 12e3
-    pressure_ramp: float = 0.5
-    hold_steps: int = 2000
-    settle_steps: int = 4001
-    moving_damping: float = 0.002
-    settling_damping: float = 0.01
-    weight: str = "published"
-
-    def __post_init__(self) -> None:
-        if self.weight not in WEIGHTS:
-            raise ValueError(f"weight: {self.weight!r} is unknown; choose one of {', '.join(WEIGHTS)}")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name != "weight" and not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{field.name}: {value!r} is not allowed; it must not be negative")
-        for name in (
-            "deflated",
-            "inflation_rate",
-            "lengthening_flat",
-            "lengthening_round",
-            "pressure_ramp",
-            "round_pressure",
-        ):
-            if getattr(self, name) == 0:
-                raise ValueError(f"{name}: 0 is not allowed; it must be positive")
-        if self.inflated <= self.deflated:
-            raise ValueError(f"inflated: {self.inflated!r} is not allowed; it must exceed deflated, {self.deflated!r}")
-
-    def on(self, terrain: Terrain) -> "InflatableActuation":
-        """The same with the terrain's friction."""
-        given = {"high_friction": terrain.high_friction, "low_friction": terrain.low_friction}
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return InflatableActuation(**values | {k: v for k, v in given.items() if v is not None})
-
-    def initial_steps(self, pressure: float) -> int:
-        """Steps of the initialisation: a ramp from 0 Pa in steps of ``pressure_ramp``, then the hold."""
-        return self._ramp_steps(pressure) + self.hold_steps
-
-    def _ramp_steps(self, pressure: float) -> int:
-        return math.floor(pressure / self.pressure_ramp) + 1
+    def set(
+        self,
+        quantity: int,
+        value: Any,
+        *,
+        regions: ArrayLike,
+        step: ArrayLike = 0,
+        rate: Any = 0.0,
+        robots: int,
+    ) -> None:
+        """See ``ProgramBuilder.set``."""
 
 
-ACTUATION = InflatableActuation()
-
-
-@lru_cache(maxsize=4096)
-def stroke(actuation: InflatableActuation, level: float, inflate: bool) -> tuple[int, float]:
-    """Steps that a bladder of this thickness still changes when told to inflate or deflate, and its last thickness.
-
-    Counted by repeated addition, as the experiment did: rounding decides between 7667 and 7668 steps.
-    """
-    if (level >= actuation.inflated) if inflate else (level <= actuation.deflated):
-        return 0, level
-    rate = actuation.inflation_rate if inflate else -actuation.inflation_rate
-    span = actuation.inflated - level if inflate else level - actuation.deflated
-    path = np.full(math.ceil(span / actuation.inflation_rate) + 3, rate)
-    path[0] = level
-    path = np.add.accumulate(path)
-    steps = int(np.argmax(path >= actuation.inflated if inflate else path <= actuation.deflated))
-    return steps, float(path[steps])
-
-
-@dataclass(frozen=True, eq=False)
-class Column:
-    """One column of a schedule as it is played.
-
-    Attributes:
-        bits: state of the ten actuators, shape (10,).
-        start: step of the gait at which it begins.
-        levels: thickness of the bladders when it begins, shape (8,).
-        moving: steps that each bladder changes, shape (8,).
-        ends: thickness of the bladders when it ends, shape (8,).
-    """
-
-    bits: np.ndarray
-    start: int
-    levels: np.ndarray
-    moving: np.ndarray
-    ends: np.ndarray
-
-    @property
-    def motion_steps(self) -> int:
-        """A bladder is found done in a step in which it no longer changes, and that step is run too."""
-        return int(self.moving.max()) + 1
-
-
-def play(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> tuple[list[Column], int]:
-    """The columns of a schedule in the order played, and the steps of the whole gait."""
-    columns, step = [], 0
-    levels = np.full(BLADDER_COUNT, actuation.deflated)
-    for bits in schedule.played.T:
-        strokes = [stroke(actuation, level, bool(bit)) for level, bit in zip(levels.tolist(), bits, strict=False)]
-        column = Column(bits, step, levels, np.array([s for s, _ in strokes]), np.array([z for _, z in strokes]))
-        columns.append(column)
-        levels, step = column.ends, step + column.motion_steps + actuation.settle_steps
-    return columns, step
-
-
-@lru_cache(maxsize=256)
-def nominal_steps(columns: int, actuation: InflatableActuation = ACTUATION) -> int:
-    """Steps of a gait in which every column moves a full stroke: 186,719 for the published 16 columns."""
-    alternating = np.zeros((10, columns), bool)
-    alternating[0, ::2] = True
-    return play(GaitSchedule(alternating, repeats=1), actuation)[1]
-
-
-def gravity_vector(slope: float, orientation: float) -> np.ndarray:
+def gravity_vector(slope: float, orientation: Scalar) -> Vector:
     """Acceleration [m/s^2] on a plane tilted by ``slope`` degrees for a robot that heads ``orientation`` degrees."""
-    tilt, heading = math.radians(180 + slope), math.radians(orientation)
-    direction = (math.sin(tilt) * math.cos(heading), math.sin(tilt) * math.sin(heading), math.cos(tilt))
-    return STANDARD_GRAVITY * np.array(direction)
+    tilt, heading = math.radians(180 + slope), orientation * (math.pi / 180)
+    direction = (math.sin(tilt) * cosine(heading), math.sin(tilt) * sine(heading), math.cos(tilt))
+    x, y, z = (STANDARD_GRAVITY * part for part in direction)
+    return x, y, z
 
 
 def build_program(
@@ -205,9 +90,7 @@ def build_program(
         begin = actuation.initial_steps(design.pressure)
         columns, steps = play(design.schedule, actuation)
         tilted = gravity_vector(terrain.slope, design.orientation)
-        _initialise(builder, robot, design.pressure, tilted, begin, actuation)
-        for number, column in enumerate(columns):
-            _play_column(builder, robot, column, begin, design.pressure, tilted, number == 0, actuation)
+        write_robot(builder, robot, design.pressure, tilted, columns, begin, actuation)
         lengths.append(begin + steps)
         recorded = range(begin, begin + steps + 1, record_every) if record_every else ()
         marks.append([begin, begin + steps, *recorded])
@@ -217,62 +100,128 @@ def build_program(
     return builder.build(lengths, snapshots)
 
 
-def _set_friction(builder: ProgramBuilder, robot: int, value: ArrayLike, regions: ArrayLike, step: int) -> None:
+def write_robot(
+    builder: Builder, robot: int, pressure: Scalar, tilted: Vector, columns: list[Column], begin: int,
+    a: InflatableActuation, ramp_steps: int | None = None,
+) -> None:  # fmt: skip
+    """The events of one robot: initialisation until step ``begin``, then its columns."""
+    _initialise(builder, robot, pressure, tilted, begin, a, ramp_steps)
+    for number, column in enumerate(columns):
+        step = begin + column.start
+        _set_surroundings(builder, robot, column, step, number == 0, a)
+        _move_bladders(builder, robot, column, step, pressure, a)
+        if a.weight == "published":
+            _set_bladder_weights(builder, robot, column, step, tilted)
+        settle = step + column.motion_steps
+        builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=EVERYWHERE, step=settle, robots=robot)
+        _set_friction(builder, robot, a.high_friction, [*FOOT_REGIONS, FOOT_SEAM], settle)
+
+
+def _set_friction(builder: Builder, robot: int, value: Scalar, regions: ArrayLike, step: int) -> None:
     for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
         builder.set(quantity, value, regions=regions, step=step, robots=robot)
 
 
-def _set_weight(builder: ProgramBuilder, robot: int, gravity: np.ndarray, regions: ArrayLike, step: ArrayLike) -> None:
+def _set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
     for axis in range(3):
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 
 
-def _initialise(
-    builder: ProgramBuilder, robot: int, pressure: float, tilted: np.ndarray, end: int, a: InflatableActuation
-) -> None:
+def _initialise(builder: Builder, robot: int, pressure: Scalar, tilted: Vector, end: int, a: InflatableActuation,
+                ramp_steps: int | None) -> None:  # fmt: skip
     """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressure ramps up."""
-    _set_weight(builder, robot, np.array([0.0, 0.0, -STANDARD_GRAVITY]), SKIN_REGIONS, 0)
+    _set_weight(builder, robot, (0.0, 0.0, -STANDARD_GRAVITY), SKIN_REGIONS, 0)
     _set_weight(builder, robot, tilted, SKIN_REGIONS, end)
     _set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)
     builder.set(Quantity.SCALE + 2, a.deflated, regions=BLADDER_REGIONS, robots=robot)
-    builder.set(Quantity.PRESSURE, 0.0, rate=a.pressure_ramp, regions=SKIN_REGIONS, robots=robot)
+    rate = a.pressure_ramp if ramp_steps is None else pressure / ramp_steps
+    builder.set(Quantity.PRESSURE, 0.0, rate=rate, regions=SKIN_REGIONS, robots=robot)
     builder.set(Quantity.PRESSURE, pressure, regions=SKIN_REGIONS, step=end - a.hold_steps, robots=robot)
     _set_friction(builder, robot, a.high_friction, SKIN_REGIONS, 0)
     _set_friction(builder, robot, a.low_friction, FOOT_SEAM, 0)
     _set_friction(builder, robot, a.high_friction / 3, BLADDER_REGIONS, 0)
-    builder.set(Quantity.GLOBAL_DAMPING, 0.0, regions=np.arange(REGION_COUNT), robots=robot)
+    builder.set(Quantity.GLOBAL_DAMPING, 0.0, regions=EVERYWHERE, robots=robot)
 
 
-def _play_column(builder: ProgramBuilder, robot: int, column: Column, begin: int, pressure: float, tilted: np.ndarray,
-                 first: bool, a: InflatableActuation) -> None:  # fmt: skip
-    """Bladders change together, each until it is done; then everything settles with gripping feet."""
-    step = begin + column.start
-    everywhere = np.arange(REGION_COUNT)
-    builder.set(Quantity.GLOBAL_DAMPING, a.moving_damping, regions=everywhere, step=step, robots=robot)
-    grip = np.where(column.bits[BLADDER_COUNT:], a.high_friction, a.low_friction)
+def _set_surroundings(
+    builder: Builder, robot: int, column: Column, step: int, first: bool, a: InflatableActuation
+) -> None:
+    """What a column's motion begins with: damping, grip of the feet, change of the core pressure."""
+    builder.set(Quantity.GLOBAL_DAMPING, a.moving_damping, regions=EVERYWHERE, step=step, robots=robot)
+    grip = (1.0 - column.grip) * a.low_friction + column.grip * a.high_friction
     _set_friction(builder, robot, grip, FOOT_REGIONS, step)
     _set_friction(builder, robot, a.low_friction if first else a.high_friction, FOOT_SEAM, step)
-    inflates = column.bits[:BLADDER_COUNT]
-    moves = np.flatnonzero(column.moving)
-    done = step + column.moving[moves]
-    rate = np.where(inflates[moves], a.inflation_rate, -a.inflation_rate)
-    regions = FIRST_BLADDER + moves
+    if column.pressures:
+        before, after = column.pressures
+        rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
+        builder.set(Quantity.PRESSURE, before + rate, rate=rate, regions=SKIN_REGIONS, step=step, robots=robot)
+        builder.set(Quantity.PRESSURE, after, regions=SKIN_REGIONS, step=settle, robots=robot)
+
+
+def _move_bladders(
+    builder: Builder, robot: int, column: Column, step: int, pressure: Scalar, a: InflatableActuation
+) -> None:
+    """Bladders change together, each until it is done."""
+    moves, arrives = np.flatnonzero(column.moving), np.flatnonzero(column.arrives)
+    done = step + column.moving[arrives]
+    rate = column.direction * a.inflation_rate
     for axis, share in enumerate(_growth(pressure, a)):
+        if axis == 1 and column.pressures:
+            _lengthen(builder, robot, column, step, a)
+            continue
         base = 1.0 - share * a.deflated if axis < 2 else 0.0
-        grown = base + share * (column.levels[moves] + rate)
-        builder.set(Quantity.SCALE + axis, grown, rate=share * rate, regions=regions, step=step, robots=robot)
-        builder.set(Quantity.SCALE + axis, base + share * column.ends[moves], regions=regions, step=done, robots=robot)
-    if a.weight == "published":
-        lifted = np.flatnonzero(inflates | (column.moving > 0))
-        _set_weight(builder, robot, np.zeros(3), FIRST_BLADDER + lifted, step)
-        fallen = np.flatnonzero(~inflates)
-        _set_weight(builder, robot, tilted, FIRST_BLADDER + fallen, step + column.moving[fallen])
-    settle = step + column.motion_steps
-    builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=everywhere, step=settle, robots=robot)
-    _set_friction(builder, robot, a.high_friction, [*FOOT_REGIONS, FOOT_SEAM], settle)
+        grown, ends = base + share * (column.levels + rate), base + share * column.ends
+        builder.set(
+            Quantity.SCALE + axis, grown[moves], rate=(share * rate)[moves], regions=FIRST_BLADDER + moves, step=step,
+            robots=robot,
+        )  # fmt: skip
+        builder.set(Quantity.SCALE + axis, ends[arrives], regions=FIRST_BLADDER + arrives, step=done, robots=robot)
 
 
-def _growth(pressure: float, a: InflatableActuation) -> tuple[float, float, float]:
+def _lengthen(builder: Builder, robot: int, column: Column, step: int, a: InflatableActuation) -> None:
+    """Lengths of bladders while the core pressure changes: by the law at the beginning, on arrival and in the end.
+
+    In between they change linearly, as channels do.
+    """
+    assert column.pressures and column.arrival is not None
+    before, after = column.pressures
+    time = column.arrival + column.moving.astype(float)
+    moves, along = np.flatnonzero(column.moving), Quantity.SCALE + 1
+    pressures = (before, before + (after - before) * (time / column.motion_steps), after)
+    levels = (column.levels, column.ends, column.ends)
+    start, arrived, end = (
+        1.0 + _growth(p, a)[1] * (level - a.deflated) for p, level in zip(pressures, levels, strict=True)
+    )
+    rate = (arrived - start)[moves] / time[moves]
+    builder.set(along, start[moves] + rate, rate=rate, regions=FIRST_BLADDER + moves, step=step, robots=robot)
+    rate = (end - arrived) / (column.motion_steps - time)
+    value = arrived + rate * (1.0 - column.arrival)
+    builder.set(along, value, rate=rate, regions=BLADDER_REGIONS, step=step + column.moving, robots=robot)
+    builder.set(along, end, regions=BLADDER_REGIONS, step=step + column.motion_steps, robots=robot)
+
+
+def _set_bladder_weights(builder: Builder, robot: int, column: Column, step: int, tilted: Vector) -> None:
+    """The published quirk: none while a bladder moves or is inflated; partly inflated, it has part of its weight.
+
+    The step in which a bladder arrives is shared between the two, so that weight is continuous in the inflation.
+    """
+    lifted = np.flatnonzero((column.moving > 0) | ~column.lands)
+    _set_weight(builder, robot, NO_WEIGHT, FIRST_BLADDER + lifted, step)
+    lands = np.flatnonzero(column.lands)
+    done, regions = step + column.moving[lands], FIRST_BLADDER + lands
+    carried = (1.0 - column.inflation)[lands]
+    if column.arrival is not None:
+        shared = carried * (1.0 - column.arrival[lands])
+        _set_weight(builder, robot, _times(shared, tilted), regions, done)
+        done = done + 1
+    _set_weight(builder, robot, _times(carried, tilted), regions, done)
+
+
+def _times(factor: Real, vector: Vector) -> Vector:
+    return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+def _growth(pressure: Scalar, a: InflatableActuation) -> Vector:
     """Growth of a bladder per growth in thickness: across, along, through."""
     along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * pressure / a.round_pressure
     return a.widening, 1 / along, 1.0

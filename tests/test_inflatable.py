@@ -19,8 +19,9 @@ from robots.inflatable import (
     save_design,
     simulate,
 )
+from robots.inflatable_actuation import nominal_steps, play, stroke
 from robots.inflatable_body import FIRST_BLADDER, FOOT_1, FOOT_2, FOOT_SEAM, SEAM, SKIN
-from robots.inflatable_program import build_program, gravity_vector, nominal_steps, play, stroke
+from robots.inflatable_program import build_program, gravity_vector
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 from taichi_sim.lattice import Quantity

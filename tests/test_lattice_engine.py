@@ -7,7 +7,8 @@ import pytest
 from lattice_reference import load_case
 
 from robots.inflatable import INCHING, ROLLING, InflatableGeometry
-from robots.inflatable_program import InflatableActuation, build_program
+from robots.inflatable_actuation import InflatableActuation
+from robots.inflatable_program import build_program
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 from taichi_sim import runtime

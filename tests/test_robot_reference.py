@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from robots.inflatable import PUBLISHED, InflatableDesign
-from robots.inflatable_program import ACTUATION, build_program, play
+from robots.inflatable_actuation import ACTUATION, play
+from robots.inflatable_program import build_program
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 from taichi_sim.lattice import LatticeEngine, LatticeProgram

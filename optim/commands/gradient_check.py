@@ -29,9 +29,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN", help="flat or hill:15 (default: flat)"
     )
-    parser.add_argument(
-        "--horizons", metavar="COLUMNS", help="columns of the gait that are played (default: 1,2,4,8)"
-    )
+    parser.add_argument("--horizons", metavar="COLUMNS", help="columns of the gait that are played (default: 1,2,4,8)")
     parser.add_argument("--directions", type=options.whole(2), default=6, metavar="N", help="random ones (default: 6)")
     parser.add_argument(
         "--samples", type=options.whole(2), default=48, metavar="N", help="pairs of the smoothed gradient (default: 48)"

@@ -50,16 +50,17 @@ def _value(text: str) -> float | str:
 terrain = checked(Terrain.parse)
 
 
-def add_robot(parser: argparse.ArgumentParser, precision: str) -> None:
+def add_robot(parser: argparse.ArgumentParser, precision: str, schedule: bool = True) -> None:
     """Options about the robot's body and its simulation; ``precision`` is what the help calls the default."""
     group = parser.add_argument_group("robot and simulation")
     group.add_argument(
         "--geometry", choices=("published", "small"), help="the robot's body (default: published)"
     )
-    group.add_argument("--columns", type=whole(1), metavar="T", help="columns of the schedule")
-    group.add_argument(
-        "--repeats", type=whole(1), metavar="N", help="how often the columns are played (default: 2)"
-    )
+    if schedule:
+        group.add_argument("--columns", type=whole(1), metavar="T", help="columns of the schedule")
+        group.add_argument(
+            "--repeats", type=whole(1), metavar="N", help="how often the columns are played (default: 2)"
+        )
     group.add_argument(
         "--weight",
         choices=("published", "physical"),

@@ -15,7 +15,7 @@ from robots.inflatable import (
     InflatableResult,
     simulate,
 )
-from robots.inflatable_program import play
+from robots.inflatable_actuation import play
 from robots.schedule import BLADDERS, GaitSchedule
 from robots.terrain import Terrain
 from robots.view import shape

@@ -1,0 +1,218 @@
+"""How far relaxed designs of the inflatable robot travel, and how that distance changes with them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.checks import number, whole_number
+from robots.dual import Array
+from robots.inflatable import InflatableResult, scattered, summarise, travel_directions
+from robots.inflatable_actuation import ACTUATION, InflatableActuation
+from robots.inflatable_body import PUBLISHED, InflatableGeometry
+from robots.relaxed_program import DesignGradient, RelaxedProgram, build_relaxed_program
+from robots.relaxed_schedule import RelaxedDesign
+from robots.rest_sizes import pull_back_rest_sizes, rest_sizes
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
+from taichi_sim.lattice.faces import (
+    half_extents,
+    mean_of_face_corners,
+    pull_back_half_extents,
+    pull_back_mean_of_face_corners,
+)
+
+RECORDING = 0.3  # part of a differentiation's time that goes before the way back
+
+
+@dataclass(frozen=True, eq=False)
+class InflatableGradient(DesignGradient):
+    """Derivatives of the distances [m] of a batch of designs; NaN where a status is not "ok".
+
+    Attributes:
+        result: the distances themselves, speeds and status.
+    """
+
+    result: InflatableResult
+
+
+def simulate_relaxed(
+    designs: Sequence[RelaxedDesign] | RelaxedDesign,
+    terrain: Terrain | None = None,
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    ramp_steps: int | None = None,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    driver: str = "auto",
+    perturbation: float = 0.0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> InflatableResult:
+    """Evaluate a batch of relaxed designs on a terrain, as ``simulate`` does designs.
+
+    Args:
+        designs: gaits of one number of columns, all or none with core pressures per column.
+        terrain: flat ground by default.
+        geometry: see ``simulate``; so are the others that are not named here.
+        actuation: see there.
+        ramp_steps: see ``build_relaxed_program``.
+        precision: see ``simulate``.
+        device: see there.
+        threads: see there.
+        driver: see there.
+        perturbation: see there.
+        seed: see there.
+        progress: see there.
+
+    Raises:
+        ValueError: one line that names the argument, the value and what is allowed.
+    """
+    designs = _listed(designs)
+    perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
+    seed = whole_number("seed", seed, 0)
+    program = build_relaxed_program(designs, terrain or Terrain(), actuation, ramp_steps)
+    engine = LatticeEngine(
+        geometry.body, len(designs), time_step=geometry.time_step, floor=True, device=device, precision=precision,
+        threads=threads, driver=driver,
+    )  # fmt: skip
+    if perturbation > 0:
+        engine.set_positions(scattered(geometry.body, perturbation, seed, range(len(designs))))
+    return _summary(designs, program, engine.run(program.program, progress), geometry, actuation)
+
+
+def differentiate(
+    designs: Sequence[RelaxedDesign] | RelaxedDesign,
+    terrain: Terrain | None = None,
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    ramp_steps: int | None = None,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    memory: float = 1e9,
+    driver: str = "auto",
+    progress: Callable[[float], None] | None = None,
+) -> InflatableGradient:
+    """Evaluate a batch of relaxed designs on a terrain, and differentiate the distances by the designs.
+
+    Args:
+        designs: gaits of one number of columns, all or none with core pressures per column.
+        terrain: flat ground by default.
+        geometry: see ``simulate``; so are the others that are not named here.
+        actuation: see there.
+        ramp_steps: see ``build_relaxed_program``.
+        precision: see ``simulate``.
+        device: see there.
+        threads: see there.
+        memory: bound for what is kept of the way there [B].
+        driver: see ``simulate``.
+        progress: see there.
+
+    Raises:
+        ValueError: one line that names the argument, the value and what is allowed.
+    """
+    designs, progress = _listed(designs), progress or (lambda fraction: None)
+    program = build_relaxed_program(designs, terrain or Terrain(), actuation, ramp_steps)
+    engine = LatticeEngine(
+        geometry.body, len(designs), time_step=geometry.time_step, floor=True, device=device, precision=precision,
+        threads=threads, driver=driver,
+    )  # fmt: skip
+    tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
+    seeds = distance_cotangents(geometry.body, tape.result, program.program, np.array([d.orientation for d in designs]))
+    back = tape.pull_back(
+        positions=seeds.positions, orientations=seeds.orientations, strains=seeds.strains,
+        progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
+    )  # fmt: skip
+    gradient = program.pull_back(back.values + seeds.values, back.rates + seeds.rates)
+    result = _summary(designs, program, tape.result, geometry, actuation)
+    return _judged(result, gradient, seeds.headings)
+
+
+def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDesign]:
+    return [designs] if isinstance(designs, RelaxedDesign) else list(designs)
+
+
+def _summary(
+    designs: list[RelaxedDesign], program: RelaxedProgram, run: LatticeResult, geometry: InflatableGeometry,
+    actuation: InflatableActuation,
+) -> InflatableResult:  # fmt: skip
+    headings = np.array([d.orientation for d in designs])
+    columns = np.array([d.schedule.columns * d.schedule.repeats for d in designs])
+    sizes = rest_sizes(geometry.body, program.program)
+    return summarise(run, program.program.snapshots, sizes, headings, columns, geometry, actuation)
+
+
+def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:
+    """The gradient with what the heading does to the distance of a given path, and NaN for robots that failed."""
+    failed = np.where(result.status == "ok", 0.0, np.nan)
+    return InflatableGradient(
+        gradient.pressure + failed,
+        gradient.orientation + headings + failed,
+        gradient.inflation + failed[:, None, None],
+        gradient.grip + failed[:, None, None],
+        None if gradient.core_pressure is None else gradient.core_pressure + failed[:, None],
+        result,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceCotangents:
+    """Derivatives of every robot's distance by what a run recorded; zeros for robots that diverged.
+
+    Attributes:
+        positions: of the voxels, shape (B, 2, V, 3).
+        orientations: of the voxels [m], shape (B, 2, V, 4).
+        strains: of the links [m], shape (B, 2, L).
+        values: of the program's events, by way of rest sizes alone, shape (E,).
+        rates: of the events likewise, shape (E,).
+        headings: of the robots, on the path they went [m/degree], shape (B,).
+    """
+
+    positions: Array
+    orientations: Array
+    strains: Array
+    values: Array
+    rates: Array
+    headings: Array
+
+
+def distance_cotangents(
+    body: LatticeBody, run: LatticeResult, program: LatticeProgram, headings: Array
+) -> DistanceCotangents:
+    """Differentiate the distances that ``summarise`` reads off the two snapshots of a run.
+
+    Args:
+        body: of the robots.
+        run: of the program.
+        program: its snapshots are the end of the initialisation and the end of the gait.
+        headings: of the robots [degrees], shape (B,).
+    """
+    ok = run.status == "ok"
+    sizes = rest_sizes(body, program)
+    travel = travel_directions(headings)
+    by_middle = np.zeros((len(ok), 2, 3))
+    by_middle[:, 0, :2], by_middle[:, 1, :2] = -travel, travel
+    by_middle = by_middle[ok]
+    extents = half_extents(body, run.strains[ok], sizes[ok])
+    middle = mean_of_face_corners(body, run.positions[ok], run.orientations[ok], extents)
+    by_positions, by_orientations, by_extents = pull_back_mean_of_face_corners(
+        body, run.orientations[ok], extents, by_middle
+    )
+    by_strains, by_sizes = pull_back_half_extents(body, run.strains[ok], sizes[ok], by_extents)
+
+    def spread(part: Array) -> Array:
+        whole = np.zeros((len(ok), *part.shape[1:]))
+        whole[ok] = part
+        return whole
+
+    values, rates = pull_back_rest_sizes(body, program, spread(by_sizes))
+    x, y = travel[ok].T
+    turned = np.stack([-y, x], axis=1) * (np.pi / 180)
+    by_headings = ((middle[:, 1, :2] - middle[:, 0, :2]) * turned).sum(axis=1)
+    return DistanceCotangents(
+        spread(by_positions), spread(by_orientations), spread(by_strains), values, rates, spread(by_headings)
+    )

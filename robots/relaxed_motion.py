@@ -1,0 +1,109 @@
+"""How bladders move when they are told to inflate by parts.
+
+A bladder told u goes towards the thickness empty + u (full - empty) at the rate of the published robot, and shortens
+its last step so that it arrives exactly. Empty and full are where full strokes of the published rule end; where u is 0
+or 1 and the stroke is full, the published rule counts its steps. As published, a bladder at or below ``deflated`` is
+not deflated further.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.dual import Array, Dual, Real, value_of, where
+from robots.inflatable_actuation import Column, InflatableActuation, play, stroke
+from robots.inflatable_body import BLADDER_COUNT
+from robots.schedule import GaitSchedule
+
+ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """How bladders go from one thickness to another, shape (8,) each; see ``Column``."""
+
+    ends: Dual
+    direction: Array
+    moving: NDArray[np.int64]
+    arrival: Dual
+    arrives: NDArray[np.bool_]
+
+
+def rest_levels(actuation: InflatableActuation) -> tuple[float, float]:
+    """Thickness of an empty and of a full bladder: 0.1997 and 2.5001, the ends of full strokes, as published."""
+    _, full = stroke(actuation, actuation.deflated, True)
+    return stroke(actuation, full, False)[1], full
+
+
+def full_stroke_steps(actuation: InflatableActuation) -> int:
+    """Steps of the longer of the two full strokes, up and down."""
+    empty, full = rest_levels(actuation)
+    return max(stroke(actuation, empty, True)[0], stroke(actuation, full, False)[0])
+
+
+def approach(levels: Real, told: Dual, actuation: InflatableActuation) -> Approach:
+    """The motion of bladders of these thicknesses, told to inflate by 0 to 1, shape (8,) each."""
+    empty, full = rest_levels(actuation)
+    rate = actuation.inflation_rate
+    target = (1.0 - told) * empty + told * full
+    now = value_of(levels)
+    gap = np.where(np.abs(target.value - now) < ROUNDING * rate, 0.0, target.value - now)
+    stays = np.where(now == actuation.deflated, gap <= 0, (gap < 0) & (now < actuation.deflated))
+    direction = np.where(stays, 0.0, np.sign(gap))
+    time = direction * (target - levels) / rate
+    moving = np.floor(time.value).astype(np.int64)
+    arrival, ends = (time - moving.astype(float)).value, np.where(stays, now, target.value)
+    for i in np.flatnonzero(_strokes(now, told.value, actuation)):
+        (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(told.value[i])), 0.0
+    end_slopes = where(stays, levels, target)
+    assert isinstance(end_slopes, Dual)
+    return Approach(Dual(ends, end_slopes.slope), direction, moving, Dual(arrival, time.slope), ~stays)
+
+
+def _strokes(levels: Array, told: Array, a: InflatableActuation) -> NDArray[np.bool_]:
+    """Which bladders do what the published rule says: those empty or full, and told 0 or 1."""
+    rests = np.array([*rest_levels(a), a.deflated])
+    resting = (np.abs(levels[:, None] - rests) < ROUNDING * a.inflation_rate).any(axis=1)
+    decided: NDArray[np.bool_] = (told == 0) | (told == 1)
+    return resting & decided
+
+
+def play_relaxed(
+    inflation: Dual, grip: Dual, pressures: Dual | None, pressure: Dual, timing: GaitSchedule, a: InflatableActuation
+) -> tuple[list[Column], int]:
+    """The columns of a relaxed gait in the order played, and the steps of the whole gait.
+
+    Args:
+        inflation: of the bladders, shape (8, T).
+        grip: of the feet, shape (2, T).
+        pressures: of the core at the end of each column's motion [Pa], shape (T,); None to keep that of the design.
+        pressure: of the core before the gait [Pa], shape ().
+        timing: the gait whose published play says how long columns last. A column in which it moves no bladder lasts as
+            long as a full stroke: unlike there, bladders may move in it.
+        a: rates and times.
+    """
+    columns, step = [], 0
+    levels: Real = np.full(BLADDER_COUNT, a.deflated)
+    for number, published in enumerate(play(timing, a)[0]):
+        t = number % timing.columns
+        motion = approach(levels, inflation[:, t], a)
+        least = published.motion_steps if published.moving.any() else full_stroke_steps(a) + 1
+        after = pressure if pressures is None else pressures[t]
+        column = Column(
+            start=step,
+            motion_steps=max(least, int(motion.moving.max()) + 1),
+            inflation=inflation[:, t],
+            grip=grip[:, t],
+            levels=levels,
+            ends=motion.ends,
+            direction=motion.direction,
+            moving=motion.moving,
+            arrives=motion.arrives,
+            lands=np.ones(BLADDER_COUNT, bool),
+            arrival=motion.arrival,
+            pressures=None if pressures is None else (pressure, after),
+        )
+        columns.append(column)
+        levels, pressure, step = motion.ends, after, step + column.motion_steps + a.settle_steps
+    return columns, step

@@ -1,0 +1,147 @@
+"""Gaits between on and off: bladders partly inflated, feet that grip a little. For searches that follow gradients."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.checks import number, whole_number
+from robots.dual import Array
+from robots.inflatable import MAXIMUM_PRESSURE, InflatableDesign
+from robots.schedule import BLADDERS, FEET, GaitSchedule
+
+IDENTITY = 1e-8  # sharpness below which sharpening changes no digit
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxedSchedule:
+    """A gait whose actuators may be anywhere between off (0) and on (1).
+
+    Attributes:
+        inflation: of bladders 1 to 8, shape (8, T), T at least 1, read-only: the thickness that a bladder goes to is
+            that fraction of the way from empty to full.
+        grip: of feet 1 and 2, shape (2, T), read-only: their friction is that fraction of the way from low to high.
+        repeats: how often the columns are played; 1 is a gait that is not periodic.
+        pressure: of the core at the end of each column's motion [Pa], shape (T,), read-only: the shape changes within
+            the gait, linearly in time over the column's motion; None keeps the pressure of the design.
+    """
+
+    inflation: Array
+    grip: Array
+    repeats: int = 2
+    pressure: Array | None = None
+
+    def __post_init__(self) -> None:
+        inflation = _table("inflation", self.inflation, 1.0, (BLADDERS, None))
+        columns = inflation.shape[1]
+        object.__setattr__(self, "inflation", inflation)
+        object.__setattr__(self, "grip", _table("grip", self.grip, 1.0, (FEET, columns)))
+        object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1))
+        if self.pressure is not None:
+            object.__setattr__(self, "pressure", _table("pressure", self.pressure, MAXIMUM_PRESSURE, (columns,)))
+
+    @property
+    def columns(self) -> int:
+        """T, the number of different columns."""
+        return self.inflation.shape[1]
+
+    @property
+    def levels(self) -> Array:
+        """Inflation, then grip, in the order of rows of ``GaitSchedule``, shape (10, T)."""
+        return np.concatenate([self.inflation, self.grip])
+
+    @property
+    def indecision(self) -> float:
+        """Mean of 4 u (1 - u) over all actuators and columns: 0 for on and off, 1 where all are halfway."""
+        return float((4 * self.levels * (1 - self.levels)).mean())
+
+    @classmethod
+    def from_schedule(cls, schedule: GaitSchedule) -> Self:
+        """The same gait."""
+        levels = schedule.bits.astype(float)
+        return cls(levels[:BLADDERS], levels[BLADDERS:], schedule.repeats)
+
+    def project(self, threshold: float = 0.5) -> GaitSchedule:
+        """The gait whose actuators are on where this one's are at least at the threshold.
+
+        Raises:
+            ValueError: in one line, for a gait that changes its core pressure; on and off cannot say that.
+        """
+        if self.pressure is not None:
+            raise ValueError("pressure: one per column is not allowed; a GaitSchedule keeps that of the design")
+        return self.decided(threshold)
+
+    def decided(self, threshold: float = 0.5) -> GaitSchedule:
+        """Like :meth:`project`, whatever the core pressure does."""
+        return GaitSchedule(self.levels >= number("threshold", threshold, 0.0, 1.0), self.repeats)
+
+    def sharpened(self, sharpness: float) -> Self:
+        """The gait with every u pushed away from 1/2, further for larger sharpness; 0, 1/2 and 1 stay.
+
+        u' = (tanh(b/2) + tanh(b (u - 1/2))) / (2 tanh(b/2)), the projection of topology optimisation (Wang, Lazarov &
+        Sigmund, Structural and Multidisciplinary Optimization 43, 767-784, 2011) about 1/2; b = 0 is its limit u' = u.
+        """
+        b = number("sharpness", sharpness, 0.0)
+        if b < IDENTITY:
+            return self
+        edge, u = math.tanh(b / 2), self.levels
+        levels = np.clip((edge + np.tanh(b * (u - 0.5))) / (2 * edge), 0.0, 1.0)
+        levels = np.where(np.isin(u, (0.0, 0.5, 1.0)), u, levels)  # rounding must not move them
+        return replace(self, inflation=levels[:BLADDERS], grip=levels[BLADDERS:])
+
+    def sharpening_slope(self, sharpness: float) -> Array:
+        """Derivative of :meth:`sharpened` levels by the levels, shape (10, T)."""
+        b = number("sharpness", sharpness, 0.0)
+        if b < IDENTITY:
+            return np.ones_like(self.levels)
+        return b * (1 - np.tanh(b * (self.levels - 0.5)) ** 2) / (2 * math.tanh(b / 2))
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxedDesign:
+    """Shape, orientation and relaxed control of the robot.
+
+    Attributes:
+        pressure: of the core [Pa], 0 (flat) to 15,000; before the gait, where that has pressures of its own.
+        orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
+        schedule: how far bladders inflate and feet grip.
+    """
+
+    pressure: float
+    orientation: float
+    schedule: RelaxedSchedule
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pressure", number("pressure", self.pressure, 0.0, MAXIMUM_PRESSURE, "Pa"))
+        object.__setattr__(self, "orientation", number("orientation", self.orientation, 0.0, 90.0, "degrees"))
+        if not isinstance(self.schedule, RelaxedSchedule):
+            raise ValueError(f"schedule: {type(self.schedule).__name__} is not allowed; give a RelaxedSchedule")
+
+    @classmethod
+    def from_design(cls, design: InflatableDesign) -> Self:
+        """The same design."""
+        return cls(design.pressure, design.orientation, RelaxedSchedule.from_schedule(design.schedule))
+
+    def project(self, threshold: float = 0.5) -> InflatableDesign:
+        """The design with the projected gait, see ``RelaxedSchedule.project``."""
+        return InflatableDesign(self.pressure, self.orientation, self.schedule.project(threshold))
+
+
+def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, ...]) -> Array:
+    """A read-only copy of numbers from 0 to ``high``; None in the shape is any length of at least 1."""
+    allowed = f"give shape ({', '.join('T' if n is None else str(n) for n in shape)}{',' * (len(shape) == 1)})"
+    try:
+        table = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{field}: {type(given).__name__} is not allowed; {allowed}") from None
+    if len(table.shape) != len(shape) or any(
+        n < 1 or m not in (None, n) for n, m in zip(table.shape, shape, strict=True)
+    ):
+        raise ValueError(f"{field}: shape {table.shape} is not allowed; {allowed}")
+    wrong = table[~((table >= 0) & (table <= high))]
+    if wrong.size:
+        raise ValueError(f"{field}: {wrong[0]} is not allowed; give numbers from 0 to {high:g}")
+    table.setflags(write=False)
+    return table

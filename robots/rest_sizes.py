@@ -1,0 +1,61 @@
+"""Rest sizes of voxels at the recorded steps of a program, and what they owe to its events."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.dual import Array
+from taichi_sim.lattice import LatticeBody, LatticeProgram, Quantity
+
+
+def rest_sizes(body: LatticeBody, program: LatticeProgram) -> Array:
+    """Rest size of every voxel at every snapshot [m], shape (B, S, V, 3).
+
+    By what ``program.values_after`` says of its region's scale, or else by its material.
+    """
+    events, elapsed = _last_events(program, body.region_count)
+    sizes = np.array([m.scale for m in body.materials])[body.material_index]
+    if len(program.events):
+        told = program.events["value"][events] + program.events["rate"][events] * elapsed
+        sizes = np.where((events >= 0)[:, :, body.regions], told[:, :, body.regions], sizes)
+    shape = (*program.snapshots.shape, body.voxel_count, 3)
+    return np.broadcast_to(sizes, shape) * body.voxel_size
+
+
+def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents: Array) -> tuple[Array, Array]:
+    """Derivatives of a cost by the values and by the rates of all events, shape (E,) each, by way of the rest sizes.
+
+    Args:
+        body: of the robots.
+        program: that they follow.
+        cotangents: derivative of the cost by the rest sizes [1/m], shape (B, S, V, 3).
+    """
+    events, elapsed = _last_events(program, body.region_count)
+    weights = np.zeros(events.shape)
+    for region in range(body.region_count):
+        weights[:, :, region] = cotangents[:, :, body.regions == region].sum(axis=2) * body.voxel_size
+    given = events >= 0
+    events, weights, elapsed = events[given], weights[given], elapsed[given]
+    values, rates = np.zeros((2, len(program.events)))
+    np.add.at(values, events, weights)
+    np.add.at(rates, events, weights * elapsed)
+    return values, rates
+
+
+def _last_events(program: LatticeProgram, regions: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number of the event that every scale follows at every snapshot, and the steps since, shape (B, S, R, 3) each."""
+    robots = program.robot_count
+    numbers = np.flatnonzero(program.events["quantity"] < Quantity.SCALE + 3)
+    events = program.events[numbers]
+    channel = (events["robot"].astype(np.int64) * regions + events["region"]) * 3 + events["quantity"]
+    order = np.lexsort((events["step"], channel))
+    numbers, channel, step = numbers[order], channel[order], events["step"][order].astype(np.int64)
+    asked = np.arange(robots * regions * 3).reshape(robots, 1, regions, 3)
+    last = np.maximum(program.snapshots - 1, 0)[:, :, None, None]
+    first, end = np.searchsorted(channel, asked), np.searchsorted(channel, asked, side="right")
+    span = np.int64(2**31)  # more than any step
+    place = np.searchsorted(channel * span + step, asked * span + last, side="right") - 1
+    found = np.broadcast_to(first < end, place.shape)
+    place = np.where(found, np.maximum(place, first), 0)
+    if not len(numbers):
+        return np.full(place.shape, -1), np.zeros(place.shape, np.int64)
+    return np.where(found, numbers[place], -1), np.where(found, last - step[place], 0)
