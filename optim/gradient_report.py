@@ -152,7 +152,7 @@ def _check(
     basis = np.linalg.qr(rng.standard_normal((space.size, count)))[0].T
     here = problem.evaluate_relaxed(point[None], 0.0, gradients=True)
     if here.failed[0] or here.gradients is None:
-        raise ValueError(f"{name}: the evaluation of the point ended as {here.status[0]!r}; it has no gradient")
+        raise ValueError(f"{name}: the evaluation of the point ended as {str(here.status[0])!r}; it has no gradient")
     sizes = np.array(steps)
     moves = [sign * size * basis for size in sizes for sign in (1, -1)]
     deviates = rng.standard_normal((samples, count))

@@ -130,8 +130,10 @@ def _arc_factor(w):
 def _rotation_vector_slope(w, factor):
     """d/dw of :func:`rotation_vector_factor`."""
     u = 1.0 - w
-    near = 0.0 - (0.5 + u * (0.375 + u * 0.234375))
-    return select(u * (2.0 - u) >= SMALL_SINE_SQUARED, 2.0 * _arc_slope(w, 0.5 * factor), near)
+    result = 0.0 - (0.5 + u * (0.375 + u * 0.234375))
+    if any_lane(u * (2.0 - u) >= SMALL_SINE_SQUARED):
+        result = select(u * (2.0 - u) >= SMALL_SINE_SQUARED, 2.0 * _arc_slope(w, 0.5 * factor), result)
+    return result
 
 
 @law_with_derivative(_rotation_vector_slope)

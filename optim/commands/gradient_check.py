@@ -29,7 +29,11 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN", help="flat or hill:15 (default: flat)"
     )
-    parser.add_argument("--horizons", metavar="COLUMNS", help="columns of the gait that are played (default: 1,2,4,8)")
+    parser.add_argument(
+        "--horizons",
+        metavar="COLUMNS",
+        help="columns that are played: some of the gait, or all of it several times (default: 1,2,4,8)",
+    )
     parser.add_argument("--directions", type=options.whole(2), default=6, metavar="N", help="random ones (default: 6)")
     parser.add_argument(
         "--samples", type=options.whole(2), default=48, metavar="N", help="pairs of the smoothed gradient (default: 48)"
@@ -54,7 +58,8 @@ def run(args: argparse.Namespace) -> Report:
     gait = options.load_gait(args.gait)
     problems = {}
     for columns in _horizons(args.horizons, gait.schedule.columns):
-        problem = _problem(args, columns)
+        repeats = max(columns // gait.schedule.columns, 1)
+        problem = _problem(args, columns // repeats, repeats)
         problems[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _point(problem, gait)
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
@@ -80,17 +85,18 @@ def _horizons(text: str | None, columns: int) -> list[int]:
         wanted = sorted({int(part) for part in text.split(",")})
     except ValueError:
         raise ValueError(f"horizons: {text!r} is not allowed; give numbers of columns such as 1,2,4") from None
-    if wanted[0] < 1 or wanted[-1] > columns:
-        raise ValueError(f"horizons: {text!r} is not allowed; the gait has columns 1 to {columns}")
+    wrong = [n for n in wanted if n < 1 or (n > columns and n % columns)]
+    if wrong:
+        raise ValueError(f"horizons: {wrong[0]} is not allowed; give 1 to {columns} columns, or multiples of {columns}")
     return wanted
 
 
-def _problem(args: argparse.Namespace, columns: int) -> "GaitProblem":
+def _problem(args: argparse.Namespace, columns: int, repeats: int) -> "GaitProblem":
     from optim.gait_problem import GaitProblem
 
     given = {name: getattr(args, name) for name in ("geometry", "weight", "device", "threads")}
     return GaitProblem(
-        (args.terrain,), columns=columns, repeats=1, encoding="bits", precision=args.precision or "f64",
+        (args.terrain,), columns=columns, repeats=repeats, encoding="bits", precision=args.precision or "f64",
         **{name: value for name, value in given.items() if value is not None},
     )  # fmt: skip
 

@@ -4,7 +4,7 @@
 cotangents, laid out as a robot's memory: those of the state, and sums over time of those of the constants.
 """
 
-from taichi_sim.lanes import accumulate_all, load, load_all, store
+from taichi_sim.lanes import accumulate_all, load, load_all, store_all
 from taichi_sim.lattice import beams
 from taichi_sim.lattice.columns import (
     LINK_ALONG,
@@ -115,8 +115,6 @@ def link_adjoint(
     memory = load_all(rec, kr, memory_slots(base, l, plan))
     constants = load_all(m, k, constant_slots(l, plan, link_table))
     seeds = force_seeds(a, k, l, plan, link_table) + load_all(a, k, memory_slots(0, l, plan))
-    for slot in ti.static(memory_slots(0, l, plan)):
-        store(a, k, slot, 0.0 * constants[0])
     squeeze = 0.0 * constants[0]
     area = 1.0 + squeeze
     if plan[POISSON_ON] != 0:
@@ -146,7 +144,7 @@ def give(
 ):  # fmt: skip
     """Add the cotangents of a link's inputs to those of state and constants."""
     accumulate_all(a, k, pose_slots(0, l, plan, link_table), cotangents[:14])
-    accumulate_all(a, k, memory_slots(0, l, plan), cotangents[14:20])
+    store_all(a, k, memory_slots(0, l, plan), cotangents[14:20])  # those of the new memory have been taken
     accumulate_all(a, k, constant_slots(l, plan, link_table), cotangents[20:29])
     if plan[POISSON_ON] != 0:
         strains = load_all(rec, kr, transverse_slots(base, l, plan, link_table, voxel_table))
