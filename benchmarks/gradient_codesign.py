@@ -1,10 +1,10 @@
 """Co-design by gradients beside hill climbing, at equal CPU time: the small robot on flat ground, from random gaits.
 
-Every method designs orientation, pressure and a gait of two columns, on one thread, until it has used the same CPU time;
-five seeds each. Only true, binary gaits count, judged by the same simulation. The runs are ordinary run folders and
-resume where they were cut off; a larger ``--budget`` continues them.
+Every method designs orientation, pressure and a gait of two columns, on one thread, until it has used the same CPU
+time; five seeds each. Only true, binary gaits count, judged by the same simulation. The runs are ordinary run folders
+and resume where they were cut off; a larger ``--budget`` continues them.
 
-    python benchmarks/gradient_codesign.py --out runs/gradients [--budget 300] [--only METHOD] [--table docs/...]
+    python benchmarks/gradient_codesign.py --out runs/gradients [--budget 300] [--seeds 0,1] [--plot curves.png]
 """
 
 import argparse

@@ -24,6 +24,8 @@ from taichi_sim.lanes import NATIVE_WIDTH
 from taichi_sim.lattice import LatticeEngine, LatticeProgram
 from taichi_sim.lattice.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
 
+COLUMN = 11_670  # steps of a moving column of the published gaits
+GRADIENT_MEMORY = 2e9  # B
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
 
 
@@ -50,13 +52,23 @@ class Batch:
 
     def advance(self, steps: int) -> None:
         """Run so many further steps of the gait."""
+        result = self.engine.run(self._piece(steps))
+        if (result.status != "ok").any():
+            raise RuntimeError("the benchmark's robots diverged")
+
+    def differentiate(self, steps: int) -> float:
+        """Run so many further steps and go back through them; the bytes that this takes."""
+        tape = self.engine.record(self._piece(steps), memory=GRADIENT_MEMORY)
+        tape.pull_back(positions=np.ones_like(tape.result.positions))
+        return tape.memory
+
+    def _piece(self, steps: int) -> LatticeProgram:
+        """The next steps of the gait; the pose is recorded at their end."""
         events = self._program.events
         piece = events[(events["step"] >= self._done) & (events["step"] < self._done + steps)].copy()
         piece["step"] -= self._done
         self._done += steps
-        result = self.engine.run(LatticeProgram(np.full(self.batch, steps), piece, np.zeros((self.batch, 0), int)))
-        if (result.status != "ok").any():
-            raise RuntimeError("the benchmark's robots diverged")
+        return LatticeProgram(np.full(self.batch, steps), piece, np.full((self.batch, 1), steps))
 
 
 def rates(clock: Callable[[], float], batches: list[Batch], steps: int, pieces: int) -> list[tuple[float, float]]:
@@ -101,12 +113,44 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
     single = Batch(1, precision, 1, 1)
     ((best, median),) = rates(time.process_time, [single], 2 * steps, pieces)
     found["single_robot_steps_per_second"] = {"best": best, "median": median}
+    found["gradient"] = gradient_cost(precision, 400 if quick else COLUMN)
     if runtime.available_threads() > 1:
         found["two_threads"] = {
             name: _two_threads(batch, precision, width, steps, pieces)
             for name, batch, width in ((f"{2 * lanes} robots", 2 * lanes, lanes), ("2 robots", 2, 1))
         }
     return found
+
+
+def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
+    """CPU time of gradients over so many steps, all computed again counted, in forward runs of one robot in scalars."""
+    found: dict[str, Any] = {"steps": steps}
+    forward = Batch(1, precision, 1, 1)
+    forward.advance(WARM_UP)
+    scalar = _cpu_seconds(lambda: forward.advance(steps))
+    for name, robots in (("one_robot", 1), ("lanes", NATIVE_WIDTH[precision])):
+        batch = Batch(robots, precision, 1, robots)
+        batch.differentiate(50)  # compiles
+        batch.advance(WARM_UP - 51)
+        gone = _cpu_seconds(lambda batch=batch: batch.advance(steps))  # type: ignore[misc]
+        other = Batch(robots, precision, 1, robots)
+        other.advance(WARM_UP - 1)
+        begun = time.process_time()
+        memory = other.differentiate(steps)
+        seconds = time.process_time() - begun
+        found[name] = {
+            "robots": robots,
+            "in_its_own_forward_runs": seconds / gone,
+            "in_scalar_forward_runs": seconds / scalar / robots,
+            "megabytes": memory / 1e6,
+        }
+    return found
+
+
+def _cpu_seconds(work: Callable[[], object]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
 
 
 def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int) -> float:
@@ -139,6 +183,11 @@ def main(args: Namespace) -> dict[str, Any]:
         ]
         if "ratio_to_prototype" in f:
             lines.insert(1, f"ratio to the prototype   {f['ratio_to_prototype']:>8.2f}")
+        lines += [
+            f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot ({g['in_its_own_forward_runs']:.1f} of its own kind; "
+            f"{f['gradient']['steps']} steps, {g['megabytes']:.0f} MB)"
+            for g in (f["gradient"]["one_robot"], f["gradient"]["lanes"])
+        ]
         lines += [f"two threads, {name:<12}{ratio:>8.2f} times one" for name, ratio in f.get("two_threads", {}).items()]
         print("\n".join(f"{precision}  {line}" for line in lines), file=out)
     return figures
