@@ -184,8 +184,9 @@ def main(args: Namespace) -> dict[str, Any]:
         if "ratio_to_prototype" in f:
             lines.insert(1, f"ratio to the prototype   {f['ratio_to_prototype']:>8.2f}")
         lines += [
-            f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot ({g['in_its_own_forward_runs']:.1f} of its own kind; "
-            f"{f['gradient']['steps']} steps, {g['megabytes']:.0f} MB)"
+            f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot "
+            f"({g['in_its_own_forward_runs']:.1f} of its own kind; {f['gradient']['steps']} steps, "
+            f"{g['megabytes']:.0f} MB)"
             for g in (f["gradient"]["one_robot"], f["gradient"]["lanes"])
         ]
         lines += [f"two threads, {name:<12}{ratio:>8.2f} times one" for name, ratio in f.get("two_threads", {}).items()]

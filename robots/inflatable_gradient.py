@@ -1,7 +1,8 @@
 """How far relaxed designs of the inflatable robot travel, and how that distance changes with them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from robots.relaxed_program import DesignGradient, RelaxedProgram, build_relaxed
 from robots.relaxed_schedule import RelaxedDesign
 from robots.rest_sizes import pull_back_rest_sizes, rest_sizes
 from robots.terrain import Terrain
+from taichi_sim import runtime
+from taichi_sim.lanes import NATIVE_WIDTH
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
 from taichi_sim.lattice.faces import (
     half_extents,
@@ -108,19 +111,36 @@ def differentiate(
         precision: see ``simulate``.
         device: see there.
         threads: see there.
-        memory: bound for what is kept of the way there [B].
+        memory: bound for what is kept of the way there [B]. On a CPU, robots that could not run side by side are
+            differentiated one group after the other.
         driver: see ``simulate``.
         progress: see there.
 
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
     """
-    designs, progress = _listed(designs), progress or (lambda fraction: None)
-    program = build_relaxed_program(designs, terrain or Terrain(), actuation, ramp_steps)
-    engine = LatticeEngine(
-        geometry.body, len(designs), time_step=geometry.time_step, floor=True, device=device, precision=precision,
-        threads=threads, driver=driver,
-    )  # fmt: skip
+    designs, report = _listed(designs), progress or (lambda fraction: None)
+    runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
+    size = len(designs) if device != "cpu" else NATIVE_WIDTH[precision] * (threads or runtime.available_threads())
+    groups = [designs[i : i + size] for i in range(0, len(designs), size)] or [[]]
+    where = {"device": device, "precision": precision, "threads": threads, "driver": driver}
+    found = []
+    for place, group in enumerate(groups):
+
+        def tick(fraction: float, place: int = place) -> None:
+            report((place + fraction) / len(groups))
+
+        found.append(_differentiate(group, terrain or Terrain(), geometry, actuation, ramp_steps, memory, where, tick))
+    return found[0] if len(found) == 1 else _joined(found)
+
+
+def _differentiate(
+    designs: list[RelaxedDesign], terrain: Terrain, geometry: InflatableGeometry, actuation: InflatableActuation,
+    ramp_steps: int | None, memory: float, options: dict[str, Any], progress: Callable[[float], None],
+) -> InflatableGradient:  # fmt: skip
+    """The same for robots that run side by side."""
+    program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
+    engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, floor=True, **options)
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
     seeds = distance_cotangents(geometry.body, tape.result, program.program, np.array([d.orientation for d in designs]))
     back = tape.pull_back(
@@ -132,8 +152,21 @@ def differentiate(
     return _judged(result, gradient, seeds.headings)
 
 
+def _joined(parts: list[InflatableGradient]) -> InflatableGradient:
+    """One gradient of all groups."""
+
+    def join(owners: list[Any], names: list[str]) -> dict[str, Any]:
+        columns = {name: [getattr(owner, name) for owner in owners] for name in names}
+        return {name: None if column[0] is None else np.concatenate(column) for name, column in columns.items()}
+
+    per_robot = ["distance", "speed", "speed_simulated", "status", "steps"]
+    result = replace(parts[0].result, **join([part.result for part in parts], per_robot))
+    names = [field.name for field in fields(DesignGradient)]
+    return InflatableGradient(**join(list(parts), names), result=result)
+
+
 def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDesign]:
-    return [designs] if isinstance(designs, RelaxedDesign) else list(designs)
+    return list(designs) if isinstance(designs, Sequence) else [designs]
 
 
 def _summary(

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.checks import whole_number
 from robots.dual import Array, Dual, slope_of, value_of, variables
+from robots.inflatable import InflatableDesign
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_program import Scalar, gravity_vector, write_robot
 from robots.relaxed_motion import play_relaxed
@@ -64,6 +65,8 @@ class Parameters:
         Raises:
             ValueError: in one line, when there are none.
         """
+        if any(isinstance(d, InflatableDesign) for d in designs):
+            raise ValueError("designs: a binary schedule has no gradient; give RelaxedDesign.from_design(design)")
         if not designs or not all(isinstance(d, RelaxedDesign) for d in designs):
             raise ValueError("designs: give at least one RelaxedDesign")
         kinds = {cls(d.schedule.columns, d.schedule.pressure is not None) for d in designs}

@@ -182,3 +182,25 @@ def test_failed_robots_have_no_derivatives():
 def test_bad_arguments_are_refused_in_one_line(build, message):
     with pytest.raises(ValueError, match=f"^{message}.*$"):
         build()
+
+
+def test_groups_of_robots_have_the_gradients_of_each(monkeypatch):
+    """More robots than run side by side are differentiated one group after the other."""
+    designs = [random_design(i) for i in range(3)]
+    options = {"geometry": TINY, "actuation": QUICK, "ramp_steps": 50, "threads": 1}
+    whole = differentiate(designs, HILL, **options)
+    monkeypatch.setattr("robots.inflatable_gradient.NATIVE_WIDTH", {"f64": 2})
+    reports = []
+    grouped = differentiate(designs, HILL, **options, progress=reports.append)
+    assert np.array_equal(grouped.result.distance, whole.result.distance)
+    for part in ("pressure", "orientation", "inflation", "grip"):
+        assert getattr(grouped, part) == pytest.approx(getattr(whole, part), rel=1e-9, abs=1e-12)
+    assert reports == sorted(reports) and reports[-1] == 1.0
+
+
+def test_what_has_no_gradient_is_refused():
+    design = InflatableDesign(0.0, 0.0, GaitSchedule(np.eye(10)[:, :3]))
+    with pytest.raises(ValueError, match=r"^designs: a binary schedule has no gradient; give RelaxedDesign\.from_"):
+        differentiate(design)
+    with pytest.raises(ValueError, match=r"^memory: 1000 B is not allowed; .* need at least"):
+        differentiate(random_design(0), geometry=TINY, actuation=QUICK, memory=1000)
