@@ -24,7 +24,7 @@ class Plan:
         steps: length of the run.
         record: most steps recorded at once.
         branching: pieces into which every longer stretch is cut.
-        memory: bytes of checkpoints and record together.
+        memory: bytes taken in all.
     """
 
     steps: int
@@ -50,7 +50,7 @@ class Plan:
             yield from self.undo(start, end)
 
 
-def make_plan(steps: int, state: float, checkpoint: float, memory: float) -> Plan:
+def make_plan(steps: int, state: float, checkpoint: float, memory: float, besides: float = 0.0) -> Plan:
     """The plan with the fewest levels that fits into a memory.
 
     Args:
@@ -58,6 +58,7 @@ def make_plan(steps: int, state: float, checkpoint: float, memory: float) -> Pla
         state: bytes of a recorded state.
         checkpoint: bytes of a checkpoint.
         memory: bound [B].
+        besides: what else it has to hold [B].
 
     Raises:
         ValueError: if no plan fits; says what is needed.
@@ -67,7 +68,7 @@ def make_plan(steps: int, state: float, checkpoint: float, memory: float) -> Pla
         branching = max((steps * state / checkpoint) ** (1 / (levels + 1)), 2.0)
         record = max(math.ceil(steps / branching**levels), 2)
         branching = max(math.ceil((steps / record) ** (1 / levels)), 2)
-        need = (record + 1) * state + (levels * branching + 1) * checkpoint
+        need = (record + 1) * state + (levels * branching + 1) * checkpoint + besides
         if need <= memory:
             return Plan(steps, record, branching, need)
         least = min(least, need)

@@ -56,7 +56,7 @@ def record(engine: "LatticeEngine", program: LatticeProgram, memory: float,
     run = engine.begin(program)
     start = run.checkpoint()
     steps = int(program.lengths.max())
-    plan = make_plan(steps, run.state_bytes, sum(a.nbytes for a in start), memory - run.reverse_bytes)
+    plan = make_plan(steps, run.state_bytes, sum(a.nbytes for a in start), memory, run.reverse_bytes)
     checkpoints = {0: start}
     for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:
         run.advance(mark, tick=progress)
