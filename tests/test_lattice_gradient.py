@@ -102,13 +102,13 @@ def shifted_events(base: LatticeProgram, quantities, field: str, directions: np.
 
 
 KINDS = {
-    "pressure": ([Quantity.PRESSURE], 10.0),
+    "pressure": ([Quantity.PRESSURE], 100.0),
     "scale": ([Quantity.SCALE, Quantity.SCALE + 1, Quantity.SCALE + 2], 0.01),
-    "temperature": ([Quantity.TEMPERATURE], 1.0),
+    "temperature": ([Quantity.TEMPERATURE], 10.0),
     "friction": ([Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION], 0.1),
     "damping": ([Quantity.GLOBAL_DAMPING], 0.01),
     "gravity": ([Quantity.ACCELERATION + a for a in range(3)], 1.0),
-    "force": ([Quantity.FORCE + a for a in range(3)], 1e-3),
+    "force": ([Quantity.FORCE + a for a in range(3)], 1e-2),
     "moment": ([Quantity.MOMENT + a for a in range(3)], 3e-5),
     "translation": ([Quantity.TRANSLATION + a for a in range(3)], 1e-4),
     "rotation": ([Quantity.ROTATION + a for a in range(3)], 1e-2),
@@ -182,7 +182,7 @@ def test_start(scene, part):
     shape, _, _, gradient = scene
     rng = np.random.default_rng(4)
     first = getattr(start(shape), part)
-    directions = rng.normal(size=(DIRECTIONS, *first.shape)) * {"positions": 1e-3, "angular_velocities": 3.0}.get(
+    directions = rng.normal(size=(DIRECTIONS, *first.shape)) * {"positions": 1e-3, "angular_velocities": 10.0}.get(
         part, 0.1
     )
     if part == "orientations":  # along the sphere of unit quaternions

@@ -213,6 +213,8 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
         raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
     if settings["schedule"] is not None:
         settings["schedule"] = options.cut(settings["schedule"], args.columns, args.repeats)
+    if method == "gradient" and not known and settings["schedule"] is None and settings["encoding"] == "codes":
+        raise ValueError("encoding: 'codes' has no gradient; method gradient needs bits")
     by_default = taken and not args.gait
     note = f"note: {', '.join(taken)} neither free nor given: as in {gait}" if by_default else ""
     return GaitProblem(**settings), note
