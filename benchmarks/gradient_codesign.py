@@ -65,21 +65,27 @@ def curve(folder: Path) -> list[dict[str, float]]:
 
 
 def table(out: Path, budget: float) -> str:
-    """Medians over the seeds, and how often a method wins a seed, as Markdown."""
-    best = {
-        name: [_at(curve(out / f"{name.replace(' ', '-')}-{seed}"), budget, "best") for seed in SEEDS]
-        for name in METHODS
-    }
-    first = {name: [curve(out / f"{name.replace(' ', '-')}-{seed}")[0]["best"] for seed in SEEDS] for name in METHODS}
-    lines = ["| method | best at the start | best at the end | each seed | wins |", "| --- | --- | --- | --- | --- |"]
-    matrix = np.array(list(best.values()))
-    for name, row in best.items():
-        wins = int((matrix.max(axis=0) == np.array(row)).sum())
-        each = " ".join(f"{b:.3f}" for b in row)
+    """Medians over the seeds, and the best of each seed, as Markdown."""
+    lines = [
+        "| method | evaluations | mean of the climbers, start | end | best, start | end | best of each seed | wins |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | --- | ---: |",
+    ]
+    best = np.array([[_at(_curve(out, name, s), budget, "best") for s in SEEDS] for name in METHODS])
+    for name, row in zip(METHODS, best, strict=True):
+        curves = [_curve(out, name, seed) for seed in SEEDS]
+        evaluations = np.median([_at(c, budget, "evaluations") for c in curves])
+        first = {what: np.median([c[0][what] for c in curves]) for what in ("best", "mean")}
+        mean = np.median([_at(c, budget, "mean") for c in curves])
+        each, wins = ", ".join(f"{b:.3f}" for b in row), int((best.max(axis=0) == row).sum())
         lines.append(
-            f"| {name} | {np.median(first[name]):.3f} | {np.median(row):.3f} | {each} | {wins} of {len(SEEDS)} |"
+            f"| {name} | {evaluations:.0f} | {first['mean']:.3f} | {mean:.3f} | {first['best']:.3f} | "
+            f"{np.median(row):.3f} | {each} | {wins} |"
         )
     return "\n".join(lines)
+
+
+def _curve(out: Path, name: str, seed: int) -> list[dict[str, float]]:
+    return curve(out / f"{name.replace(' ', '-')}-{seed}")
 
 
 def _at(points: list[dict[str, float]], cpu: float, what: str) -> float:
@@ -89,27 +95,26 @@ def _at(points: list[dict[str, float]], cpu: float, what: str) -> float:
 
 
 def save_plot(out: Path, budget: float, path: Path) -> None:
-    """Best speed over CPU time: a thin line for each seed, a thick one for the median."""
+    """Best speed, and mean over the climbers, over CPU time: a thin line for each seed, a thick one for the median."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axes = figure.subplots()
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
     times = np.linspace(0, budget, 200)
-    for number, name in enumerate(METHODS):
-        curves = [curve(out / f"{name.replace(' ', '-')}-{seed}") for seed in SEEDS]
-        rows = np.array([[_step(points, t) for t in times] for points in curves])
-        for row in rows:
-            axes.plot(times, row, color=f"C{number}", linewidth=0.6, alpha=0.5)
-        axes.plot(times, np.median(rows, axis=0), color=f"C{number}", linewidth=2.2, label=name)
-    axes.set_xlabel("CPU time [s]")
-    axes.set_ylabel("best speed [body lengths/s]")
-    axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
+    for axes, what in zip(figure.subplots(1, 2), ("best", "mean"), strict=True):
+        for number, name in enumerate(METHODS):
+            rows = np.array([[_step(_curve(out, name, seed), t, what) for t in times] for seed in SEEDS])
+            axes.plot(times, rows.T, color=f"C{number}", linewidth=0.6, alpha=0.5)
+            axes.plot(times, np.median(rows, axis=0), color=f"C{number}", linewidth=2.2, label=name)
+        axes.set_title({"best": "best gait so far", "mean": "mean of the climbers' best gaits"}[what], fontsize=10)
+        axes.set_xlabel("CPU time [s]")
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.axes[0].set_ylabel("speed [body lengths/s]")
+    figure.axes[1].legend(frameon=False)
     figure.savefig(path, dpi=150)
 
 
-def _step(points: list[dict[str, float]], cpu: float) -> float:
-    known = [p["best"] for p in points if p["cpu"] <= cpu]
+def _step(points: list[dict[str, float]], cpu: float, what: str) -> float:
+    known = [p[what] for p in points if p["cpu"] <= cpu]
     return known[-1] if known else np.nan
 
 
@@ -124,7 +129,7 @@ def main() -> None:
     for seed in [int(s) for s in args.seeds.split(",") if s]:
         for name in METHODS:
             run(name, seed, args.out, args.budget)
-    if all(curve(args.out / f"{n.replace(' ', '-')}-{s}") for n in METHODS for s in SEEDS):
+    if all(_curve(args.out, name, seed) for name in METHODS for seed in SEEDS):
         print(table(args.out, args.budget))
         if args.plot:
             save_plot(args.out, args.budget, args.plot)

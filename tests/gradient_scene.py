@@ -21,7 +21,6 @@ MATERIALS = (
     Material(2e5, 2500, static_friction=0.5, kinetic_friction=0.3, internal_damping=0.8, collision_damping=0.7,
              global_damping=0.001, thermal_expansion=2e-3, temperature=-3.0),
 )  # fmt: skip
-REGIONS = 4  # lower sheet, hinge, upper sheet, held voxels
 
 
 def body(poisson: bool = False) -> LatticeBody:
