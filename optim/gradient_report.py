@@ -73,10 +73,11 @@ class GradientReport:
 
     def verdict(self, horizon: Horizon) -> str:
         """What to rely on, in words."""
-        exact = self.steps[horizon.errors <= TRUSTED]
-        smooth = self.steps[horizon.smoothed_cosines >= AGREES]
-        words = f"exact up to steps of {exact.max():g}" if exact.size else "exact at none of the steps"
-        return f"{words}; smoothed at {', '.join(f'{s:g}' for s in smooth) or 'none'}"
+        good = {"exact": horizon.errors <= TRUSTED, "smoothed": horizon.smoothed_cosines >= AGREES}
+        return "; ".join(
+            f"{name} at steps of {', '.join(f'{s:g}' for s in self.steps[mask]) or 'no size'}"
+            for name, mask in good.items()
+        )
 
     def text(self) -> str:
         """A table: error of the exact gradient, and cosines of it and of the smoothed one, for every step size."""
@@ -150,9 +151,6 @@ def _check(
     space, rng = problem.space.relaxed(), np.random.default_rng(seed)
     count = min(directions, space.size)
     basis = np.linalg.qr(rng.standard_normal((space.size, count)))[0].T
-    here = problem.evaluate_relaxed(point[None], 0.0, gradients=True)
-    if here.failed[0] or here.gradients is None:
-        raise ValueError(f"{name}: the evaluation of the point ended as {str(here.status[0])!r}; it has no gradient")
     sizes = np.array(steps)
     moves = [sign * size * basis for size in sizes for sign in (1, -1)]
     deviates = rng.standard_normal((samples, count))
@@ -160,6 +158,9 @@ def _check(
     points = space.bound(point + np.concatenate(moves) * space.span)
     if (points[: 2 * len(sizes) * count] != (point + np.concatenate(moves[: 2 * len(sizes)]) * space.span)).any():
         raise ValueError(f"point: nearer to a bound of {name} than the largest step, {sizes.max():g} ranges")
+    here = problem.evaluate_relaxed(point[None], 0.0, gradients=True)
+    if here.failed[0] or here.gradients is None:
+        raise ValueError(f"{name}: the evaluation of the point ended as {str(here.status[0])!r}; it has no gradient")
     values = problem.evaluate_relaxed(points, 0.0, gradients=False).objectives[:, 0]
     pairs = values[: 2 * len(sizes) * count].reshape(len(sizes), 2, count)
     rises = (values[-2 * samples : -samples] - values[-samples:])[:, None] * deviates / (2 * smoothing)

@@ -34,16 +34,19 @@ def test_gradcheck():
     velocities = torch.full((1, 3, 3), 0.2, dtype=torch.float64)
     velocities[..., 2] = 0.0
 
-    def outcome(values, rates, moved, pushed, stiffer):
+    def outcome(values, rates, moved, pushed, stiffer, heavier):
         found = run(
             shape, plan, values=torch.tensor(plan.events["value"]) + values,
             rates=torch.tensor(plan.events["rate"]) + 1e-3 * rates,
             state={"positions": positions + 1e-3 * moved, "velocities": velocities + 0.1 * pushed},
-            materials={"youngs_modulus": torch.tensor([[2e5, 3e5]]) * (1 + stiffer)}, floor=True, time_step=TIME_STEP,
+            materials={
+                "youngs_modulus": torch.tensor([[2e5, 3e5]]) * (1 + stiffer),
+                "density": torch.tensor([[2e3, 3e3]]) * (1 + heavier),
+            }, floor=True, time_step=TIME_STEP,
         )  # fmt: skip
         return found.positions / 1e-3, found.strains / 1e-2, found.final_velocities, found.final_orientations
 
-    sizes = (plan.events.shape, plan.events.shape, (1, 3, 3), (1, 3, 3), (1, 2))
+    sizes = (plan.events.shape, plan.events.shape, (1, 3, 3), (1, 3, 3), (1, 2), (1, 2))
     inputs = tuple(torch.zeros(size, dtype=torch.float64, requires_grad=True) for size in sizes)
     assert torch.autograd.gradcheck(outcome, inputs, eps=1e-6, atol=1e-5, rtol=1e-4)
 
@@ -84,7 +87,11 @@ def test_bad_input():
     with pytest.raises(ValueError, match=r"^state: 'speed' is unknown; choose from positions"):
         run(shape, plan, state={"speed": torch.zeros(1)})
     with pytest.raises(ValueError, match=r"^materials.density: shape \(2,\) is not allowed; give \(1, 2\)"):
-        run(shape, plan, materials={"density": torch.zeros(2)})
+        run(shape, plan, materials={"density": torch.zeros(2)}, time_step=TIME_STEP)
+    with pytest.raises(ValueError, match=r"^materials: 'mass' is unknown; choose from youngs_modulus, density"):
+        run(shape, plan, materials={"mass": torch.zeros(1, 2)})
+    with pytest.raises(ValueError, match=r"^time_step: none given; with materials as tensors"):
+        run(shape, plan, materials={"density": torch.ones(1, 2)})
     builder = ProgramBuilder(1)
     builder.set(Quantity.FORCE, 1e6, regions=[2])
     with pytest.raises(ValueError, match=r"^robot 0: diverged at step \d+; it has no result"):

@@ -39,8 +39,8 @@ def add_parser(commands: Any) -> None:
         "--samples", type=options.whole(2), default=48, metavar="N", help="pairs of the smoothed gradient (default: 48)"
     )
     parser.add_argument(
-        "--smoothing", type=options.number(1e-6, 1.0), default=0.05, metavar="S",
-        help="its standard deviation in ranges of the variables (default: 0.05)",
+        "--smoothing", type=options.number(1e-6, INSIDE / 3), default=0.05, metavar="S",
+        help="its standard deviation in ranges of the variables, at most 0.05 (default: 0.05)",
     )  # fmt: skip
     parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="(default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for gradient.png and gradient.json")
@@ -56,6 +56,10 @@ def run(args: argparse.Namespace) -> Report:
     from robots.files import write_text
 
     gait = options.load_gait(args.gait)
+    if args.out:
+        if args.out.exists() and not args.out.is_dir():
+            raise ValueError(f"out: {args.out} is not a folder")
+        args.out.mkdir(parents=True, exist_ok=True)
     problems = {}
     for columns in _horizons(args.horizons, gait.schedule.columns):
         repeats = max(columns // gait.schedule.columns, 1)
@@ -70,7 +74,6 @@ def run(args: argparse.Namespace) -> Report:
     if args.out:
         import json
 
-        args.out.mkdir(parents=True, exist_ok=True)
         write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
         save_plot(report, args.out / "gradient.png")
         text += f"\n{args.out}: gradient.json, gradient.png"

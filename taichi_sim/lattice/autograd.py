@@ -4,7 +4,7 @@ The only file of the package that imports torch. Tensors lie on the CPU, in f64;
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +14,12 @@ from torch.autograd.function import once_differentiable
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.engine import LatticeEngine, LatticeState
 from taichi_sim.lattice.gradient import LatticeGradient, Tape
+from taichi_sim.lattice.materials import Material
 from taichi_sim.lattice.program import LatticeProgram
 
 STATE = ("positions", "orientations", "velocities", "angular_velocities")
 RECORDED = ("positions", "orientations", "strains")
+NUMBERS = tuple(f.name for f in fields(Material) if f.name != "name")
 
 
 class RunTensors(NamedTuple):
@@ -50,8 +52,8 @@ def run(
         program: what happens; its number of robots is the batch.
         values, rates: replace those of the program's events, shape (E,).
         state: replaces parts of the state at the start by name, such as ``positions`` of shape (B, V, 3).
-        materials: replaces numbers of the materials by name, such as ``youngs_modulus``, each of shape (B, M). Give
-            ``time_step`` among the options then, or it will follow the stiffest and lightest.
+        materials: replaces numbers of the materials by name, such as ``youngs_modulus``, each of shape (B, M),
+            ``scale`` of (B, M, 3). They need ``time_step`` among the options: the largest stable one changes with them.
         memory: bound [B] on what is kept for the gradient.
         options: of ``LatticeEngine``.
 
@@ -60,11 +62,15 @@ def run(
     """
     given = {"values": values, "rates": rates} | {f"state.{k}": v for k, v in (state or {}).items()}
     given |= {f"materials.{k}": v for k, v in (materials or {}).items()}
-    tensors = {name: tensor for name, tensor in given.items() if tensor is not None}
+    tensors = {name: torch.as_tensor(value) for name, value in given.items() if value is not None}
     for name in tensors:
         part, _, field = name.partition(".")
         if part == "state" and field not in STATE:
             raise ValueError(f"state: {field!r} is unknown; choose from {', '.join(STATE)}")
+        if part == "materials" and field not in NUMBERS:
+            raise ValueError(f"materials: {field!r} is unknown; choose from {', '.join(NUMBERS)}")
+    if materials and options.get("time_step") is None:
+        raise ValueError("time_step: none given; with materials as tensors, fix it among the options")
     settings = (body, program, memory, options, tuple(tensors))
     return RunTensors(*_Run.apply(settings, *tensors.values()))
 
@@ -107,8 +113,9 @@ def _prepare(
     batch, count = program.robot_count, len(body.materials)
     numbers = {name.partition(".")[2]: a for name, a in arrays.items() if name.startswith("materials.")}
     for name, array in numbers.items():
-        if array.shape[:2] != (batch, count):
-            raise ValueError(f"materials.{name}: shape {array.shape} is not allowed; give ({batch}, {count})")
+        shape = (batch, count, 3) if name == "scale" else (batch, count)
+        if array.shape != shape:
+            raise ValueError(f"materials.{name}: shape {array.shape} is not allowed; give {shape}")
     bodies = [body] * batch
     if numbers:
         bodies = [

@@ -50,7 +50,8 @@ class Plan:
             yield from self.undo(start, end)
 
 
-def make_plan(steps: int, state: float, checkpoint: float, memory: float, besides: float = 0.0) -> Plan:
+def make_plan(steps: int, state: float, checkpoint: float, memory: float, besides: float = 0.0,
+              most: int = 2**31) -> Plan:  # fmt: skip
     """The plan with the fewest levels that fits into a memory.
 
     Args:
@@ -59,6 +60,7 @@ def make_plan(steps: int, state: float, checkpoint: float, memory: float, beside
         checkpoint: bytes of a checkpoint.
         memory: bound [B].
         besides: what else it has to hold [B].
+        most: states that can be recorded at once.
 
     Raises:
         ValueError: if no plan fits; says what is needed.
@@ -66,7 +68,7 @@ def make_plan(steps: int, state: float, checkpoint: float, memory: float, beside
     steps, least = max(steps, 1), math.inf
     for levels in range(1, MOST_LEVELS + 1):
         branching = max((steps * state / checkpoint) ** (1 / (levels + 1)), 2.0)
-        record = max(math.ceil(steps / branching**levels), 2)
+        record = min(max(math.ceil(steps / branching**levels), 2), max(most - 1, 1))
         branching = max(math.ceil((steps / record) ** (1 / levels)), 2)
         need = (record + 1) * state + (levels * branching + 1) * checkpoint + besides
         if need <= memory:

@@ -13,7 +13,7 @@ from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.fused import FusedDriver, FusedRun
 from taichi_sim.lattice.program import LatticeProgram
 from taichi_sim.lattice.stepped import SteppedDriver, SteppedRun
-from taichi_sim.lattice.tables import build_tables, pack_program
+from taichi_sim.lattice.tables import PackedProgram, build_tables, pack_program
 
 if TYPE_CHECKING:
     from taichi_sim.lattice.gradient import Tape
@@ -168,6 +168,8 @@ class LatticeEngine:
     def reset(self) -> None:
         """Put every robot at rest at its start, its channels as the materials say."""
         self._driver.write(memory.CHANNEL, self.tables.channel)
+        # Which still hold what the materials say: those that no event has set, shape (B, 23 G).
+        self.initial_channels = np.ones(self.tables.channel.shape[:2], bool)
         self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
 
     def set_positions(self, positions: np.ndarray) -> None:
@@ -248,6 +250,7 @@ class LatticeEngine:
     def finish(self, run: FusedRun | SteppedRun) -> LatticeResult:
         """What a run came to, in the body's voxel order."""
         steps, diverged, poses, strains = run.finish()
+        self._note_events(run.program, steps)
         # A state that is not finite is no result, whatever the strains said.
         diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))
         self._diverged |= diverged
@@ -259,6 +262,13 @@ class LatticeEngine:
             recorded[~np.isfinite(poses).all(axis=(2, 3))] = np.nan
         status = np.where(self._diverged, "diverged", "ok")
         return LatticeResult(status, steps, poses[..., :3], poses[..., 3:], strains)
+
+    def _note_events(self, program: PackedProgram, steps: np.ndarray) -> None:
+        """Remember which channels no longer hold what the materials say."""
+        robot = np.repeat(np.arange(self.batch), np.diff(program.first))
+        step, target = program.marks[: len(robot)].T
+        set_now = (target >= 0) & (step <= steps[robot])
+        self.initial_channels[robot[set_now], target[set_now]] = False
 
     def state(self) -> LatticeState:
         """Where the voxels are and how they move; NaN for robots that diverged."""

@@ -197,6 +197,12 @@ class FusedRun:
         return d._parked.nbytes + d.blocks * (12 * CONTACTS_PER_STEP + 4)
 
     @property
+    def most_states(self) -> int:
+        """Steps of all robots that a record can hold."""
+        d = self.driver
+        return memory.MOST_SLOTS // (d.blocks * d.layout.state_slots)
+
+    @property
     def reverse_bytes(self) -> int:
         """Bytes that reversing takes besides."""
         return 3 * self.driver._memory.nbytes

@@ -54,6 +54,7 @@ class FusedReverse:
         """Run forward and keep every state."""
         driver, room = self.driver, high - low + 1
         if self._states is None or len(self._states) < driver.blocks * room:
+            self._states = None  # before the larger one is made
             self._states = driver.real.array((driver.blocks * room, driver.layout.state_slots))
         start = self.run.checkpoint()
         while True:

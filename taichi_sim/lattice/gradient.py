@@ -36,7 +36,9 @@ class LatticeGradient:
         orientations: by the quaternions, as four free numbers, shape (B, V, 4).
         velocities, angular_velocities: by those at the start, shape (B, V, 3).
         materials: by the numbers of the materials, name of the field to shape (B, M), scale (B, M, 3); the time step is
-            held fixed, and so is the momentum at the start.
+            held fixed, and so are the velocities at the start. Channels that an earlier run has set owe them nothing.
+
+    All are zero for robots that diverged.
     """
 
     values: np.ndarray
@@ -53,16 +55,17 @@ def record(engine: "LatticeEngine", program: LatticeProgram, memory: float,
     """See ``LatticeEngine.record``."""
     if not memory > 0:
         raise ValueError(f"memory: {memory!r} is not allowed; give a positive number of bytes")
+    initial, state = engine.initial_channels.copy(), engine.state()
     run = engine.begin(program)
     start = run.checkpoint()
     steps = int(program.lengths.max())
-    plan = make_plan(steps, run.state_bytes, sum(a.nbytes for a in start), memory, run.reverse_bytes)
+    plan = make_plan(steps, run.state_bytes, sum(a.nbytes for a in start), memory, run.reverse_bytes, run.most_states)
     checkpoints = {0: start}
     for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:
         run.advance(mark, tick=progress)
         checkpoints[mark] = run.checkpoint()
     run.advance(tick=progress)
-    return Tape(engine, program, run, plan, checkpoints)
+    return Tape(engine, program, run, plan, checkpoints, initial, state)
 
 
 class Tape:
@@ -74,12 +77,13 @@ class Tape:
     """
 
     def __init__(self, engine: "LatticeEngine", program: LatticeProgram, run: "FusedRun | SteppedRun", plan: Plan,
-                 checkpoints: dict[int, tuple[np.ndarray, ...]]) -> None:  # fmt: skip
+                 checkpoints: dict[int, tuple[np.ndarray, ...]], initial: np.ndarray,
+                 start: "LatticeState") -> None:  # fmt: skip
         """Finish the run; see ``LatticeEngine.record``."""
         self.result: LatticeResult = engine.finish(run)
         self.state: LatticeState = engine.state()
         self._engine, self._program, self._run, self._plan = engine, program, run, plan
-        self._checkpoints = checkpoints
+        self._checkpoints, self._initial_channels, self._start = checkpoints, initial, start
 
     @property
     def memory(self) -> float:
@@ -179,9 +183,13 @@ class Tape:
         voxel[:, engine.order] = reverse.read(places.VOXEL)
         inverse = np.empty((engine.batch, engine.body.voxel_count, 2))
         inverse[:, engine.order] = engine.inverse_masses
-        base = reverse.read(places.CHANNEL)[..., places.BASE].reshape(engine.batch, -1, QUANTITY_COUNT)
-        constants = reverse.read(places.CONSTANT)
-        constants[:, :, :2] += self._by_final_masses(finals)
+        base = np.where(self._initial_channels, reverse.read(places.CHANNEL)[..., places.BASE], 0.0)
+        constants, beams = reverse.read(places.CONSTANT), reverse.read(places.BEAM)
+        for part in (voxel, base, constants, beams):
+            part[self.result.status != "ok"] = 0.0
+        # Velocities are momenta times inverse masses: they are read so at the end, and held so at the start.
+        constants[:, :, :2] += self._by_masses(self.state, finals[:, :, places.MOMENTUM :])
+        constants[:, :, :2] -= self._by_masses(self._start, voxel[:, engine.order, places.MOMENTUM : places.STICKS])
         return LatticeGradient(
             values=events[:, 0],
             rates=events[:, 1],
@@ -190,19 +198,21 @@ class Tape:
             velocities=voxel[..., places.MOMENTUM : places.SPIN] / inverse[..., :1],
             angular_velocities=voxel[..., places.SPIN : places.STICKS] / inverse[..., 1:],
             materials=material_gradients(engine.bodies, engine.tables, engine.time_step, constants,
-                                         reverse.read(places.BEAM), base),
+                                         beams, base.reshape(engine.batch, -1, QUANTITY_COUNT)),
         )  # fmt: skip
 
-    def _by_final_masses(self, finals: np.ndarray) -> np.ndarray:
-        """Velocities are momenta times inverse masses: what the cost owes to the latter, shape (B, G, 2)."""
+    def _by_masses(self, state: "LatticeState", cotangents: np.ndarray) -> np.ndarray:
+        """What a cost owes to the inverse masses that turn momenta into velocities, shape (B, G, 2).
+
+        Args:
+            state: has the velocities.
+            cotangents: of momenta and angular momenta in the engine's order, shape (B, V, 6).
+        """
         engine, tables = self._engine, self._engine.tables
         inverse = engine.inverse_masses
         share = np.zeros((engine.batch, len(tables.group_region), 2))
-        for part, first, velocities in (
-            (0, places.MOMENTUM, self.state.velocities),
-            (1, places.SPIN, self.state.angular_velocities),
-        ):
-            moved = np.nan_to_num(velocities[:, engine.order]) * finals[:, :, first : first + 3]
+        for part, velocities in enumerate((state.velocities, state.angular_velocities)):
+            moved = np.nan_to_num(velocities[:, engine.order]) * cotangents[:, :, 3 * part : 3 * part + 3]
             total = moved.sum(axis=2) / inverse[..., part] ** 2
             for group in range(share.shape[1]):
                 share[:, group, part] = total[:, tables.group == group].sum(axis=1)

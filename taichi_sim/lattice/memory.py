@@ -27,6 +27,7 @@ from taichi_sim.lattice.program import QUANTITY_COUNT
 
 (VOXEL, LINK, STRAIN, CHANNEL, WATCH, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE) = range(12)
 SECTION_COUNT = 12
+MOST_SLOTS = 2**31 - 1  # of an array in a kernel, which counts them in 32 bits
 
 VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 4, 9, 2
 ORIENTATION, MOMENTUM, SPIN, STICKS = 3, 7, 10, 13  # places in a voxel

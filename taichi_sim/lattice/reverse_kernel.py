@@ -66,7 +66,7 @@ def receive_pose(asc: ti.template(), k, lane, ms: ti.template(), recs: ti.templa
     for v in range(plan[VOXELS]):
         for c in range(7):
             asc[k + plan[VOXEL] + v * VOXEL_WIDTH + c, lane] += poses[robot, slot, v, c]
-    if t > 0:  # before the first step links have no strain
+    if t > 0:  # what links remember at the start of a run is given
         for l in range(plan[LINKS]):
             rest = k + plan[REST] + link_table[l * columns.LINK_COLUMNS + columns.LINK_REST] + 1
             link = plan[LINK] + l * LINK_WIDTH

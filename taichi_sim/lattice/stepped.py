@@ -168,6 +168,12 @@ class SteppedRun:
         return d.batch * (d.layout.state_slots * d._memory.itemsize + 8 * CONTACTS_PER_STEP + 4)
 
     @property
+    def most_states(self) -> int:
+        """Steps of all robots that a record can hold."""
+        d = self.driver
+        return memory.MOST_SLOTS // (d.batch * d.layout.state_slots)
+
+    @property
     def reverse_bytes(self) -> int:
         """Bytes that reversing takes besides."""
         return 3 * self.driver._memory.nbytes

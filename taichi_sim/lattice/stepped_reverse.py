@@ -145,6 +145,7 @@ class SteppedReverse:
             if self.driver._host(record.logged).max(initial=0) <= self._contacts:
                 return record
             self._contacts *= 2
+            del record  # before the larger one is made
             self.run.restore(start)
 
     def _undo_step(self, record: SteppedRecord, t: int) -> None:
