@@ -309,7 +309,7 @@ def test_columns_without_a_stroke_last_as_long_as_one():
     ("build", "message"),
     [
         (lambda: build_relaxed_program([], HILL), "designs: give at least one RelaxedDesign"),
-        (lambda: build_relaxed_program([INCHING], HILL), "designs: give at least one RelaxedDesign"),
+        (lambda: build_relaxed_program([INCHING], HILL), "designs: a binary schedule has no gradient"),
         (lambda: build_relaxed_program([held([0.1]), held([0.1, 0.2])], HILL), "designs: a mixture is not allowed"),
         (lambda: build_relaxed_program([held([0.1]), held([0.1], pressure=[0.0])], HILL), "designs: a mixture"),
         (lambda: build_relaxed_program([held([0.1])], HILL, QUICK, 0), "ramp_steps: 0 is not allowed"),
