@@ -187,14 +187,14 @@ def save_plot(report: GradientReport, path: Path) -> None:
         exact.semilogx(report.steps, horizon.exact_cosines, "o-", color=colour)
         smooth.semilogx(report.steps, horizon.smoothed_cosines, "o-", color=colour)
     error.axhline(TRUSTED, color="0.6", linestyle=":")
-    error.set_title("relative error of the exact gradient", fontsize=10)
+    error.set_title("relative error of the exact gradient", fontsize=9)
     error.legend(fontsize=8, frameon=False)
     smooth.axvline(report.smoothing, color="0.6", linestyle=":")
-    for axes, title in ((exact, "cosine of exact gradient"), (smooth, "cosine of smoothed gradient")):
-        axes.set_title(f"{title} and differences", fontsize=10)
+    for axes, title in ((exact, "exact gradient"), (smooth, "smoothed gradient")):
+        axes.set_title(f"cosine of {title} and differences", fontsize=9)
         axes.set_ylim(-1.05, 1.05)
         axes.axhline(AGREES, color="0.6", linestyle=":")
     for axes in (error, exact, smooth):
-        axes.set_xlabel("step of the differences [ranges of the variables]", fontsize=9)
+        axes.set_xlabel("step [ranges of the variables]", fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)
