@@ -90,7 +90,7 @@ def _curve(out: Path, name: str, seed: int) -> list[dict[str, float]]:
 
 def _at(points: list[dict[str, float]], cpu: float, what: str) -> float:
     """The last value known at a CPU time."""
-    known = [p[what] for p in points if p["cpu"] <= cpu * 1.1]
+    known = [p[what] for p in points if p["cpu"] <= cpu]
     return known[-1] if known else np.nan
 
 
@@ -102,7 +102,7 @@ def save_plot(out: Path, budget: float, path: Path) -> None:
     times = np.linspace(0, budget, 200)
     for axes, what in zip(figure.subplots(1, 2), ("best", "mean"), strict=True):
         for number, name in enumerate(METHODS):
-            rows = np.array([[_step(_curve(out, name, seed), t, what) for t in times] for seed in SEEDS])
+            rows = np.array([[_at(_curve(out, name, seed), t, what) for t in times] for seed in SEEDS])
             axes.plot(times, rows.T, color=f"C{number}", linewidth=0.6, alpha=0.5)
             axes.plot(times, np.median(rows, axis=0), color=f"C{number}", linewidth=2.2, label=name)
         axes.set_title({"best": "best gait so far", "mean": "mean of the climbers' best gaits"}[what], fontsize=10)
@@ -111,11 +111,6 @@ def save_plot(out: Path, budget: float, path: Path) -> None:
     figure.axes[0].set_ylabel("speed [body lengths/s]")
     figure.axes[1].legend(frameon=False)
     figure.savefig(path, dpi=150)
-
-
-def _step(points: list[dict[str, float]], cpu: float, what: str) -> float:
-    known = [p[what] for p in points if p["cpu"] <= cpu]
-    return known[-1] if known else np.nan
 
 
 def main() -> None:

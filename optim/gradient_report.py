@@ -72,11 +72,14 @@ class GradientReport:
     horizons: tuple[Horizon, ...]
 
     def verdict(self, horizon: Horizon) -> str:
-        """What to rely on, in words."""
-        good = {"exact": horizon.errors <= TRUSTED, "smoothed": horizon.smoothed_cosines >= AGREES}
+        """At which steps to rely on what, in words."""
+        good = {
+            f"exact within {TRUSTED:.0%}": horizon.errors <= TRUSTED,
+            "its direction": horizon.exact_cosines >= AGREES,
+            "that of the smoothed": horizon.smoothed_cosines >= AGREES,
+        }
         return "; ".join(
-            f"{name} at steps of {', '.join(f'{s:g}' for s in self.steps[mask]) or 'no size'}"
-            for name, mask in good.items()
+            f"{name} at {', '.join(f'{s:g}' for s in self.steps[mask]) or 'no step'}" for name, mask in good.items()
         )
 
     def text(self) -> str:
