@@ -18,7 +18,8 @@ from optim.problem import OK, Evaluation
 from optim.space import Space, Variable
 from robots import inflatable
 from robots.checks import whole_number
-from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign, InflatableResult, nominal_steps
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign, InflatableResult
+from robots.inflatable_actuation import nominal_steps
 from robots.schedule import BLADDERS, ROWS, GaitSchedule
 from robots.terrain import Terrain
 

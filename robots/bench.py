@@ -127,17 +127,15 @@ def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
     found: dict[str, Any] = {"steps": steps}
     forward = Batch(1, precision, 1, 1)
     forward.advance(WARM_UP)
-    scalar = _cpu_seconds(lambda: forward.advance(steps))
+    scalar, _ = _timed(forward.advance, steps)
     for name, robots in (("one_robot", 1), ("lanes", NATIVE_WIDTH[precision])):
         batch = Batch(robots, precision, 1, robots)
         batch.differentiate(50)  # compiles
         batch.advance(WARM_UP - 51)
-        gone = _cpu_seconds(lambda batch=batch: batch.advance(steps))  # type: ignore[misc]
-        other = Batch(robots, precision, 1, robots)
-        other.advance(WARM_UP - 1)
-        begun = time.process_time()
-        memory = other.differentiate(steps)
-        seconds = time.process_time() - begun
+        gone, _ = _timed(batch.advance, steps)
+        again = Batch(robots, precision, 1, robots)
+        again.advance(WARM_UP - 1)
+        seconds, memory = _timed(again.differentiate, steps)
         found[name] = {
             "robots": robots,
             "in_its_own_forward_runs": seconds / gone,
@@ -147,10 +145,11 @@ def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
     return found
 
 
-def _cpu_seconds(work: Callable[[], object]) -> float:
+def _timed(work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
+    """CPU time of some steps, and what came of them."""
     begun = time.process_time()
-    work()
-    return time.process_time() - begun
+    result = work(steps)
+    return time.process_time() - begun, result
 
 
 def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int) -> float:

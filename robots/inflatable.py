@@ -38,7 +38,6 @@ __all__ = [
     "InflatableGeometry",
     "InflatableResult",
     "load_design",
-    "nominal_steps",
     "predicted_steps",
     "save_design",
     "simulate",

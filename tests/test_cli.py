@@ -3,13 +3,12 @@
 import json
 import os
 import re
-import shlex
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from run_products import log, products
 
-from optim.cli import main
 from optim.gait_problem import PARTS, GaitProblem
 from robots import inflatable
 from robots.hardware import read_csv
@@ -61,31 +60,6 @@ def simulator(monkeypatch):
     picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
     monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
     return stand_in
-
-
-@pytest.fixture
-def morpholab(tmp_path, monkeypatch, capfd):
-    """Runs a command line in an empty folder: (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(line):
-        try:
-            code = main(shlex.split(line))
-        except SystemExit as stop:
-            code = stop.code
-        return code, *capfd.readouterr()
-
-    return run
-
-
-def products(folder):
-    return {
-        name: (folder / name).read_bytes() for name in ("log.jsonl", "best.json", "gait.csv", "config.toml")
-    }
-
-
-def log(folder):
-    return [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
 
 
 # simulate

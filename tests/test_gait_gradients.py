@@ -2,15 +2,14 @@
 
 import functools
 import json
-import shlex
 import sys
 import tomllib
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from run_products import log, products
 
-from optim.cli import main
 from optim.gait_problem import RAMP_STEPS, GaitProblem
 from optim.problem import RelaxableProblem
 from optim.space import Space
@@ -77,28 +76,11 @@ def simulator(monkeypatch):
 
 
 @pytest.fixture
-def morpholab(tmp_path, monkeypatch, capfd):
-    """Runs a command line in an empty folder, without pictures: (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
+def morpholab(morpholab, monkeypatch):
+    """The command line, without pictures."""
     picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
     monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
-
-    def run(line):
-        try:
-            code = main(shlex.split(line))
-        except SystemExit as stop:
-            code = stop.code
-        return code, *capfd.readouterr()
-
-    return run
-
-
-def log(folder):
-    return [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
-
-
-def products(folder):
-    return {name: (folder / name).read_bytes() for name in ("log.jsonl", "best.json", "gait.csv", "config.toml")}
+    return morpholab
 
 
 def problem(**settings):

@@ -223,9 +223,9 @@ def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.temp
     """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
     row = v * VOXEL_COLUMNS
     gauge = plan[STRAIN] + voxel_table[row + GAUGE]
-    ex = axis_strain(m, k, m, k, 0, v, 0, plan, link_table, voxel_table)
-    ey = axis_strain(m, k, m, k, 0, v, 1, plan, link_table, voxel_table)
-    ez = axis_strain(m, k, m, k, 0, v, 2, plan, link_table, voxel_table)
+    ex = axis_strain(m, k, v, 0, plan, link_table, voxel_table)
+    ey = axis_strain(m, k, v, 1, plan, link_table, voxel_table)
+    ez = axis_strain(m, k, v, 2, plan, link_table, voxel_table)
     store(m, k, gauge, ex)
     store(m, k, gauge + 1, ey)
     store(m, k, gauge + 2, ez)
@@ -242,8 +242,8 @@ def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.temp
 
 @ti.func
 def axis_strain(
-    m: ti.template(), k, state: ti.template(), ks, base, v, axis: ti.template(), plan: ti.template(),
-    link_table: ti.template(), voxel_table: ti.template(),
+    m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), link_table: ti.template(),
+    voxel_table: ti.template(),
 ):  # fmt: skip
     """Mean of a voxel's shares in the strains of its links along an axis."""
     total = 0.0 * load(m, k, plan[CONSTANT])
@@ -251,7 +251,7 @@ def axis_strain(
         l = voxel_table[v * VOXEL_COLUMNS + SIDE_LINK + 2 * axis + side]
         if l >= 0:
             share, rest = gauge_slots(l, side, plan, link_table)
-            strain = load(state, ks, base + plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
+            strain = load(m, k, plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
             total = total + strain * load(m, k, share)
     if link_count(v, axis, voxel_table) == 2:
         total = 0.5 * total
