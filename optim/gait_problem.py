@@ -30,15 +30,17 @@ if TYPE_CHECKING:
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
-LATER_OPTIONS = {"encoding": "codes", "ramp_steps": None}  # described where they differ from these
+# Described where they differ from these.
+LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None}
 ENCODINGS = ("codes", "bits")
+OBJECTIVES = ("mean", "terrains")
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
 @dataclass(frozen=True, eq=False)
 class GaitProblem:
-    """Score of a point: mean over the terrains of the speed [body lengths/s], by the published convention.
+    """Objective: the speed [body lengths/s], by the published convention; mean over the terrains, or one each.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
     ``pressure`` 0 to 12,000 Pa, and the schedule: for every actuator the code (f, phi) of its row, ``f_bladder1``
@@ -52,6 +54,7 @@ class GaitProblem:
         columns: of a free schedule.
         repeats: of a free schedule.
         encoding: of a free schedule, ``"codes"`` or ``"bits"``; only bits can be relaxed.
+        objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
@@ -69,6 +72,7 @@ class GaitProblem:
     columns: int = 8
     repeats: int = 2
     encoding: str = "codes"
+    objectives: str = "mean"
     ramp_steps: int | None = None
     geometry: str = "published"
     weight: str = "published"
@@ -96,6 +100,8 @@ class GaitProblem:
         whole_number("columns", self.columns, 1)
         if self.encoding not in ENCODINGS:
             raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
+        if self.objectives not in OBJECTIVES:
+            raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
         if self.ramp_steps is not None:
             whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation.
@@ -109,8 +115,10 @@ class GaitProblem:
 
     @property
     def objective_names(self) -> tuple[str, ...]:
-        """The speed is all that counts."""
-        return ("speed",)
+        """The mean speed, or that on each terrain."""
+        if self.objectives == "mean":
+            return ("speed",)
+        return tuple(f"speed_{terrain.name}" for terrain in self.terrains)
 
     @cached_property
     def space(self) -> Space:
@@ -120,7 +128,7 @@ class GaitProblem:
             variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
         if self.pressure is None:
             variables.append(Variable("pressure", 0.0, 12_000.0, step=1200.0))
-        if self.schedule is None and self.encoding == "bits":
+        if self._has_bits:
             names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
             variables.extend(Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names)
         elif self.schedule is None:
@@ -133,7 +141,7 @@ class GaitProblem:
         """The design of a point, shape (D,)."""
         values = self.space.to_dict(point)
         schedule = self.schedule
-        if schedule is None and self.encoding == "bits":
+        if self._has_bits:
             schedule = GaitSchedule(self._matrix(point) == 1, self.repeats)
         elif schedule is None:
             f, phi = ([values[f"{code}_{row}"] for row in GaitSchedule.row_names] for code in ("f", "phi"))
@@ -178,10 +186,10 @@ class GaitProblem:
         from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 
         values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
-        if self.schedule is None:
+        if self._has_bits:
             schedule = self._relaxed_schedule(point).sharpened(sharpness)
         else:
-            schedule = RelaxedSchedule.from_schedule(self.schedule)
+            schedule = RelaxedSchedule.from_schedule(self.design(point).schedule)
         return RelaxedDesign(
             pressure=values["pressure"] if self.pressure is None else self.pressure,
             orientation=values["orientation"] if self.orientation is None else self.orientation,
@@ -199,12 +207,19 @@ class GaitProblem:
         slopes = [run.orientation[:, None]] if self.orientation is None else []
         if self.pressure is None:
             slopes.append(run.pressure[:, None])
-        if self.schedule is None:
+        if self.schedule is None and not self._has_bits:
+            slopes.append(np.zeros((len(points), self.space.size - len(slopes))))  # codes are whole numbers
+        if self._has_bits:
             sharpening = [self._relaxed_schedule(point).sharpening_slope(sharpness) for point in points]
             bits = np.concatenate([run.inflation, run.grip], axis=1) * np.array(sharpening)
             slopes.append(bits.reshape(len(points), -1))
         geometry, steps = NAMED_GEOMETRIES[self.geometry], nominal_steps(self.columns * self.repeats, self._actuation)
         return np.concatenate(slopes, axis=1) / (geometry.body_length * steps * geometry.time_step)
+
+    @property
+    def _has_bits(self) -> bool:
+        """Whether every bit of the schedule is a variable."""
+        return self.schedule is None and self.encoding == "bits"
 
     @property
     def _actuation(self) -> InflatableActuation:
@@ -222,12 +237,14 @@ class GaitProblem:
     def _judgement(
         self, results: Sequence[InflatableResult], gradients: NDArray[np.float64] | None = None
     ) -> Evaluation:
-        """Mean of the speeds on all terrains; the first failure is the status."""
+        """Speeds on all terrains, or their mean; the first failure is the status."""
         speeds = {f"speed_{terrain.name}": r.speed for terrain, r in zip(self.terrains, results, strict=True)}
+        each = np.stack(list(speeds.values()), axis=1)
         status = np.full(len(results[0].status), OK, dtype=object)
         for result in results:
             status = np.where(status == OK, result.status, status)
-        return Evaluation(np.mean(list(speeds.values()), axis=0), status, speeds, gradients)
+        objectives = each if self.objectives == "terrains" else each.mean(axis=1)
+        return Evaluation(objectives, status, speeds, gradients)
 
     def _progress_on(self, number: int) -> Callable[[float], None] | None:
         """Turns the progress on one terrain into that of the evaluation."""

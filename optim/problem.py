@@ -98,8 +98,6 @@ class RelaxableProblem(Problem, Protocol):
                 judged as :meth:`evaluate` judges it, but for what the problem says it does otherwise.
             sharpness: how strongly the problem pushes those values towards 0 and 1 before it judges them; 0
                 leaves them as they are.
-            gradients: whether ``Evaluation.gradients`` is wanted, with respect to ``points``.
-
-        Raises:
-            ValueError: in one line, if the space has no relaxation.
+            gradients: whether ``Evaluation.gradients`` is wanted, with respect to ``points``; zero by integers,
+                which stay whole.
         """

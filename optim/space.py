@@ -123,17 +123,9 @@ class Space:
         return np.array([variable.is_integer for variable in self.variables])
 
     def relaxed(self) -> "Space":
-        """The same space with its binary variables continuous from 0 to 1.
-
-        Raises:
-            ValueError: in one line, for a variable of kind ``"integer"``.
-        """
-        for variable in self.variables:
-            if variable.kind == "integer":
-                raise ValueError(
-                    f"{variable.name}: an integer has no relaxation; gradients need continuous or binary variables"
-                )
-        return Space(tuple(replace(v, kind="continuous") if v.is_integer else v for v in self.variables))
+        """The same space with its binary variables continuous from 0 to 1; integers stay whole."""
+        binary_freed = (replace(v, kind="continuous") if v.kind == "binary" else v for v in self.variables)
+        return Space(tuple(binary_freed))
 
     def reflect(self, points: ArrayLike) -> Vector:
         """Bring points into the bounds: folded back at a bound as by a mirror, angles wrapped round.

@@ -154,20 +154,35 @@ def test_failures_have_no_gradient(simulator):
     assert np.isfinite(evaluation.gradients[~failed]).all() and set(evaluation.status[failed]) == {"diverged"}
 
 
-def test_codes_have_no_relaxation(simulator):
+def test_by_codes_the_gradient_is_zero(simulator):
     coded = problem(encoding="codes")
-    with pytest.raises(ValueError, match="f_bladder1: an integer has no relaxation"):
-        coded.evaluate_relaxed(coded.space.low, 1.0, gradients=True)
+    points = coded.space.sample(np.random.default_rng(3), 2)
+    exact = coded.evaluate_relaxed(points, 1.0, gradients=True)
+    assert exact.gradients.shape == (2, 22) and (exact.gradients[:, :2] != 0).all() and not exact.gradients[:, 2:].any()
+    between = problem()
+    schedules = [coded.design(point).schedule.bits.ravel() for point in points]
+    same = between.evaluate_relaxed(np.column_stack([points[:, :2], schedules]), 1.0, gradients=True)
+    assert np.array_equal(same.objectives, exact.objectives)
+    assert np.array_equal(same.gradients[:, :2], exact.gradients[:, :2])
     with pytest.raises(ValueError, match=r"bladder1_1: 1\.5 is not allowed; give a number from 0 to 1"):
-        problem().evaluate_relaxed(problem().space.low + 1.5, 1.0, gradients=True)
-    assert simulator.calls == []
+        between.evaluate_relaxed(between.space.low + 1.5, 1.0, gradients=True)
+
+
+def test_each_terrain_may_be_an_objective(simulator):
+    points = problem().space.sample(np.random.default_rng(1), 5)
+    mean, each = (problem(objectives=name).evaluate(points) for name in ("mean", "terrains"))
+    assert problem(objectives="terrains").objective_names == ("speed_flat", "speed_hill:15")
+    assert np.array_equal(each.objectives, np.stack([each.details[n] for n in ("speed_flat", "speed_hill:15")], axis=1))
+    assert np.array_equal(mean.objectives[:, 0], each.objectives.mean(axis=1))
+    with pytest.raises(ValueError, match="objectives: 'all' is unknown; choose one of mean, terrains"):
+        problem(objectives="all")
 
 
 def test_descriptions_are_as_they_were_and_tell_what_is_new():
     old = problem(encoding="codes").describe()
     assert "encoding" not in old and "ramp_steps" not in old
     assert GaitProblem.from_description(old).encoding == "codes"
-    for settings in ({}, {"ramp_steps": 500}, {"ramp_steps": 500, "encoding": "codes"}):
+    for settings in ({}, {"ramp_steps": 500}, {"objectives": "terrains"}, {"ramp_steps": 500, "encoding": "codes"}):
         described = json.loads(json.dumps(problem(**settings).describe()))
         again = GaitProblem.from_description(described)
         assert again.describe() == described and again.space == problem(**settings).space

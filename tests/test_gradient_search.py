@@ -297,7 +297,7 @@ def test_settings_without_sense_are_refused(settings, message):
 
 
 def test_what_it_needs_is_said():
-    with pytest.raises(ValueError, match="n: an integer has no relaxation"):
+    with pytest.raises(ValueError, match="n: an integer has no gradient"):
         GradientAscent(Space((Variable("n", 0, 5, "integer"),)))
     method = GradientAscent(SQUARE, climbers=2)
     with pytest.raises(ValueError, match=r"evaluation: gradients of shape None are not allowed; give \(2, 2\)"):

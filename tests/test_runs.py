@@ -95,7 +95,7 @@ def test_the_log_tells_every_generation(whole):
     assert [line["generation"] for line in lines] == list(range(GENERATIONS + 1))
     assert [line["evaluations"] for line in lines] == [3 * (i + 1) for i in range(GENERATIONS + 1)]
     assert set(lines[-1]) == {
-        "generation", "evaluations", "failed", "best", "mean", "median", "best_point", "best_details",
+        "generation", "evaluations", "failed", "best", "mean", "median", "best_point", "best_details", "numbers",
     }  # fmt: skip
     last = lines[-1]
     assert last["best"] == -last["best_details"]["distance"] >= last["mean"]
@@ -117,7 +117,7 @@ def test_failures_are_counted_and_never_averaged(tmp_path):
     run(tmp_path / "some", generations=0, problem=problem)
     assert log(tmp_path / "some")[0] | {"best_point": 0} == {
         "generation": 0, "evaluations": 3, "failed": 1, "best": -2.0, "mean": -3.0, "median": -3.0,
-        "best_point": 0, "best_details": {},
+        "best_point": 0, "best_details": {}, "numbers": {},
     }  # fmt: skip
     problem.evaluate = lambda points: Evaluation([np.nan] * 3)
     last = run(tmp_path / "all", generations=1, problem=problem)

@@ -1,5 +1,6 @@
 """Ask, evaluate, tell, log, checkpoint."""
 
+import functools
 import json
 import time
 from collections.abc import Callable
@@ -8,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from optim.problem import Evaluation, Problem, RelaxableProblem
+from optim.problem import Evaluation, Problem
 from optim.runs.folder import RunFolder
+from optim.runs.requests import Evaluate, Request, judge
 from optim.search.method import Method, SearchResult
 
 
@@ -22,10 +24,11 @@ class Generation:
         evaluations: made since the run began.
         failed: evaluations of this generation that failed.
         best: best score so far.
-        mean: of the climbers' best scores so far.
+        mean: of the scores of what the search keeps: the climbers' best points, a population, a front.
         median: of the same.
         best_point: values of the best point by name.
         best_details: the problem's details of the best point by name.
+        numbers: what else the method tells of itself.
     """
 
     generation: int
@@ -36,6 +39,7 @@ class Generation:
     median: float | None
     best_point: dict[str, float | int] | None
     best_details: dict[str, Any] | None
+    numbers: dict[str, float | int | None]
 
     def to_json(self) -> str:
         """One line, the same for the same numbers."""
@@ -48,6 +52,7 @@ def run_search(
     folder: RunFolder,
     generations: int,
     progress: Callable[[Generation], None] | None = None,
+    evaluate: Evaluate | None = None,
 ) -> Generation:
     """Run a search up to and including a generation, going on where the folder left off.
 
@@ -60,10 +65,14 @@ def run_search(
         folder: open run folder; takes the log, the checkpoints and ``best.json``.
         generations: number of the last generation; the starts are generation 0.
         progress: called after every generation, and at once with the last one known when continuing.
+        evaluate: judges the points of a generation; here, by the problem, if None.
 
     Returns:
         The last generation.
     """
+    if len(problem.objective_names) > 1 and not method.several_objectives:
+        raise ValueError(f"method: it takes one objective; the problem has {', '.join(problem.objective_names)}")
+    judged = evaluate or functools.partial(judge, problem)
     last: Generation | None = None
     if (known := folder.restore()) is not None:
         state, text = known
@@ -74,7 +83,7 @@ def run_search(
     while last is None or last.generation < generations:
         started = time.perf_counter()
         points = method.ask()
-        evaluation = _evaluate(problem, method, points)
+        evaluation = judged(Request(points, method.wants, method.sharpness))
         method.tell(points, evaluation)
         result = method.result()
         before, last = last, _next(last, problem, result, points, evaluation)
@@ -87,17 +96,6 @@ def run_search(
     return last
 
 
-def _evaluate(problem: Problem, method: Method, points: np.ndarray) -> Evaluation:
-    """The judgement that the method wants."""
-    if method.wants == "points":
-        return problem.evaluate(points)
-    if not isinstance(problem, RelaxableProblem):
-        raise ValueError(
-            f"method: it wants {method.wants}, but {type(problem).__name__} has no relaxation; choose another method"
-        )
-    return problem.evaluate_relaxed(points, method.sharpness, method.wants == "gradients")
-
-
 def _next(
     last: Generation | None,
     problem: Problem,
@@ -108,18 +106,18 @@ def _next(
     """The record of a generation just told."""
     valid = result.scores[~np.isnan(result.scores)]
     best_details = last.best_details if last else None
-    here = np.flatnonzero(
-        (points == result.point).all(axis=1) & (evaluation.objectives[:, 0] == result.score)
-    )
+    scores = evaluation.objectives.mean(axis=1)
+    here = np.flatnonzero((points == result.point).all(axis=1) & (scores == result.score))
     if here.size:
         best_details = {name: values[here[0]].tolist() for name, values in evaluation.details.items()}
     return Generation(
         generation=last.generation + 1 if last else 0,
         evaluations=(last.evaluations if last else 0) + len(points),
         failed=int(evaluation.failed.sum()),
-        best=result.score if valid.size else None,
+        best=None if np.isnan(result.score) else result.score,
         mean=float(valid.mean()) if valid.size else None,
         median=float(np.median(valid)) if valid.size else None,
-        best_point=problem.space.to_dict(result.point) if valid.size else None,
+        best_point=None if np.isnan(result.score) else problem.space.to_dict(result.point),
         best_details=best_details,
+        numbers=dict(result.numbers),
     )

@@ -6,7 +6,9 @@ from typing import Any
 
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
+from optim.search.independent import IndependentSearches
 from optim.search.method import Method, SearchResult
+from optim.search.population import PopulationSearch
 from optim.search.random_search import RandomSearch
 from optim.space import Space
 
@@ -21,7 +23,7 @@ __all__ = [
     "default_settings",
 ]
 
-METHODS: dict[str, type[GradientAscent] | type[HillClimb] | type[RandomSearch]] = {
+METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
     "random": RandomSearch,

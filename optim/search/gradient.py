@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.independent import IndependentSearches, random_starts, single_objective
-from optim.search.method import Wants, generator
+from optim.search.independent import IndependentSearches, random_starts
+from optim.search.method import Wants, check_whole, generator, single_objective
 from optim.search.step_rules import LBFGS, Adam, StepRule
 from optim.space import Space, Vector
 
@@ -71,6 +71,9 @@ class GradientAscent(IndependentSearches):
                 that judges relaxed points differently.
         """
         super().__init__(space, climbers=climbers, seed=seed)
+        for variable in space.variables:
+            if variable.kind == "integer":
+                raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
         for name, value, allowed in (("rule", rule, ("adam", "l-bfgs")), ("gradient", gradient, ("exact", "smoothed"))):
             if value not in allowed:
                 raise ValueError(f"{name}: {value!r} is not allowed; choose one of {', '.join(allowed)}")
@@ -80,8 +83,7 @@ class GradientAscent(IndependentSearches):
         if not 1 <= sharpest < np.inf:
             raise ValueError(f"sharpest: {sharpest!r} is not allowed; give a number of at least 1")
         for name, whole in (("samples", samples), ("stage", stage), ("patience", patience)):
-            if not isinstance(whole, int) or whole < 1:
-                raise ValueError(f"{name}: {whole!r} is not allowed; give a whole number, at least 1")
+            check_whole(name, whole, 1)
         if rule == "l-bfgs" and gradient == "smoothed":
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
         self.start, self.exact = dict(start or {}), gradient == "exact"

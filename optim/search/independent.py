@@ -2,13 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import SearchResult, Wants, generator
+from optim.search.method import SearchResult, Wants, check_whole, generator, single_objective, with_values
 from optim.space import Space, Vector
 
 
@@ -19,6 +19,8 @@ class IndependentSearches(ABC):
     replaced by any that did not.
     """
 
+    several_objectives: ClassVar[bool] = False
+
     def __init__(self, space: Space, *, climbers: int = 60, seed: int = 0) -> None:
         """Set up the searches.
 
@@ -27,9 +29,8 @@ class IndependentSearches(ABC):
             climbers: C, the number of searches.
             seed: of all random numbers.
         """
-        for name, value, low in (("climbers", climbers, 1), ("seed", seed, 0)):
-            if not isinstance(value, int) or value < low:
-                raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least {low}")
+        check_whole("climbers", climbers, 1)
+        check_whole("seed", seed, 0)
         self.space, self.climbers, self.seed = space, climbers, seed
         self.generation = 0
         self.points = np.full((climbers, space.size), np.nan)
@@ -65,9 +66,8 @@ class IndependentSearches(ABC):
     def result(self) -> SearchResult:
         """The best point of all searches (the first of equals) and of each."""
         best = int(np.argmax(np.where(np.isnan(self.scores), -np.inf, self.scores)))
-        return SearchResult(
-            self.points[best].copy(), float(self.scores[best]), self.points.copy(), self.scores.copy()
-        )
+        objectives = self.scores[:, None].copy()
+        return SearchResult(self.points[best].copy(), float(self.scores[best]), self.points.copy(), objectives)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Generation, best points and scores."""
@@ -85,21 +85,9 @@ class IndependentSearches(ABC):
         self.points, self.scores = state["points"].copy(), state["scores"].copy()
 
 
-def single_objective(evaluation: Evaluation, count: int) -> Vector:
-    """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
-    if evaluation.objectives.shape != (count, 1):
-        shape = evaluation.objectives.shape
-        raise ValueError(f"evaluation: objectives of shape {shape} are not allowed; give ({count}, 1)")
-    return evaluation.objectives[:, 0]
-
-
 def random_starts(
     space: Space, seed: int, generation: int, climbers: Sequence[int], start: Mapping[str, float]
 ) -> Vector:
     """A point for each of the climbers, shape (len(climbers), D): random but for the values given by name."""
-    space.check_names("start", start)
     rngs = [generator(seed, generation, climber) for climber in climbers]
-    points = np.concatenate([space.sample(rng, 1) for rng in rngs])
-    for name, value in start.items():
-        points[:, space.names.index(name)] = value
-    return space.validate(points)
+    return with_values(space, np.concatenate([space.sample(rng, 1) for rng in rngs]), start)

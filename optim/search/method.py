@@ -1,32 +1,40 @@
 """What every search method offers, and where its random numbers come from."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.space import Vector
+from optim.space import Space, Vector
 
 Wants = Literal["points", "relaxed", "gradients"]
 
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """The best that a search has found so far.
+    """What a search has found so far.
 
     Attributes:
         point: the best point, shape (D,).
-        score: its score; NaN as long as every evaluation has failed.
-        points: the best point of each climber, shape (C, D).
-        scores: their scores, shape (C,); NaN where every evaluation has failed.
+        score: its objective, of several their mean; NaN as long as every evaluation has failed.
+        points: what the search keeps, shape (C, D): the best point of each climber, a population, a front, an archive.
+        objectives: of these, shape (C, K); NaN where every evaluation has failed.
+        numbers: what else the log shall tell, by name, such as the size of a front; finite, or None.
     """
 
     point: Vector
     score: float
     points: Vector
-    scores: Vector
+    objectives: Vector
+    numbers: Mapping[str, float | int | None] = field(default_factory=dict)
+
+    @property
+    def scores(self) -> Vector:
+        """The objective of each point kept, of several their mean, shape (C,)."""
+        return self.objectives.mean(axis=1)
 
 
 class Method(Protocol):
@@ -40,6 +48,10 @@ class Method(Protocol):
         ...     points = method.ask()
         ...     method.tell(points, problem.evaluate(points))  # if all it wants is points
     """
+
+    @property
+    def several_objectives(self) -> bool:
+        """Whether it looks for a front of several objectives; else it takes a single one."""
 
     @property
     def wants(self) -> Wants:
@@ -76,3 +88,32 @@ def generator(seed: int, *stream: int) -> np.random.Generator:
     for an exact resume, and what one climber draws does not depend on how many there are.
     """
     return np.random.default_rng((seed, *stream))
+
+
+def check_whole(name: str, value: object, low: int) -> None:
+    """Raise a one-line ValueError if a setting is no whole number of at least ``low``."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < low:
+        raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least {low}")
+
+
+def check_number(name: str, value: object, low: float, high: float) -> None:
+    """Raise a one-line ValueError if a setting is no number from ``low`` to ``high``, both included."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
+        raise ValueError(f"{name}: {value!r} is not allowed; give a number from {low:g} to {high:g}")
+
+
+def single_objective(evaluation: Evaluation, count: int) -> Vector:
+    """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
+    if evaluation.objectives.shape != (count, 1):
+        shape = evaluation.objectives.shape
+        raise ValueError(f"evaluation: objectives of shape {shape} are not allowed; give ({count}, 1)")
+    return evaluation.objectives[:, 0]
+
+
+def with_values(space: Space, points: Vector, values: Mapping[str, float]) -> Vector:
+    """The points, shape (N, D), with the values of some variables given by name."""
+    space.check_names("start", values)
+    points = points.copy()
+    for name, value in values.items():
+        points[:, space.names.index(name)] = value
+    return space.validate(points)

@@ -1,0 +1,52 @@
+"""What a search asks of a problem in one generation: to be judged at once, or in parts elsewhere."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from optim.problem import Evaluation, Problem, RelaxableProblem
+from optim.search.method import Wants
+from optim.space import Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """Points, shape (N, D), how they shall be judged, and with which sharpness; see ``Method.wants``."""
+
+    points: Vector
+    wants: Wants = "points"
+    sharpness: float = 0.0
+
+    def part(self, begin: int, end: int) -> "Request":
+        """Some of the points."""
+        return Request(self.points[begin:end], self.wants, self.sharpness)
+
+
+Evaluate = Callable[[Request], Evaluation]
+
+
+def judge(problem: Problem, request: Request) -> Evaluation:
+    """The judgement that a request wants, computed here.
+
+    Raises:
+        ValueError: in one line, if the problem has no relaxation, but one is wanted.
+    """
+    if request.wants == "points":
+        return problem.evaluate(request.points)
+    if not isinstance(problem, RelaxableProblem):
+        raise ValueError(
+            f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
+        )
+    return problem.evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
+
+
+def join(parts: Sequence[Evaluation]) -> Evaluation:
+    """The judgement of a request from those of its parts, in order."""
+    gradients = [part.gradients for part in parts]
+    return Evaluation(
+        np.concatenate([part.objectives for part in parts]),
+        np.concatenate([np.asarray(part.status) for part in parts]),
+        {name: np.concatenate([part.details[name] for part in parts]) for name in parts[0].details},
+        None if any(g is None for g in gradients) else np.concatenate([g for g in gradients if g is not None]),
+    )
