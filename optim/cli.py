@@ -4,13 +4,24 @@ import argparse
 import contextlib
 import json
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from typing import NoReturn
 
-from optim.commands import bench, codesign, export, gradient_check, simulate
-
-INTERRUPTED = 130  # as shells report a program that Ctrl-C ended
+from optim.commands import (
+    FAILED,
+    Terminated,
+    bench,
+    codesign,
+    compare,
+    export,
+    gradient_check,
+    simulate,
+    status,
+    stopped_by,
+)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -24,7 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
     parser = _Parser(prog="morpholab", description="Simulate soft robots and design their bodies and gaits.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, codesign, gradient_check, export, bench):
+    for command in (simulate, codesign, status, compare, gradient_check, export, bench):
         command.add_parser(commands)
     return parser
 
@@ -33,20 +44,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Returns:
-        The exit code: 0; 2 for bad input; 1 for work that failed; 130 when interrupted.
+        The exit code: 0; 2 for bad input; 1 for work that failed; 130 when interrupted; 143 when asked to end.
     """
     args = build_parser().parse_args(arguments)
     try:
-        with _stdout_to_stderr() if args.json else contextlib.nullcontext():
+        with _ended_by_sigterm(), _stdout_to_stderr() if args.json else contextlib.nullcontext():
             report = args.run(args)
     except ValueError as error:
         return _fail(args.command, f"error: {error}", 2)
     except (OSError, RuntimeError) as error:
-        return _fail(args.command, f"failed: {error}", 1)
+        return _fail(args.command, f"failed: {error}", FAILED)
     except KeyboardInterrupt as interrupt:
-        return _fail(args.command, f"interrupted{interrupt}", INTERRUPTED)
+        return _fail(args.command, "interrupted", stopped_by(interrupt))
     print(json.dumps(report.document, allow_nan=False) if args.json else report.text)
-    return 1 if report.failed else 0
+    return int(report.code)
+
+
+@contextlib.contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """SIGTERM ends a command as Ctrl-C does, while it works."""
+
+    def end(*_: object) -> NoReturn:
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextlib.contextmanager

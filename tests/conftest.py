@@ -4,6 +4,7 @@ import shlex
 
 import pytest
 from hypothesis import settings
+from stand_in import Simulator
 
 from optim.cli import main
 
@@ -25,3 +26,13 @@ def morpholab(tmp_path, monkeypatch, capfd):
         return code, *capfd.readouterr()
 
     return run
+
+
+@pytest.fixture
+def simulator(monkeypatch):
+    """The stand-in, in a folder and with pictures of its own."""
+    stand_in = Simulator()
+    monkeypatch.setattr("robots.inflatable.simulate", stand_in)
+    picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
+    monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
+    return stand_in

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,50 +15,9 @@ from robots.inflatable import INCHING, ROLLING, load_design, save_design
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
+pytestmark = pytest.mark.usefixtures("simulator")
+
 SHORT = "--climbers 4 --generations 3 --geometry small"
-
-
-class Simulator:
-    """Stands in for ``simulate``: a quick, smooth function of design and terrain; remembers its calls."""
-
-    def __init__(self):
-        self.calls = []
-        self.diverges = lambda design, terrain: False
-        self.interrupt_at = None
-
-    def __call__(self, designs, terrain, *, progress=None, **options):
-        self.calls.append(SimpleNamespace(designs=designs, terrain=terrain, **options))
-        os.write(1, b"chatter of the simulator\n")
-        if len(self.calls) == self.interrupt_at:
-            raise KeyboardInterrupt
-        if progress:
-            progress(0.5)
-        failed = np.array([self.diverges(design, terrain) for design in designs])
-        bits = np.array([design.schedule.bits.mean() for design in designs])
-        pressure = np.array([design.pressure / 12e3 for design in designs])
-        orientation = np.array([design.orientation / 90 for design in designs])
-        speed = np.where(failed, np.nan, bits * pressure - abs(orientation - terrain.slope / 20))
-        steps = np.array([inflatable.predicted_steps(design) for design in designs])
-        frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
-        status = np.where(failed, "diverged", "ok")
-        return SimpleNamespace(
-            distance=speed * 4,
-            speed=speed,
-            speed_simulated=speed * 2,
-            status=status,
-            steps=steps,
-            frames=frames,
-        )
-
-
-@pytest.fixture(autouse=True)
-def simulator(monkeypatch):
-    """The stand-in, in a folder and with pictures of its own."""
-    stand_in = Simulator()
-    monkeypatch.setattr("robots.inflatable.simulate", stand_in)
-    picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
-    monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
-    return stand_in
 
 
 # simulate
@@ -165,7 +123,7 @@ BAD_LINES = [
     ("codesign --out new --terrain hill:abc", "argument --terrain: 'hill:abc' is unknown"),
     ("codesign --out new --terrain hill:nan", "argument --terrain: nan is not allowed"),
     ("codesign --out broken.json --terrain flat", "out: broken.json is a file; name a new folder"),
-    ("export nothing --csv a.csv", "source: nothing is neither a run with a best design nor the file of one"),
+    ("export nothing --csv a.csv", "source: nothing is neither a run nor the file of a design"),
     ("export broken.json --csv a.csv", "broken.json: "),
     ("walk", "argument COMMAND: invalid choice: 'walk'"),
     ("", "the following arguments are required: COMMAND"),
@@ -229,10 +187,12 @@ def test_interrupted_runs_continue_exactly(morpholab, simulator, tmp_path, metho
     line = f"codesign --terrain flat --seed 7 --method {method} {SHORT}"
     assert morpholab(f"{line} --out whole")[0] == 0
     simulator.calls, simulator.interrupt_at = [], 3
-    code, out, error = morpholab(f"{line} --out cut")
+    code, out, _ = morpholab(f"{line} --out cut")
     assert (code, "chatter" in out) == (130, True)
-    assert error.splitlines()[-1] == (
-        "morpholab codesign: interrupted; cut keeps every complete generation, go on with --resume"
+    assert re.fullmatch(
+        r"interrupted: generation 1/3: best .*, 8 evaluations\n"
+        r"cut keeps every complete generation, go on with --resume",
+        out.removeprefix("chatter of the simulator\n" * 3).strip(),
     )
     assert len(log(tmp_path / "cut")) == 2
     assert morpholab("codesign --resume --out cut")[0] == 0  # its settings are in the folder
@@ -352,13 +312,35 @@ def test_failures_do_not_win(morpholab, simulator, tmp_path):
     assert code == 1 and out == "b: all 16 evaluations failed\n"
 
 
-def test_a_disk_that_fails_is_one_line(morpholab, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
+def full(*_):
+    raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "replace", full)
-    code, _, error = morpholab(f"codesign --out a --terrain flat --quiet {SHORT}")
-    assert code == 1 and error == "morpholab codesign: failed: [Errno 28] No space left on device\n"
+
+def test_a_full_disk_is_one_line_and_loses_nothing(morpholab, simulator, monkeypatch, tmp_path):
+    line = f"codesign --terrain flat --quiet {SHORT}"
+    assert morpholab(f"{line} --out whole")[0] == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        code, _, error = morpholab(f"{line} --out a")
+    assert code == 2 and error == "morpholab codesign: error: out: a cannot be written (No space left on device)\n"
+    call = simulator.__call__
+    with monkeypatch.context() as patch:
+
+        def fills_the_disk(*args, **options):
+            if len(simulator.calls) == 2 + 4:  # two generations after the four of the whole run
+                patch.setattr(os, "replace", full)
+            return call(*args, **options)
+
+        patch.setattr("robots.inflatable.simulate", fills_the_disk)
+        code, _, error = morpholab(f"{line} --out b")
+    assert code == 1 and re.fullmatch(
+        r"morpholab codesign: failed: b: cannot be written \(.*No space left on device\)+; "
+        r"its 2 complete generations are kept, go on with --resume\n",
+        error,
+    )
+    assert morpholab("codesign --resume --quiet --out b")[0] == 0
+    assert products(tmp_path / "b") == products(tmp_path / "whole")
+    assert not [path for path in (tmp_path / "b").iterdir() if path.name.startswith(".aside")]
 
 
 # export and bench

@@ -95,17 +95,19 @@ def test_the_log_tells_every_generation(whole):
     assert [line["generation"] for line in lines] == list(range(GENERATIONS + 1))
     assert [line["evaluations"] for line in lines] == [3 * (i + 1) for i in range(GENERATIONS + 1)]
     assert set(lines[-1]) == {
-        "generation", "evaluations", "failed", "best", "mean", "median", "best_point", "best_details", "numbers",
+        "generation", "evaluations", "failed", "best", "mean", "median", "scores", "best_point", "best_details",
+        "numbers",
     }  # fmt: skip
     last = lines[-1]
-    assert last["best"] == -last["best_details"]["distance"] >= last["mean"]
+    assert last["best"] == -last["best_details"]["distance"] == max(last["scores"]) >= last["mean"]
     assert json.loads((whole / "best.json").read_text()) == last["best_point"]
     assert [line["best"] for line in lines] == sorted(line["best"] for line in lines)
 
 
 def test_the_folder_holds_what_was_run(tmp_path):
     run(tmp_path / "a", environment={"seed": 5})
-    assert tomllib.loads((tmp_path / "a/config.toml").read_text()) == {**CONFIG, "generations": GENERATIONS}
+    settings = {"format": 1, **CONFIG, "generations": GENERATIONS}
+    assert tomllib.loads((tmp_path / "a/config.toml").read_text()) == settings
     assert json.loads((tmp_path / "a/environment.json").read_text()) == {"seed": 5}
     timing = [json.loads(line) for line in (tmp_path / "a/timing.jsonl").read_text().splitlines()]
     assert [line["generation"] for line in timing] == list(range(GENERATIONS + 1))
@@ -117,7 +119,7 @@ def test_failures_are_counted_and_never_averaged(tmp_path):
     run(tmp_path / "some", generations=0, problem=problem)
     assert log(tmp_path / "some")[0] | {"best_point": 0} == {
         "generation": 0, "evaluations": 3, "failed": 1, "best": -2.0, "mean": -3.0, "median": -3.0,
-        "best_point": 0, "best_details": {}, "numbers": {},
+        "scores": [None, -2.0, -4.0], "best_point": 0, "best_details": {}, "numbers": {},
     }  # fmt: skip
     problem.evaluate = lambda points: Evaluation([np.nan] * 3)
     last = run(tmp_path / "all", generations=1, problem=problem)
@@ -279,11 +281,23 @@ def test_two_spoilt_checkpoints_end_in_one_line(whole):
     assert {path.name: path.read_bytes() for path in whole.iterdir()} == before
 
 
+def test_a_log_that_lost_its_end_is_continued_from_what_is_left(tmp_path, whole):
+    path, notes = tmp_path / "spoilt", []
+    run(path, generations=2)
+    log_file = path / "log.jsonl"
+    log_file.write_bytes(log_file.read_bytes()[:-5])
+    run(path, resume=True, note=notes.append)
+    assert products(path) == products(whole)
+    assert len(notes) == 1 and "checkpoint.npz is unusable (log.jsonl has 2 lines of 3)" in notes[0]
+
+
 def test_lost_checkpoints_or_lines_are_noticed(whole):
     lines = (whole / "log.jsonl").read_bytes()
-    (whole / "log.jsonl").write_bytes(lines[:-5])
-    with pytest.raises(ValueError, match=r"log.jsonl has 4 lines of 5; cannot resume"):
-        run(whole, resume=True)
+    cut, changed = lines[: lines.index(b"\n") + 9], lines.replace(b"1", b"2")
+    for content, reason in ((cut, r"has 1 lines of \d"), (changed, "is not as it was")):
+        (whole / "log.jsonl").write_bytes(content)
+        with pytest.raises(ValueError, match=rf"npz \(log.jsonl {reason}.*npz \(log.jsonl .*; cannot resume"):
+            run(whole, resume=True)
     (whole / "log.jsonl").write_bytes(lines)
     for name in ("checkpoint.npz", "checkpoint.previous.npz"):
         spoil(whole / name, "missing")
@@ -314,7 +328,7 @@ def test_nothing_is_overwritten(tmp_path, whole):
             run(tmp_path / "other", resume=resume)
         with pytest.raises(ValueError, match=r"thesis.txt is a file; name a new folder"):
             run(tmp_path / "other/thesis.txt", resume=resume)
-        with pytest.raises(ValueError, match="cannot be created"):
+        with pytest.raises(ValueError, match="cannot be written"):
             run(tmp_path / "other/thesis.txt/below", resume=resume)
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
 

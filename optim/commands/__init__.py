@@ -3,6 +3,17 @@
 from dataclasses import dataclass
 from typing import Any
 
+FAILED, INTERRUPTED, TERMINATED = 1, 130, 143  # exit codes; the last two as shells report signals
+
+
+class Terminated(KeyboardInterrupt):
+    """The process was asked to end (SIGTERM), as clusters do before they kill; work ends as by Ctrl-C."""
+
+
+def stopped_by(interrupt: KeyboardInterrupt) -> int:
+    """The exit code of an interrupted command."""
+    return TERMINATED if isinstance(interrupt, Terminated) else INTERRUPTED
+
 
 @dataclass(frozen=True)
 class Report:
@@ -11,9 +22,9 @@ class Report:
     Attributes:
         document: for machines, fits JSON.
         text: for people.
-        failed: whether the work, not the input, was at fault.
+        code: the exit code: 0, or ``FAILED`` if the work, not the input, was at fault, or that of an interruption.
     """
 
-    document: dict[str, Any]
+    document: dict[str, Any] | list[Any]
     text: str
-    failed: bool = False
+    code: int = 0

@@ -2,24 +2,22 @@
 
 import argparse
 import dataclasses
+import functools
 import sys
-from collections.abc import Collection
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import Report, options
-from optim.commands.progress import shown_progress
-from optim.search import METHODS, default_settings
+from optim.commands import FAILED, Report, options, stopped_by
+from optim.commands.codesign_plan import Plan, plan
+from optim.commands.evaluation import add_workers, opened_workers
+from optim.commands.progress import shown_progress, spoken_duration
+from optim.commands.task_file import add_task, take_task
+from optim.search import METHODS
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
     from optim.runs import Generation, RunFolder
-    from optim.search import Method
-
-METHOD = "hill-climb"
-GENERATIONS = 200
-# Options that are settings of the method by the same name, where they are given.
-SETTINGS = ("climbers", "seed", "rule", "learning_rate", "gradient", "samples", "smoothing")
 
 
 def add_parser(commands: Any) -> None:
@@ -33,6 +31,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--resume", action="store_true", help="continue the run in the folder, with its settings"
     )
+    add_task(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_json(parser)
 
@@ -40,6 +39,12 @@ def add_parser(commands: Any) -> None:
     search.add_argument("--method", choices=tuple(METHODS), help="(default: hill-climb)")
     search.add_argument(
         "--climbers", type=options.whole(1), metavar="N", help="independent searches (default: 60)"
+    )
+    search.add_argument(
+        "--population",
+        type=options.whole(1),
+        metavar="N",
+        help="points of a method that moves one population (default: 60)",
     )
     search.add_argument(
         "--generations",
@@ -63,6 +68,13 @@ def add_parser(commands: Any) -> None:
         help="with which every climber starts (default: random)",
     )
 
+    search.add_argument(
+        "--set",
+        action="append",
+        metavar="NAME=VALUE",
+        help="any other setting of the method; a wrong name lists them; may be repeated",
+    )
+
     _add_gradient_options(parser.add_argument_group("search by --method gradient"))
 
     design = parser.add_argument_group("what is designed")
@@ -71,7 +83,13 @@ def add_parser(commands: Any) -> None:
         type=options.terrain,
         action="append",
         metavar="TERRAIN",
-        help="flat, or hill:15 for 15 degrees; repeat it for the mean over several",
+        help="flat, or hill:15 for 15 degrees; repeat it for several",
+    )
+    design.add_argument(
+        "--objective",
+        choices=("mean", "terrains"),
+        help="the mean speed over the terrains, or that on each of them (default: mean; terrains with methods for "
+        "several objectives)",
     )
     design.add_argument(
         "--free", metavar="PARTS", help="what may change (default: orientation,shape,control)"
@@ -101,7 +119,8 @@ def add_parser(commands: Any) -> None:
         help="if shape is not free (default: the gait's own)",
     )
     options.add_robot(parser, precision="f32")
-    parser.set_defaults(run=run)
+    add_workers(parser)
+    parser.set_defaults(run=run, parser=parser)
 
 
 def _add_gradient_options(group: Any) -> None:
@@ -130,133 +149,70 @@ def _add_gradient_options(group: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
-    from optim.gait_problem import GaitProblem
     from optim.runs import open_run
     from optim.runs.environment import environment
-    from optim.runs.folder import has_run, read_config
     from optim.search import build_method
 
-    known = read_config(args.out) if args.resume and has_run(args.out) else None
-    name = _same("method.name", args.method, known["method"]["name"], args.out) if known else args.method or METHOD
-    problem, note = _problem(args, GaitProblem.from_description(known["problem"]) if known else None, name)
-    settings = _method(args, name, known["method"] if known else None)
-    method = build_method(name, problem.space, settings)
-    generations = args.generations
-    if generations is None:
-        generations = known["generations"] if known else GENERATIONS
-    config = {"problem": problem.describe(), "method": {"name": name, **settings}, "generations": generations}
-    about = environment(
-        device=problem.device, precision=problem.precision, threads=args.threads, seed=settings["seed"]
-    )
-    with open_run(args.out, config, resume=args.resume, environment=about) as folder:
-        if note and not args.quiet:
-            print(note, file=sys.stderr)
+    take_task(args)
+    planned = plan(args)
+    method = build_method(planned.method, planned.problem.space, planned.settings)
+    problem, seed = planned.problem, planned.settings["seed"]
+    where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
+    about = environment(device=problem.device, precision=problem.precision, seed=seed, **where)
+    with open_run(args.out, planned.config(), resume=args.resume, environment=about) as folder:
+        if planned.note and not args.quiet:
+            print(planned.note, file=sys.stderr)
+        search = _Search(planned, folder, args)
         try:
-            last = _search(problem, method, folder, generations, args.quiet)
+            last = search.run(method)
             written = _write_best(problem, last, folder.path)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                f"; {args.out} keeps every complete generation, go on with --resume"
-            ) from None
+        except KeyboardInterrupt as interrupt:
+            return _interrupted(search.last, planned.generations, folder.path, stopped_by(interrupt))
     return _report(last, folder.path, written)
 
 
-def _search(
-    problem: "GaitProblem", method: "Method", folder: "RunFolder", generations: int, quiet: bool
-) -> "Generation":
-    from optim.runs import run_search
+class _Search:
+    """A search with its progress on screen; ``last`` is the last complete generation."""
 
-    done = 0
-    with shown_progress("random starts", generations + 1, quiet) as update:
+    def __init__(self, planned: Plan, folder: "RunFolder", args: argparse.Namespace) -> None:
+        self._planned, self._folder, self._args = planned, folder, args
+        self._begun = self._done_before = 0.0
+        self.last: Generation | None = None
 
-        def show(last: "Generation") -> None:
-            nonlocal done
-            done = last.generation + 1
-            update(done, _text(last, generations))
+    def run(self, method: Any) -> "Generation":
+        """Search up to the last generation planned."""
+        from optim.runs import run_search
 
-        problem = dataclasses.replace(problem, progress=lambda fraction: update(done + fraction, None))
-        return run_search(problem, method, folder, generations, show)
+        generations = self._planned.generations
+        with shown_progress("random starts", generations + 1, self._args.quiet) as update:
 
+            def show(last: "Generation") -> None:
+                self.last = last
+                update(self._done, _text(last, generations) + self._left())
 
-def _same(field: str, given: str | None, known: str, folder: Path) -> str:
-    """What a run that continues has; an error where something else is given, before that fits nothing else."""
-    if given not in (None, known):
-        raise ValueError(f"{field}: {given!r} is not what the run in {folder} has, {known!r}; leave it out")
-    return known
+            self._begun = time.monotonic()
+            report = lambda fraction: update(self._done + fraction, None)  # noqa: E731
+            problem = dataclasses.replace(self._planned.problem, progress=report)
+            with opened_workers(problem, self._folder, self._args) as evaluate:
+                return run_search(problem, method, self._folder, generations, show, evaluate)
 
+    @property
+    def _done(self) -> int:
+        return self.last.generation + 1 if self.last else 0
 
-def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str) -> tuple["GaitProblem", str]:
-    """The problem asked for, and a note on what was fixed by default.
-
-    What is not given is as in the run that continues, or else the default.
-    """
-    from optim.gait_problem import OPTIONS, PARTS, GaitProblem
-
-    settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
-    if known and known.schedule is None:
-        _same("problem.encoding", args.encoding, known.encoding, args.out)
-    settings.setdefault("encoding", args.encoding or ("bits" if method == "gradient" else "codes"))
-    for name in (*OPTIONS, "threads"):
-        if getattr(args, name) is not None:
-            settings[name] = getattr(args, name)
-    terrains = settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
-    if not terrains:
-        raise ValueError("terrain: none given; say where the robot shall travel, such as --terrain flat")
-    free = args.free.split(",") if args.free is not None else known.free if known else PARTS
-    unknown = [part for part in free if part not in PARTS]
-    if unknown:
-        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(PARTS)}")
-    # As published, what is not free is as in rolling on flat ground, as in inching on hills; both: rolling.
-    gait = args.gait or ("inching" if all(terrain.slope for terrain in terrains) else "rolling")
-    taken = _fix(settings, args, free, gait)
-    if args.gait and not taken:
-        raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
-    if settings["schedule"] is not None:
-        settings["schedule"] = options.cut(settings["schedule"], args.columns, args.repeats)
-    if method == "gradient" and not known and settings["schedule"] is None and settings["encoding"] == "codes":
-        raise ValueError("encoding: 'codes' has no gradient; method gradient needs bits")
-    by_default = taken and not args.gait
-    note = f"note: {', '.join(taken)} neither free nor given: as in {gait}" if by_default else ""
-    return GaitProblem(**settings), note
-
-
-def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[str], gait: str) -> list[str]:
-    """Set what is not free, and clear what is; the names of what was taken from the gait."""
-    from optim.gait_problem import PARTS
-
-    design = options.load_gait(gait)
-    taken = []
-    for part, name in PARTS.items():
-        given = getattr(args, name, None)
-        if part in free:
-            if given is not None:
-                hint = f"take {part} out of --free, or use --start-{name}"
-                raise ValueError(f"{name}: {given:g} would fix what is free; {hint}")
-            settings[name] = None
-        elif given is not None:
-            settings[name] = given
-        elif args.gait or settings.get(name) is None:
-            settings[name] = getattr(design, name)
-            taken.append(name)
-    return taken
-
-
-def _method(args: argparse.Namespace, name: str, known: dict[str, Any] | None) -> dict[str, Any]:
-    """Settings of the method; what is not given is as in the run that continues, or the default."""
-    given = {name: getattr(args, name) for name in SETTINGS}
-    start = {"orientation": args.start_orientation, "pressure": args.start_pressure}
-    settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
-    settings |= {name: value for name, value in given.items() if value is not None}
-    if name == "gradient":
-        settings["verify"] = True  # a relaxed judgement of a gait is never quite the true one
-    if any(value is not None for value in start.values()):
-        settings["start"] = {name: value for name, value in start.items() if value is not None}
-    return settings
+    def _left(self) -> str:
+        """The time that the rest will take, by the generations made since this process began."""
+        if not self._done_before:  # the first one shown may be an old one
+            self._begun, self._done_before = time.monotonic(), self._done
+            return ""
+        left = self._planned.generations + 1 - self._done
+        pace = (time.monotonic() - self._begun) / (self._done - self._done_before)
+        return f", {spoken_duration(left * pace)} left" if left else ""
 
 
 def _write_best(problem: "GaitProblem", last: "Generation", folder: Path) -> list[str]:
     """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
-    from optim.runs.files import replacing
+    from optim.runs.products import Products
     from robots.hardware import export_csv
     from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
     from robots.view.picture import save_motion_picture
@@ -268,26 +224,18 @@ def _write_best(problem: "GaitProblem", last: "Generation", folder: Path) -> lis
         "geometry": NAMED_GEOMETRIES[problem.geometry],
         "actuation": InflatableActuation(weight=problem.weight),
     }
-    best = folder / "best.json"
-    table = folder / "gait.csv"
-    if _older(table, best):
-        export_csv(design, table)
-    pictures = [folder / f"robot_{terrain.name.replace(':', '_')}.png" for terrain in problem.terrains]
-    for terrain, picture in zip(problem.terrains, pictures, strict=True):
-        if _older(picture, best):
-            with replacing(picture) as aside:
-                save_motion_picture(design, terrain, aside, **robot)
-    return [path.name for path in (best, table, *pictures)]
-
-
-def _older(path: Path, than: Path) -> bool:
-    return not path.exists() or path.stat().st_mtime_ns < than.stat().st_mtime_ns
+    products = Products(folder)
+    products.make("gait.csv", lambda path: export_csv(design, path))
+    pictures = {f"robot_{terrain.name.replace(':', '_')}.png": terrain for terrain in problem.terrains}
+    for name, terrain in pictures.items():
+        products.make(name, functools.partial(save_motion_picture, design, terrain, **robot))
+    return ["best.json", "gait.csv", *pictures]
 
 
 def _report(last: "Generation", folder: Path, written: list[str]) -> Report:
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
     if last.best is None:
-        return Report(document, f"{folder}: all {last.evaluations} evaluations failed", failed=True)
+        return Report(document, f"{folder}: all {last.evaluations} evaluations failed", FAILED)
     details = (last.best_details or {}).items()
     speeds = ", ".join(f"{name.removeprefix('speed_')} {value:.4f}" for name, value in details)
     text = (
@@ -295,6 +243,16 @@ def _report(last: "Generation", folder: Path, written: list[str]) -> Report:
         f"{folder}: {', '.join(written)}"
     )
     return Report(document, text)
+
+
+def _interrupted(last: "Generation | None", generations: int, folder: Path, code: int) -> Report:
+    document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(last) if last else {})}
+    if last is None:
+        return Report(document, f"interrupted before the first generation was complete; {folder}: --resume", code)
+    text = (
+        f"interrupted: {_text(last, generations)}\n{folder} keeps every complete generation, go on with --resume"
+    )
+    return Report(document, text, code)
 
 
 def _text(last: "Generation", generations: int) -> str:

@@ -2,9 +2,12 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
+
+if TYPE_CHECKING:
+    from robots.inflatable import InflatableDesign
 
 
 def add_parser(commands: Any) -> None:
@@ -29,13 +32,28 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Write the CSV file."""
     from robots.hardware import PneumaticRig, export_csv
+
+    rig = PneumaticRig.load(args.rig) if args.rig else PneumaticRig()
+    table = export_csv(_design(args.source), args.csv, rig, args.units)
+    seconds = float(table.times[-1])
+    document = {"source": str(args.source), "csv": str(args.csv), "units": args.units, "seconds": seconds}
+    return Report(document, f"{args.csv}: {len(table.channels)} channels, {seconds:.1f} s, {args.units}")
+
+
+def _design(source: Path) -> "InflatableDesign":
+    """The best design of a run, as its checked log tells, or that of a file."""
     from robots.inflatable import load_design
 
-    best = args.source / "best.json" if args.source.is_dir() else args.source
-    if not best.is_file():
-        raise ValueError(f"source: {args.source} is neither a run with a best design nor the file of one")
-    rig = PneumaticRig.load(args.rig) if args.rig else PneumaticRig()
-    table = export_csv(load_design(best), args.csv, rig, args.units)
-    seconds = float(table.times[-1])
-    document = {"source": str(best), "csv": str(args.csv), "units": args.units, "seconds": seconds}
-    return Report(document, f"{args.csv}: {len(table.channels)} channels, {seconds:.1f} s, {args.units}")
+    if source.is_file():
+        return load_design(source)
+    if not source.is_dir():
+        raise ValueError(f"source: {source} is neither a run nor the file of a design")
+    from optim.gait_problem import GaitProblem
+    from optim.runs.history import read_history
+
+    history = read_history(source)
+    best = history.generations[-1].best_point if history.generations else None
+    if best is None:
+        raise ValueError(f"source: {source} has no best design yet")
+    problem = GaitProblem.from_description(history.config["problem"])
+    return problem.design(problem.space.from_dict(best))

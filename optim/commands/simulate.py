@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.commands import Report, options
+from optim.commands import FAILED, Report, options
 from optim.commands.progress import shown_progress
 from robots.terrain import STEEPEST, Terrain
 
@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> Report:
             f"\ndistance {numbers['distance']:.4f} m, speed {numbers['speed']:.4f} BL/s "
             f"(published convention; {numbers['speed_simulated']:.4f} in the time simulated)"
         )
-    return Report(document, text, failed)
+    return Report(document, text, FAILED if failed else 0)
 
 
 def _write(

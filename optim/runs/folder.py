@@ -1,41 +1,39 @@
 """What a run is on disk.
 
 =========================== ======================================================================
-``config.toml``             every setting: the problem, the method, the number of generations
+``config.toml``             every setting: the problem, the method, the number of generations; sealed
 ``environment.json``        versions, machine, command line
 ``log.jsonl``               one line a generation; the same bytes for the same settings
 ``timing.jsonl``            one line a generation: how long it took
-``checkpoint.npz``          state of the method after the last line of the log, with checksum
+``checkpoint.npz``          state of the method after the last line of the log, with checksums
 ``checkpoint.previous.npz`` the one before
 ``best.json``               the best design so far
+``front.json``              of methods that keep many: the designs of the front, or the elites
+``products.json``           which files were made of the best design, with checksums
+``failed-*.json``           designs that killed the processes that evaluated them
 =========================== ======================================================================
 
 Files are written aside, flushed to disk and renamed, so a kill at any moment leaves each of them whole. Only
 the logs grow in place; they are cut back to what the checkpoint knows when a run continues.
 """
 
+import contextlib
 import fcntl
+import hashlib
 import json
-import os
 import sys
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import tomli_w
-from numpy.typing import NDArray
+from optim.runs import checkpoint, files
+from optim.runs.checkpoint import CHECKPOINT, LOG, PREVIOUS, Record, State
+from optim.runs.config import SECTIONS, check_same, has_run, identity, read_config, write_config
+from optim.runs.environment import differences
 
-from optim.runs import files
-
-State = dict[str, NDArray[Any]]
-
-CONFIG = "config.toml"
-SECTIONS = {"problem": dict, "method": dict, "generations": int}
-_LINES, _LAST_LINE = "run/lines", "run/last_line"  # entries of a checkpoint beside the method's own
+ENVIRONMENT, TIMING, LOCK = "environment.json", "timing.jsonl", ".lock"
+LOCK_PATIENCE = 0.5  # s; a command that only looks at a run may hold its lock for a moment
 
 
 class RunFolder:
@@ -46,80 +44,118 @@ class RunFolder:
         config: content of ``config.toml``.
     """
 
-    def __init__(self, path: Path, config: dict[str, Any], note: Callable[[str], None]) -> None:
+    def __init__(
+        self, path: Path, config: dict[str, Any], environment: Mapping[str, Any], note: Callable[[str], None]
+    ) -> None:
         """Take over a folder that is locked and has its configuration."""
         self.path, self.config, self._note = path, config, note
-        self._log, self._timing = path / "log.jsonl", path / "timing.jsonl"
-        self._checkpoint, self._previous = path / "checkpoint.npz", path / "checkpoint.previous.npz"
+        self._environment = environment
+        self._settings = identity(config)
         self._lines = 0
+        self._log, self._timing = hashlib.sha256(), hashlib.sha256()
+
+    @property
+    def lines(self) -> int:
+        """How many generations are complete."""
+        return self._lines
 
     def restore(self) -> tuple[State, str] | None:
         """Go back to the last checkpoint: the method's state and the last line of the log; None without any.
 
         Raises:
-            ValueError: in one line, if there are checkpoints but none is whole, or the log has lost lines.
+            ValueError: in one line, if there are checkpoints, but none is whole and fits the rest of the folder.
         """
-        state = self._load()
-        if state is not None:
-            self._lines = int(state.pop(_LINES))
-        known = len(files.complete_lines(self._log))
-        if state is None and known > 1:  # one may have come just before the first checkpoint
-            raise ValueError(
-                f"{self.path}: log.jsonl has {known} lines, but no checkpoint is left; cannot resume"
-            )
-        if known < self._lines:
-            raise ValueError(f"{self.path}: log.jsonl has {known} lines of {self._lines}; cannot resume")
-        files.keep_lines(self._log, self._lines)
-        files.keep_lines(self._timing, self._lines)
-        return None if state is None else (state, state.pop(_LAST_LINE).tobytes().decode())
-
-    def _load(self) -> State | None:
-        """The last whole checkpoint; None if there has not been any."""
-        reasons: dict[str, str] = {}
-        for path in (self._checkpoint, self._previous):
-            try:
-                state = files.unpack(path.read_bytes())
-            except FileNotFoundError:
-                reasons[path.name] = "missing"
-            except (OSError, ValueError) as error:
-                reasons[path.name] = str(error)
-            else:
-                if reasons:
-                    reason = reasons[self._checkpoint.name]
-                    self._note(
-                        f"note: {self.path}: checkpoint.npz is unusable ({reason}), taking the one before"
-                    )
-                    # Else the next checkpoint would push out the only one that is whole.
-                    os.replace(self._previous, self._checkpoint)
-                return state
-        if set(reasons.values()) == {"missing"}:
+        found = checkpoint.load(self.path, self._settings)
+        if found is None:
+            self._cut(0)
             return None
-        found = " and ".join(f"{name} ({reason})" for name, reason in reasons.items())
-        raise ValueError(f"{self.path}: {found} are unusable; cannot resume")
+        state, record, others = found
+        if others:
+            self._note(f"note: {self.path}: {CHECKPOINT} is unusable ({others[CHECKPOINT]}), taking the one before")
+            # Else the next checkpoint would push out the only one that is whole.
+            (self.path / PREVIOUS).replace(self.path / CHECKPOINT)
+        self._cut(record.lines)
+        self._check_timing(record)
+        self._check_environment(record)
+        return state, files.complete_lines(self.path / LOG)[-1].decode()
+
+    def _cut(self, lines: int) -> None:
+        """Cut the logs back to what the checkpoint knows."""
+        self._lines = lines
+        files.keep_lines(self.path / LOG, lines)
+        files.keep_lines(self.path / TIMING, lines)
+        self._log, self._timing = (
+            hashlib.sha256(b"".join(files.complete_lines(self.path / name))) for name in (LOG, TIMING)
+        )
+
+    def _check_timing(self, record: Record) -> None:
+        """Times tell nothing about results: a damaged file is begun anew."""
+        if self._timing.hexdigest() != record.timing:
+            self._note(f"note: {self.path}: {TIMING} is not as it was written, beginning it anew")
+            (self.path / TIMING).unlink(missing_ok=True)
+            self._timing = hashlib.sha256()
+
+    def _check_environment(self, record: Record) -> None:
+        """Say what a run that continues may owe to another machine."""
+        path = self.path / ENVIRONMENT
+        content = path.read_bytes() if path.is_file() else b""
+        if files.sha256(content) != record.environment:
+            self._note(f"note: {self.path}: {ENVIRONMENT} is not as it was written, telling what runs now instead")
+            _write_json(path, {**self._environment, "written_anew": True})
+            return
+        changed = differences(json.loads(content), self._environment)
+        if changed:
+            self._note(f"note: {self.path}: began elsewhere ({', '.join(changed)}); its last bits may differ")
 
     def commit(self, line: str, state: State, seconds: float) -> None:
-        """End a generation: its log line, its wall time [s], then the checkpoint that knows them."""
-        self._lines += 1
-        files.append_line(self._log, line)
-        finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        timing = {"generation": self._lines - 1, "seconds": round(seconds, 3), "finished": finished}
-        files.append_line(self._timing, json.dumps(timing))
-        own = {_LINES: np.array(self._lines), _LAST_LINE: np.frombuffer(line.encode(), np.uint8)}
-        with files.replacing(self._checkpoint) as aside:
-            aside.write_bytes(files.pack({**state, **own}))
-            if self._checkpoint.exists():
-                os.replace(self._checkpoint, self._previous)
+        """End a generation: its log line, its wall time [s], then the checkpoint that knows them.
 
-    def replacing(self, name: str) -> AbstractContextManager[Path]:
-        """A path to write a file to; it becomes the file ``name`` of the folder once it is whole."""
-        return files.replacing(self.path / name)
+        Raises:
+            RuntimeError: in one line, if the disk takes no more; what was there before is kept.
+        """
+        finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        timing = {"generation": self._lines, "seconds": round(seconds, 3), "finished": finished}
+        with self._kept():
+            for name, hasher, text in ((LOG, self._log, line), (TIMING, self._timing, json.dumps(timing))):
+                files.append_line(self.path / name, text)
+                hasher.update(text.encode() + b"\n")
+            environment = files.sha256((self.path / ENVIRONMENT).read_bytes())
+            digests = self._log.hexdigest(), self._timing.hexdigest(), environment, self._settings
+            checkpoint.save(self.path, state, Record(self._lines + 1, *digests))
+        self._lines += 1
+
+    def update(self, name: str, write: Callable[[Path], None]) -> None:
+        """Let ``write`` make the file ``name`` of the folder; it changes only if the content does.
+
+        Raises:
+            RuntimeError: in one line, if the disk takes no more.
+        """
+        with self._kept():
+            files.update(self.path / name, write)
+
+    def update_text(self, name: str, text: str) -> None:
+        """The same for a text."""
+
+        def write(path: Path) -> None:
+            path.write_text(text, encoding="utf-8")
+
+        self.update(name, write)
+
+    @contextlib.contextmanager
+    def _kept(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError) as error:  # all that can be wrong with a design's file is the disk
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            kept = f"its {self._lines} complete generations are kept, go on with --resume"
+            raise RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}") from None
 
 
 def _to_stderr(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-@contextmanager
+@contextlib.contextmanager
 def open_run(
     path: Path | str,
     config: Mapping[str, Any],
@@ -139,50 +175,41 @@ def open_run(
         note: called with a line about anything the user should know.
 
     Raises:
-        ValueError: in one line, if the folder is taken, in use, unreadable, or of other settings.
+        ValueError: in one line, if the folder is taken, in use, unreadable, not writable, or of other settings.
     """
     path = Path(path)
     if not (resume and has_run(path)):
         _check_free(path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"out: {path} cannot be created ({error.strerror})") from None
-    with _locked(path):
-        if resume and has_run(path):
-            known = read_config(path)
-            _check_same(known, config, path)
-            resolved = known | {"generations": config.get("generations", known["generations"])}
-        else:
-            _check_free(path)
-            known, resolved = {}, {name: config[name] for name in SECTIONS}
-            with files.replacing(path / "environment.json") as aside:
-                aside.write_text(json.dumps(environment or {}, indent=2) + "\n")
-        if resolved != known:
-            with files.replacing(path / CONFIG) as aside:
-                aside.write_text(tomli_w.dumps(resolved))
-        yield RunFolder(path, resolved, note)
+    with contextlib.ExitStack() as stack:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(locked(path))
+            for aside in path.glob(f"{files.ASIDE}*"):  # of writes that were cut off
+                aside.unlink()
+            resolved = _settle(path, config, resume, environment or {})
+        except OSError as error:
+            raise ValueError(f"out: {path} cannot be written ({error.strerror})") from None
+        yield RunFolder(path, resolved, environment or {}, note)
 
 
-def has_run(path: Path) -> bool:
-    """Whether a run has been started in a folder."""
-    return (path / CONFIG).exists()
+def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of the run that continues or begins, on disk."""
+    if resume and has_run(path):
+        known = read_config(path)
+        check_same(known, config, path)
+        resolved = known | {"generations": config.get("generations", known["generations"])}
+    else:
+        _check_free(path)
+        known, resolved = {}, {name: config[name] for name in SECTIONS}
+        _write_json(path / ENVIRONMENT, environment)
+    if resolved != known:
+        write_config(path, resolved)
+    return resolved
 
 
-def read_config(path: Path) -> dict[str, Any]:
-    """The settings of the run in a folder.
-
-    Raises:
-        ValueError: in one line, if they cannot be read.
-    """
-    try:
-        config = tomllib.loads((path / CONFIG).read_text())
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path / CONFIG}: cannot be read ({error})") from None
-    for name, kind in SECTIONS.items():
-        if not isinstance(config.get(name), kind):
-            raise ValueError(f"{path / CONFIG}: {name} is missing or no {kind.__name__}")
-    return config
+def _write_json(path: Path, document: Mapping[str, Any]) -> None:
+    with files.replacing(path) as aside:
+        aside.write_text(json.dumps(document, indent=2) + "\n")
 
 
 def _check_free(path: Path) -> None:
@@ -191,32 +218,37 @@ def _check_free(path: Path) -> None:
         raise ValueError(f"out: {path} is a file; name a new folder")
     if has_run(path):
         raise ValueError(f"out: {path} holds a run already; continue it with --resume or name another folder")
-    if path.exists() and any(
-        not e.name.startswith(".") and e.name != "environment.json" for e in path.iterdir()
-    ):
+    if path.exists() and any(not e.name.startswith(".") and e.name != ENVIRONMENT for e in path.iterdir()):
         raise ValueError(f"out: {path} holds other files and no run; name a new folder")
 
 
-def _check_same(known: Mapping[str, Any], asked: Mapping[str, Any], path: Path, prefix: str = "") -> None:
-    for name, value in asked.items():
-        old = known.get(name)
-        if isinstance(old, Mapping) and isinstance(value, Mapping):
-            _check_same(old, value, path, f"{prefix}{name}.")
-        elif prefix + name == "generations" and value < known[name]:
-            raise ValueError(
-                f"generations: {value} is below the {old} of the run in {path}; it may only be raised"
-            )
-        elif prefix + name != "generations" and value != old:
-            raise ValueError(
-                f"{prefix}{name}: {value!r} is not what the run in {path} has, {old!r}; leave it out"
-            )
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Keep other processes off a folder.
 
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    with (path / ".lock").open("a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ValueError(f"out: {path} is in use by another process") from None
+    Raises:
+        ValueError: in one line, if one is there already.
+    """
+    with (path / LOCK).open("a") as file:
+        deadline = time.monotonic() + LOCK_PATIENCE
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise ValueError(f"out: {path} is in use by another process") from None
+                time.sleep(0.02)
         yield
+
+
+def in_use(path: Path) -> bool:
+    """Whether a process has the folder locked, as one does whose run goes on."""
+    try:
+        with (path / LOCK).open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False

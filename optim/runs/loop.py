@@ -26,6 +26,7 @@ class Generation:
         best: best score so far.
         mean: of the scores of what the search keeps: the climbers' best points, a population, a front.
         median: of the same.
+        scores: those of independent climbers, shape (C,), for statistics; None of other methods.
         best_point: values of the best point by name.
         best_details: the problem's details of the best point by name.
         numbers: what else the method tells of itself.
@@ -37,6 +38,7 @@ class Generation:
     best: float | None
     mean: float | None
     median: float | None
+    scores: list[float | None] | None
     best_point: dict[str, float | int] | None
     best_details: dict[str, Any] | None
     numbers: dict[str, float | int | None]
@@ -56,11 +58,11 @@ def run_search(
 ) -> Generation:
     """Run a search up to and including a generation, going on where the folder left off.
 
-    A generation ends with ``best.json``, if there is a better design, then its log line, then a checkpoint.
+    A generation ends with its designs, then its log line, then a checkpoint.
     What a kill cuts off is done again from the last checkpoint, with the same result.
 
     Args:
-        problem: what to evaluate; the first of its objectives is the score.
+        problem: what to evaluate; the mean of its objectives is the score.
         method: built with the settings of the run, not yet used.
         folder: open run folder; takes the log, the checkpoints and ``best.json``.
         generations: number of the last generation; the starts are generation 0.
@@ -78,6 +80,7 @@ def run_search(
         state, text = known
         method.restore(state)
         last = Generation(**json.loads(text))
+        _write_designs(problem, method.result(), folder)
         if progress:
             progress(last)
     while last is None or last.generation < generations:
@@ -86,14 +89,29 @@ def run_search(
         evaluation = judged(Request(points, method.wants, method.sharpness))
         method.tell(points, evaluation)
         result = method.result()
-        before, last = last, _next(last, problem, result, points, evaluation)
-        if last.best_point != (before.best_point if before else None):
-            with folder.replacing("best.json") as aside:
-                problem.save(result.point, aside)
+        last = _next(last, problem, result, points, evaluation)
+        _write_designs(problem, result, folder)
         folder.commit(last.to_json(), method.state(), time.perf_counter() - started)
         if progress:
             progress(last)
     return last
+
+
+def _write_designs(problem: Problem, result: SearchResult, folder: RunFolder) -> None:
+    """The files of the best design, and of the front or the elites where the method keeps any."""
+    if not np.isnan(result.score):
+        folder.update("best.json", functools.partial(problem.save, result.point))
+    if result.kind in ("front", "elites"):
+        document = {
+            "kind": result.kind,
+            "objectives": problem.objective_names,
+            "designs": [
+                {"objectives": objectives.tolist(), "point": problem.space.to_dict(point)}
+                for point, objectives in zip(result.points, result.objectives, strict=True)
+            ],
+        }
+        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        folder.update_text("front.json", text)
 
 
 def _next(
@@ -117,6 +135,7 @@ def _next(
         best=None if np.isnan(result.score) else result.score,
         mean=float(valid.mean()) if valid.size else None,
         median=float(np.median(valid)) if valid.size else None,
+        scores=[None if np.isnan(s) else s for s in result.scores.tolist()] if result.kind == "climbers" else None,
         best_point=None if np.isnan(result.score) else problem.space.to_dict(result.point),
         best_details=best_details,
         numbers=dict(result.numbers),

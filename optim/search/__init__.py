@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from inspect import signature
 from typing import Any
 
+from optim.hints import nearest
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
@@ -20,6 +21,7 @@ __all__ = [
     "RandomSearch",
     "SearchResult",
     "build_method",
+    "check_settings",
     "default_settings",
 ]
 
@@ -36,15 +38,19 @@ def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method
     Raises:
         ValueError: in one line, for an unknown name, or a setting that the method does not take or allow.
     """
+    check_settings(name, settings)
+    return METHODS[name](space, **settings)
+
+
+def check_settings(name: str, settings: Mapping[str, Any]) -> None:
+    """Raise a one-line ValueError for an unknown method, or a setting that it does not take."""
     if name not in METHODS:
         raise ValueError(f"method: {name!r} is unknown; choose one of {', '.join(METHODS)}")
     allowed = list(signature(METHODS[name]).parameters)[1:]
     for setting in settings:
         if setting not in allowed:
-            raise ValueError(
-                f"{setting}: method {name} does not take it; its settings are {', '.join(allowed)}"
-            )
-    return METHODS[name](space, **settings)
+            settings_of = f"its settings are {', '.join(allowed)}"
+            raise ValueError(f"{setting}: method {name} does not take it; {settings_of}{nearest(setting, allowed)}")
 
 
 def default_settings(name: str) -> dict[str, Any]:

@@ -22,6 +22,8 @@ class SearchResult:
         score: its objective, of several their mean; NaN as long as every evaluation has failed.
         points: what the search keeps, shape (C, D): the best point of each climber, a population, a front, an archive.
         objectives: of these, shape (C, K); NaN where every evaluation has failed.
+        kind: what ``points`` are: the best of each of C independent climbers, a population, a front of several
+            objectives, the elites of an archive.
         numbers: what else the log shall tell, by name, such as the size of a front; finite, or None.
     """
 
@@ -29,6 +31,7 @@ class SearchResult:
     score: float
     points: Vector
     objectives: Vector
+    kind: Literal["climbers", "population", "front", "elites"] = "climbers"
     numbers: Mapping[str, float | int | None] = field(default_factory=dict)
 
     @property

@@ -78,9 +78,8 @@ class PopulationSearch(ABC):
 
     def result(self) -> SearchResult:
         """The best point ever met (the first of equals) and the population."""
-        return SearchResult(
-            self.best_point.copy(), float(self.best_score), self.points.copy(), self.objectives.copy(), self._numbers()
-        )
+        best = self.best_point.copy(), float(self.best_score)
+        return SearchResult(*best, self.points.copy(), self.objectives.copy(), "population", self._numbers())
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """What the log shall tell of the search beside its points."""

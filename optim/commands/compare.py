@@ -1,0 +1,100 @@
+"""``morpholab compare``: which of several searches is better, by how much, and how sure that is."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optim.commands import Report, options
+
+if TYPE_CHECKING:
+    from optim.runs.comparison import Curve, Difference
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "compare",
+        help="compare runs",
+        description="Compare the best scores of runs: curves with confidence bands, effect sizes. Runs that differ in "
+        "their seed only are one group.",
+    )
+    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder of a run, or a folder of such")
+    parser.add_argument(
+        "--by", choices=("evaluations", "generations", "seconds"), default="evaluations", help="(default: evaluations)"
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help=f"picture of the curves ({', '.join(PICTURES)})")
+    options.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Group, compare, draw."""
+    from optim.runs import comparison
+    from optim.runs.files import replacing
+    from optim.runs.history import read_history, runs_below
+
+    if args.out and args.out.suffix not in PICTURES:
+        raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
+    curves = comparison.curves([read_history(path) for path in runs_below(args.runs)], args.by)
+    end = min(float(curve.x[-1]) for curve in curves)
+    differences = comparison.differences(curves, end)
+    if args.out:
+        from optim.plots import save_curves
+
+        try:
+            with replacing(args.out) as aside:
+                save_curves(curves, args.by, aside)
+        except OSError as error:
+            raise ValueError(f"out: {args.out} cannot be written ({error.strerror})") from None
+    document = {
+        "by": args.by,
+        "at": end,
+        "groups": [_group(curve, end) for curve in curves],
+        "differences": [dataclasses.asdict(difference) for difference in differences],
+        "picture": str(args.out) if args.out else None,
+    }
+    return Report(document, "\n".join(_lines(document, differences)))
+
+
+def _group(curve: "Curve", end: float) -> dict[str, Any]:
+    from optim.measures.statistics import mean_band
+
+    scores = curve.at(end)
+    low, high = (float(bound) for bound in mean_band(scores)) if len(scores) > 1 else (None, None)
+    return {
+        "label": curve.label,
+        "folders": curve.folders,
+        "unit": curve.unit,
+        "count": len(curve.scores),
+        "without_success": len(curve.scores) - len(scores),
+        "mean": float(scores.mean()) if len(scores) else None,
+        "low": low,
+        "high": high,
+        "best": float(scores.max()) if len(scores) else None,
+    }
+
+
+def _lines(document: dict[str, Any], differences: "list[Difference]") -> list[str]:
+    lines = [f"best scores at {document['at']:g} {document['by']}: mean, its 95 % interval, best"]
+    for group in document["groups"]:
+        number = f"{group['count']} {group['unit']}"
+        if group["without_success"]:
+            number += f", {group['without_success']} without any success"
+        if group["mean"] is None:
+            lines.append(f"  {group['label']} ({number}): nothing succeeded")
+            continue
+        interval = "" if group["low"] is None else f" [{group['low']:.4f}, {group['high']:.4f}]"
+        lines.append(f"  {group['label']} ({number}): {group['mean']:.4f}{interval}, best {group['best']:.4f}")
+    for difference in differences:
+        found = difference.effect
+        d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
+        lines.append(
+            f"  {difference.second} minus {difference.first}: {found.difference:+.4f} [{found.low:+.4f}, "
+            f"{found.high:+.4f}], A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
+        )
+    if not differences and len(document["groups"]) > 1:
+        lines.append("  no effect sizes: that takes at least two runs a group, with other seeds")
+    return lines + ([document["picture"]] if document["picture"] else [])

@@ -1,0 +1,68 @@
+"""Where a search's points are evaluated: in this process, in worker processes, or on a Ray cluster."""
+
+import argparse
+import contextlib
+import dataclasses
+import os
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from optim.commands import options
+
+if TYPE_CHECKING:
+    from optim.gait_problem import GaitProblem
+    from optim.runs import RunFolder
+    from optim.runs.requests import Evaluate
+
+LANES = {"f32": 16, "f64": 8}  # robots that a CPU thread simulates side by side, see docs/architecture.md
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Options about where to evaluate."""
+    group = parser.add_argument_group("where it runs (the results are the same bits everywhere)")
+    group.add_argument(
+        "--workers",
+        type=options.whole(1),
+        metavar="N",
+        help="processes that evaluate (default: this one, with all threads; on Ray as many as it has cores)",
+    )
+    group.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        help="evaluate on a Ray cluster: HOST:PORT, auto, or local for one that is started here",
+    )
+
+
+@contextlib.contextmanager
+def opened_workers(
+    problem: "GaitProblem", folder: "RunFolder", args: argparse.Namespace
+) -> Iterator["Evaluate | None"]:
+    """What evaluates the points of a generation; None for this process itself."""
+    if args.workers is None and args.ray is None:
+        yield None
+        return
+    from optim.runs.failures import save_failed
+    from optim.runs.workers import open_workers
+
+    cores = os.cpu_count() or 1
+    count = args.workers if args.workers is not None or args.ray is not None else cores
+    threads = args.threads or (max(1, cores // count) if args.ray is None else 1)
+    if args.ray in (None, "local") and count is not None and count * threads > cores:
+        _note(f"note: {count} workers of {threads} threads each will share {cores} cores; fewer would be as fast")
+    with open_workers(
+        dataclasses.replace(problem, threads=threads, progress=None),
+        count=count,
+        backend="processes" if args.ray is None else "ray",
+        address=args.ray,
+        threads=threads,
+        part=LANES[problem.precision] * threads,
+        save_failed=lambda points, reason: save_failed(folder, problem.space, points, reason),
+        note=_note,
+        progress=problem.progress,
+    ) as evaluate:
+        yield evaluate
+
+
+def _note(text: str) -> None:
+    print(text, file=sys.stderr)

@@ -1,0 +1,59 @@
+"""Options in a file: a TOML document whose keys are the names of a command's options."""
+
+import argparse
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from optim.hints import nearest
+
+OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
+
+
+def add_task(parser: argparse.ArgumentParser) -> None:
+    """The option to read the others from a file."""
+    parser.add_argument(
+        "--task",
+        type=Path,
+        metavar="FILE",
+        help="TOML with options by name, such as terrain = ['flat', 'hill:15']; the command line counts more",
+    )
+
+
+def take_task(args: argparse.Namespace) -> None:
+    """Set what the command line leaves open to what the task file of ``--task`` says.
+
+    Raises:
+        ValueError: in one line, if the file cannot be read, or has a key that is no option.
+    """
+    if args.task is None:
+        return
+    parser: argparse.ArgumentParser = args.parser
+    known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in OWN}
+    try:
+        task = tomllib.loads(args.task.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"task: {args.task} cannot be read ({' '.join(str(error).split())})") from None
+    arguments: list[str] = []
+    for key, value in task.items():
+        action = known.get(key.replace("-", "_"))
+        if action is None:
+            names = [name.replace("_", "-") for name in known]
+            raise ValueError(f"task: {args.task} has an unknown key {key!r}{nearest(key, names)}")
+        arguments += _arguments(action, value)
+    given, _ = parser.parse_known_args(["--out", "", *arguments])
+    for dest in known:
+        if getattr(args, dest) is None:
+            setattr(args, dest, getattr(given, dest))
+
+
+def _arguments(action: argparse.Action, value: Any) -> list[str]:
+    """The words of a command line that say the same."""
+    option = action.option_strings[-1]
+    if isinstance(value, dict):
+        value = [f"{name}={setting}" for name, setting in value.items()]
+    if not isinstance(value, list):
+        return [f"{option}={value}"]
+    if isinstance(action, argparse._AppendAction):
+        return [f"{option}={item}" for item in value]
+    return [f"{option}={','.join(map(str, value))}"]

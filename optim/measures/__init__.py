@@ -1,0 +1,1 @@
+"""What is measured of bodies, controllers and searches. Knows neither robots nor physics."""

@@ -1,0 +1,141 @@
+"""Comparing runs: those that differ only in their seed are one group; curves of groups, and how they differ.
+
+The unit of statistics is the run. Where every group is a single run of independent climbers, it is the climber; other
+members of a population are no independent samples, so a single run of them has neither bands nor effect sizes.
+"""
+
+import itertools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.measures.statistics import Effect, effect, holm, mean_band
+from optim.runs.history import History
+
+Axis = Literal["evaluations", "generations", "seconds"]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The best scores of a group so far.
+
+    Attributes:
+        label: what the group is.
+        folders: of its runs.
+        unit: ``"runs"`` or ``"climbers"``.
+        x: evaluations, generations or seconds, shape (P,), rising.
+        scores: best so far, shape (U, P); NaN as long as a unit has had no success.
+    """
+
+    label: str
+    folders: tuple[str, ...]
+    unit: str
+    x: Floats
+    scores: Floats
+
+    def at(self, x: float) -> Floats:
+        """The best scores of those with any success up to x, shape (at most U,)."""
+        reached = np.searchsorted(self.x, x, side="right") - 1
+        values = self.scores[:, reached]
+        return values[~np.isnan(values)]
+
+    def band(self) -> tuple[Floats, Floats, Floats]:
+        """Mean and its 95 % bootstrap interval where all units have had a success, else NaN; each of shape (P,)."""
+        mean = self.scores.mean(axis=0)
+        if len(self.scores) < 2:
+            return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
+        return mean, *mean_band(self.scores)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How the second of two groups differs from the first: ``effect``, and its p adjusted for all pairs (Holm)."""
+
+    first: str
+    second: str
+    effect: Effect
+    adjusted_p: float
+
+
+def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
+    """One curve for each group of runs that differ in their seed only.
+
+    Raises:
+        ValueError: in one line, if a run has no generation yet, or its times are unknown but wanted.
+    """
+    for history in histories:
+        if not history.generations:
+            raise ValueError(f"run: {history.path} has no complete generation yet")
+        if axis == "seconds" and np.isnan(history.seconds).any():
+            raise ValueError(f"by: the times of {history.path} are not known; compare by evaluations")
+    groups: dict[str, list[History]] = {}
+    for history in histories:
+        groups.setdefault(json.dumps(_without_seed(history.config), sort_keys=True), []).append(history)
+    members = list(groups.values())
+    single = all(len(group) == 1 for group in members)
+    climbers = single and all(group[0].generations[-1].scores is not None for group in members)
+    return [_curve(label, group, axis, climbers) for label, group in zip(_labels(members), members, strict=True)]
+
+
+def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
+    """How the groups differ at x, each pair with at least two units on both sides."""
+    pairs = [
+        (a.label, b.label, effect(a.at(x), b.at(x)))
+        for a, b in itertools.combinations(compared, 2)
+        if min(len(a.at(x)), len(b.at(x))) >= 2
+    ]
+    adjusted = holm([found.p for *_, found in pairs]) if pairs else []
+    return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
+
+
+def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> Curve:
+    folders = tuple(str(history.path) for history in group)
+    places = [_places(history, axis) for history in group]
+    if climbers:
+        scores = np.array([generation.scores for generation in group[0].generations], float).T
+        return Curve(label, folders, "climbers", places[0], scores)
+    # Runs of a group are compared up to where the shortest has come.
+    x = np.unique(np.concatenate(places))
+    x = x[(x >= max(p[0] for p in places)) & (x <= min(p[-1] for p in places))]
+    best = [np.array([generation.best for generation in history.generations], float) for history in group]
+    rows = [values[np.searchsorted(place, x, side="right") - 1] for place, values in zip(places, best, strict=True)]
+    return Curve(label, folders, "runs", x, np.array(rows))
+
+
+def _places(history: History, axis: Axis) -> Floats:
+    """Where the generations lie on the axis."""
+    if axis == "evaluations":
+        return np.array([generation.evaluations for generation in history.generations], float)
+    if axis == "generations":
+        return np.array([generation.generation for generation in history.generations], float)
+    return np.cumsum(history.seconds)
+
+
+def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
+    method = {name: value for name, value in config["method"].items() if name != "seed"}
+    return {"problem": config["problem"], "method": method}
+
+
+def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
+    """Names of groups: the method and the settings in which they differ, or the folder if that is long."""
+    flat = [_flat(_without_seed(group[0].config)) for group in groups]
+    names = sorted({name for settings in flat for name in settings if name != "method.name"})
+    differing = [name for name in names if len({json.dumps(settings.get(name)) for settings in flat}) > 1]
+    labels = []
+    for settings, group in zip(flat, groups, strict=True):
+        own = [f"{name.rpartition('.')[2]} {settings[name]}" for name in differing if name in settings]
+        label = ", ".join([settings["method.name"], *own])
+        labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({group[0].path.name})")
+    return labels
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in settings.items():
+        found |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
+    return found

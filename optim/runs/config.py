@@ -1,0 +1,73 @@
+"""``config.toml``: every setting of a run, sealed by a checksum in its last line."""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from optim.runs import files
+
+FORMAT = 1  # of a run folder; raised when older programs could misread it
+CONFIG = "config.toml"
+SECTIONS = {"problem": dict, "method": dict, "generations": int}
+_SEAL = "# sha256 of all lines above: "
+
+
+def has_run(folder: Path) -> bool:
+    """Whether a run has been started in a folder."""
+    return (folder / CONFIG).exists()
+
+
+def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+    """Write the settings of a run."""
+    text = tomli_w.dumps({"format": FORMAT, **config})
+    with files.replacing(folder / CONFIG) as aside:
+        aside.write_text(f"{text}{_SEAL}{files.sha256(text.encode())}\n")
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """The settings of the run in a folder.
+
+    Raises:
+        ValueError: in one line, if there are none, or they cannot be read, were changed, or are of a newer program.
+    """
+    path = folder / CONFIG
+    if not path.exists():
+        raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing")
+    try:
+        text = path.read_text(encoding="utf-8")
+        config = tomllib.loads(text)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
+    version = config.pop("format", None)
+    if isinstance(version, int) and version > FORMAT:
+        raise ValueError(f"{path}: was written by a newer morpholab (format {version}; this one reads {FORMAT})")
+    above, seal, checksum = text.rpartition(_SEAL)
+    if not seal or checksum != files.sha256(above.encode()) + "\n":
+        raise ValueError(f"{path}: is not as it was written; its checksum {'does not match' if seal else 'is missing'}")
+    for name, kind in SECTIONS.items():
+        if not isinstance(config.get(name), kind):
+            raise ValueError(f"{path}: {name} is missing or no {kind.__name__}")
+    return config
+
+
+def identity(config: Mapping[str, Any]) -> str:
+    """Checksum of the settings that a run never changes."""
+    lasting = {name: value for name, value in config.items() if name != "generations"}
+    return hashlib.sha256(json.dumps(lasting, sort_keys=True).encode()).hexdigest()
+
+
+def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path, prefix: str = "") -> None:
+    """Raise a one-line ValueError if settings asked for are not those of the run; ``generations`` may be raised."""
+    for name, value in asked.items():
+        old = known.get(name)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            check_same(old, value, folder, f"{prefix}{name}.")
+        elif prefix + name == "generations" and value < known[name]:
+            raise ValueError(f"generations: {value} is below the {old} of the run in {folder}; it may only be raised")
+        elif prefix + name != "generations" and value != old:
+            raise ValueError(f"{prefix}{name}: {value!r} is not what the run in {folder} has, {old!r}; leave it out")

@@ -1,0 +1,21 @@
+"""Designs that could not be evaluated because they killed what evaluated them, kept for a closer look."""
+
+import json
+from pathlib import Path
+
+from optim.runs.folder import RunFolder
+from optim.space import Space, Vector
+
+
+def save_failed(folder: RunFolder, space: Space, points: Vector, reason: str) -> Path:
+    """Write points, shape (N, D), to a file of their own, ``failed-1.json`` and so on; its path."""
+    names = space.names
+    document = {
+        "reason": reason,
+        "generation": folder.lines,
+        "designs": [dict(zip(names, point, strict=True)) for point in points.tolist()],
+    }
+    number = 1 + sum(1 for _ in folder.path.glob("failed-*.json"))
+    path = folder.path / f"failed-{number}.json"
+    folder.update_text(path.name, json.dumps(document, indent=1) + "\n")
+    return path

@@ -1,0 +1,34 @@
+"""Files made of the best design of a run: made again when the design has changed, or the files have."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from optim.runs import files
+
+PRODUCTS = "products.json"
+
+
+class Products:
+    """The files that a run folder holds beside the run itself; ``products.json`` tells of what they were made."""
+
+    def __init__(self, folder: Path, source: str = "best.json") -> None:
+        """Read what is known of the files made of ``source``."""
+        self._folder, self._source = folder, folder / source
+        try:
+            known = json.loads((folder / PRODUCTS).read_text(encoding="utf-8"))
+            self._known = known if isinstance(known, dict) else {}
+        except (OSError, ValueError):  # lost or damaged: all files are made again
+            self._known = {}
+
+    def make(self, name: str, write: Callable[[Path], object]) -> None:
+        """Let ``write`` make the file ``name``, unless it is there, whole, and made of the source as it is now."""
+        path, source = self._folder / name, files.sha256(self._source.read_bytes())
+        if path.is_file() and self._known.get(name) == [source, files.sha256(path.read_bytes())]:
+            return
+        with files.replacing(path) as aside:
+            write(aside)
+        self._known[name] = [source, files.sha256(path.read_bytes())]
+        text = json.dumps(self._known, indent=1, sort_keys=True) + "\n"
+        with files.replacing(self._folder / PRODUCTS) as aside:
+            aside.write_text(text)

@@ -1,0 +1,41 @@
+"""A stand-in for the simulator, for tests of what is above it."""
+
+import os
+from types import SimpleNamespace
+
+import numpy as np
+
+from robots import inflatable
+
+
+class Simulator:
+    """Stands in for ``simulate``: a quick, smooth function of design and terrain; remembers its calls."""
+
+    def __init__(self):
+        self.calls = []
+        self.diverges = lambda design, terrain: False
+        self.interrupt_at = None
+
+    def __call__(self, designs, terrain, *, progress=None, **options):
+        self.calls.append(SimpleNamespace(designs=designs, terrain=terrain, **options))
+        os.write(1, b"chatter of the simulator\n")
+        if len(self.calls) == self.interrupt_at:
+            raise KeyboardInterrupt
+        if progress:
+            progress(0.5)
+        failed = np.array([self.diverges(design, terrain) for design in designs])
+        bits = np.array([design.schedule.bits.mean() for design in designs])
+        pressure = np.array([design.pressure / 12e3 for design in designs])
+        orientation = np.array([design.orientation / 90 for design in designs])
+        speed = np.where(failed, np.nan, bits * pressure - abs(orientation - terrain.slope / 20))
+        steps = np.array([inflatable.predicted_steps(design) for design in designs])
+        frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
+        status = np.where(failed, "diverged", "ok")
+        return SimpleNamespace(
+            distance=speed * 4,
+            speed=speed,
+            speed_simulated=speed * 2,
+            status=status,
+            steps=steps,
+            frames=frames,
+        )

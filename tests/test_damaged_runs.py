@@ -1,0 +1,108 @@
+"""Files of a run folder that are not as they were written: recovered from, or refused in one line."""
+
+import json
+import random
+import shutil
+
+import pytest
+from run_products import log
+
+pytestmark = pytest.mark.usefixtures("simulator")
+
+LINE = "codesign --terrain flat --seed 3 --climbers 3 --geometry small --columns 4 --quiet"
+MUTATIONS = 200
+RESULTS = ("log.jsonl", "best.json", "gait.csv", "robot_flat.png")
+
+
+def mutate(folder, rng):
+    """Do one random harm to one file; what was done."""
+    path = rng.choice(sorted(path for path in folder.iterdir() if path.name != ".lock"))
+    other = rng.choice(sorted(p for p in folder.iterdir() if p.name != ".lock" and p != path))
+    content = path.read_bytes()
+    place, bit = rng.randrange(len(content)), 1 << rng.randrange(8)
+    how = rng.choice(["truncated", "flipped", "flipped", "emptied", "swapped", "lost", "grown"])
+    if how == "lost":
+        path.unlink()
+    elif how == "swapped":
+        path.write_bytes(other.read_bytes())
+        other.write_bytes(content)
+    else:
+        path.write_bytes({
+            "truncated": content[:place],
+            "flipped": content[:place] + bytes([content[place] ^ bit]) + content[place + 1 :],
+            "emptied": b"",
+            "grown": content + content[place:],
+        }[how])  # fmt: skip
+    return f"{path.name} {how} at {place} bit {bit}, {other.name}"
+
+
+def test_no_damage_ends_in_a_traceback_or_a_wrong_number(morpholab, tmp_path):
+    assert morpholab(f"{LINE} --generations 5 --out whole")[0] == 0
+    assert morpholab(f"{LINE} --generations 3 --out short")[0] == 0
+    assert morpholab("export short --csv short.csv")[0] == 0
+    results = {name: (tmp_path / "whole" / name).read_bytes() for name in RESULTS}
+    known = {line["generation"]: line for line in log(tmp_path / "whole")}
+    rng, recovered = random.Random(1), 0
+    for _ in range(MUTATIONS):
+        shutil.rmtree(tmp_path / "a", ignore_errors=True)
+        shutil.copytree(tmp_path / "short", tmp_path / "a")
+        harm = mutate(tmp_path / "a", rng)
+
+        code, out, error = morpholab("status a --json")
+        if code == 2:
+            assert error.count("\n") == 1, harm
+        else:
+            (told,) = json.loads(out)
+            assert (code, "reason" in told) in ((1, True), (0, False)), harm
+            if code == 0:
+                right = known[told["generation"]]
+                assert {name: right[name] for name in ("best", "mean", "evaluations")}.items() <= told.items(), harm
+        code, _, error = morpholab("export a --csv a.csv")
+        assert (code == 2 and error.count("\n") == 1) or code == 0, harm
+        if code == 0 and told["generation"] == 3:
+            assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "short.csv").read_bytes(), harm
+
+        code, _, error = morpholab("codesign --resume --quiet --generations 5 --out a")
+        assert "Traceback" not in error and code in (0, 2), harm
+        if code == 2:
+            assert error.count("\n") == 1 and error.startswith("morpholab codesign: error: "), harm
+        else:
+            recovered += 1
+            assert {name: (tmp_path / "a" / name).read_bytes() for name in RESULTS} == results, harm
+    assert MUTATIONS > recovered > MUTATIONS / 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("format = 1", "format = 7"), "was written by a newer morpholab (format 7; this"),
+        (lambda text: text.replace("seed = 3", "seed = 4"), "is not as it was written; its checksum does not match"),
+        (lambda text: text[: text.rindex("#")], "is not as it was written; its checksum is missing"),
+        (lambda text: text + "\x00", "cannot be read"),
+    ],
+)
+def test_changed_settings_are_refused(morpholab, tmp_path, change, message):
+    assert morpholab(f"{LINE} --generations 1 --out a")[0] == 0
+    path = tmp_path / "a/config.toml"
+    path.write_text(change(path.read_text()))
+    for line in ("codesign --resume --out a", "export a --csv b.csv"):
+        code, _, error = morpholab(line)
+        assert code == 2 and f"config.toml: {message}" in error and error.count("\n") == 1
+    code, out, _ = morpholab("status a")
+    assert code == 1 and out.startswith("a: damaged: ") and message in out
+
+
+def test_checkpoints_of_another_run_are_refused(morpholab, tmp_path):
+    assert morpholab(f"{LINE} --generations 2 --out a")[0] == 0
+    assert morpholab(f"{LINE.replace('--seed 3', '--seed 4')} --generations 2 --out b")[0] == 0
+    for name in ("checkpoint.npz", "checkpoint.previous.npz"):
+        shutil.copy(tmp_path / "b" / name, tmp_path / "a" / name)
+    code, _, error = morpholab("codesign --resume --quiet --out a")
+    assert code == 2 and error.count("made with other settings") == 2 and error.count("\n") == 1
+
+
+def test_another_machine_is_noted(morpholab, tmp_path, monkeypatch):
+    assert morpholab(f"{LINE} --generations 1 --out a")[0] == 0
+    monkeypatch.setattr("optim.runs.environment._version", lambda package: "9.9")
+    code, _, error = morpholab("codesign --resume --generations 2 --quiet --out a")
+    assert code == 0 and "note: a: began elsewhere (" in error and "now 9.9" in error

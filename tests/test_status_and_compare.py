@@ -1,0 +1,117 @@
+"""Looking at runs, and comparing them, through the command line."""
+
+import json
+import signal
+
+import numpy as np
+import pytest
+from run_products import log
+
+from optim.measures.statistics import superiority
+from optim.runs.folder import locked
+
+pytestmark = pytest.mark.usefixtures("simulator")
+
+SIZE = "--terrain flat --geometry small --columns 4 --quiet"
+
+
+def design(morpholab, out, method="hill-climb", seed=0, generations=4, more="--climbers 5"):
+    line = f"codesign {SIZE} --method {method} --seed {seed} --generations {generations} {more} --out {out}"
+    assert morpholab(line)[0] == 0
+
+
+def test_status_tells_how_far_runs_are(morpholab, simulator, tmp_path):
+    design(morpholab, "runs/done")
+    simulator.calls, simulator.interrupt_at = [], 3
+    assert morpholab(f"codesign {SIZE} --climbers 5 --generations 4 --out runs/cut")[0] == 130
+    simulator.calls, simulator.interrupt_at = [], 1
+    code, out, _ = morpholab(f"codesign {SIZE} --out runs/none --json")
+    assert code == 130 and json.loads(out) == {"folder": "runs/none", "interrupted": True}
+    code, out, error = morpholab("status runs --json")
+    cut, done, none = json.loads(out)
+    assert code == 0 and error == ""
+    last = log(tmp_path / "runs/done")[-1]
+    assert done["state"] == "finished" and done["seconds_left"] == 0 and done["best"] == last["best"]
+    assert (done["generation"], done["generations"], done["evaluations"]) == (4, 4, 25)
+    assert cut["state"] == "stopped" and cut["generation"] == 1
+    assert cut["seconds_left"] == pytest.approx(3 * cut["seconds_per_generation"])
+    assert none["generation"] is None and none["evaluations"] == 0
+    with locked(tmp_path / "runs/cut"):
+        code, out, _ = morpholab("status runs/cut runs/none")
+    assert out.startswith("runs/cut: running, hill-climb, generation 1/4, best ")
+    assert out.endswith("runs/none: stopped, hill-climb, no complete generation yet of 201\n")
+
+
+def test_a_run_is_ended_politely_by_sigterm(morpholab, simulator, tmp_path):
+    evaluate = simulator.diverges
+
+    def ended(design, terrain):
+        if len(simulator.calls) == 3:
+            signal.raise_signal(signal.SIGTERM)
+        return evaluate(design, terrain)
+
+    simulator.diverges = ended
+    code, out, _ = morpholab(f"codesign {SIZE} --climbers 5 --generations 4 --out a --json")
+    assert code == 143 and json.loads(out)["interrupted"] and json.loads(out)["generation"] == 1
+    simulator.diverges = evaluate
+    assert morpholab("codesign --resume --quiet --out a")[0] == 0
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_runs_that_differ_in_their_seed_are_one_group(morpholab, tmp_path):
+    for seed in range(3):
+        design(morpholab, f"runs/climb{seed}", "hill-climb", seed)
+        design(morpholab, f"runs/random{seed}", "random", seed, generations=3)
+    code, out, _ = morpholab("compare runs --out curves.png --json")
+    document = json.loads(out)
+    assert code == 0 and document["at"] == 20 and document["by"] == "evaluations"
+    climb, random = document["groups"]
+    assert (climb["label"], climb["unit"], climb["count"], random["label"]) == ("hill-climb", "runs", 3, "random")
+    best = {
+        name: [log(tmp_path / f"runs/{name}{seed}")[3]["best"] for seed in range(3)] for name in ("climb", "random")
+    }
+    assert climb["mean"] == pytest.approx(np.mean(best["climb"])) and climb["low"] <= climb["mean"] <= climb["high"]
+    (difference,) = document["differences"]
+    assert difference["effect"]["superiority"] == superiority(best["climb"], best["random"])
+    assert difference["effect"]["difference"] == pytest.approx(np.mean(best["random"]) - np.mean(best["climb"]))
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+    code, out, _ = morpholab("compare runs --by generations")
+    assert out.startswith("best scores at 3 generations: mean, its 95 % interval, best\n  hill-climb (3 runs): ")
+    assert "random minus hill-climb: " in out and "A12 " in out
+
+
+def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):
+    design(morpholab, "a")
+    design(morpholab, "b", more='--climbers 4 --set start={"pressure":3000}'.replace('"', '\\"'))
+    document = json.loads(morpholab("compare a b --json")[1])
+    assert [(group["unit"], group["count"]) for group in document["groups"]] == [("climbers", 5), ("climbers", 4)]
+    assert [group["label"] for group in document["groups"]] == [
+        "hill-climb, climbers 5",
+        "hill-climb, climbers 4, pressure 3000",
+    ]
+    scores = [log(tmp_path / "a")[i]["scores"] for i in range(5)]
+    assert document["at"] == 20 and document["groups"][0]["mean"] == pytest.approx(np.mean(scores[3]))
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("compare nothing", "run: nothing does not exist"),
+        ("status .", "run: . holds no run"),
+        ("compare a --out a.txt", "out: a.txt is not allowed; its name must end in .png"),
+        ("compare a --out no/where.png", "out: no/where.png cannot be written"),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(morpholab, line, message):
+    design(morpholab, "a/b", generations=0)
+    design(morpholab, "deeper/c/d", generations=0)
+    code, _, error = morpholab(line)
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_unknown_times_cannot_be_compared(morpholab, tmp_path):
+    design(morpholab, "a")
+    (tmp_path / "a/timing.jsonl").unlink()
+    assert morpholab("status a")[0] == 0
+    code, _, error = morpholab("compare a --by seconds")
+    assert code == 2 and "by: the times of a are not known" in error

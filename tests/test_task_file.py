@@ -1,0 +1,67 @@
+"""Options from a file."""
+
+import tomllib
+
+import pytest
+
+pytestmark = pytest.mark.usefixtures("simulator")
+
+TASK = """
+terrain = ["flat", "hill:5"]
+free = ["shape", "control"]
+method = "random"
+climbers = 3
+generations = 1
+start-pressure = 2000.0
+geometry = "small"
+columns = 4
+orientation = 10
+
+[set]
+seed = 7
+"""
+
+
+def test_a_task_says_what_options_say(morpholab, tmp_path):
+    (tmp_path / "task.toml").write_text(TASK.replace("start-pressure = 2000.0\n", ""))
+    assert morpholab("codesign --task task.toml --quiet --out a")[0] == 0
+    line = "--terrain flat --terrain hill:5 --free shape,control --method random --climbers 3 --generations 1"
+    line += " --geometry small --columns 4 --orientation 10 --seed 7 --quiet"
+    assert morpholab(f"codesign {line} --out b")[0] == 0
+    assert (tmp_path / "a/config.toml").read_bytes() == (tmp_path / "b/config.toml").read_bytes()
+
+
+def test_the_command_line_counts_more(morpholab, tmp_path):
+    (tmp_path / "task.toml").write_text(TASK)
+    line = "codesign --task task.toml --quiet --out a --terrain hill:3 --method hill-climb --climbers 2"
+    assert morpholab(line)[0] == 0
+    config = tomllib.loads((tmp_path / "a/config.toml").read_text())
+    assert [terrain["slope"] for terrain in config["problem"]["terrains"]] == [3.0]
+    method = {"name": "hill-climb", "climbers": 2, "seed": 7, "start": {"pressure": 2000.0}}
+    assert config["method"] == method and config["generations"] == 1
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        ("climber = 3", "task: task.toml has an unknown key 'climber'; did you mean climbers?"),
+        ("generation = 3", "did you mean generations?"),
+        ("wings = 2", "task: task.toml has an unknown key 'wings'\n"),
+        ("out = 'b'", "task: task.toml has an unknown key 'out'"),
+        ("climbers = ", "task: task.toml cannot be read"),
+        ("climbers = 0", "argument --climbers: 0 is not allowed; give a whole number, at least 1"),
+        ("terrain = ['moon']", "argument --terrain: 'moon'"),
+        ("set = {step = 3}", "step: method hill-climb does not take it; its settings are climbers, seed, start\n"),
+        ("set = {climber = 3}", "its settings are climbers, seed, start; did you mean climbers?"),
+        ("set = ['climbers']", "set: 'climbers' is not allowed; give NAME=VALUE"),
+    ],
+)
+def test_a_wrong_task_is_one_line(morpholab, tmp_path, task, message):
+    (tmp_path / "task.toml").write_text(task)
+    code, _, error = morpholab("codesign --terrain flat --task task.toml --quiet --out a")
+    assert code == 2 and message in error and error.count("\n") == 1 and not (tmp_path / "a").exists()
+
+
+def test_a_task_that_is_not_there_is_one_line(morpholab):
+    code, _, error = morpholab("codesign --terrain flat --task task.toml --out a")
+    assert code == 2 and "task: task.toml cannot be read" in error and error.count("\n") == 1
