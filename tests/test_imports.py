@@ -67,7 +67,9 @@ def test_importing_everything_starts_no_taichi_and_prints_nothing():
     assert out == ""
 
 
-@pytest.mark.parametrize("package", ["optim.search", "optim.runs", "optim.space", "optim.problem"])
+@pytest.mark.parametrize(
+    "package", ["optim.search", "optim.measures.pareto", "optim.runs", "optim.space", "optim.problem"]
+)
 def test_searching_needs_neither_robots_nor_physics(package):
     forbidden = ("robots", "taichi_sim", "taichi")
     program = f"import sys, {package}; print([name for name in {forbidden} if name in sys.modules])"

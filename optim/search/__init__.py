@@ -5,18 +5,24 @@ from inspect import signature
 from typing import Any
 
 from optim.hints import nearest
+from optim.search.borg import Borg
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
+from optim.search.map_elites import MapElites
 from optim.search.method import Method, SearchResult
+from optim.search.nsga2 import NSGA2
 from optim.search.population import PopulationSearch
 from optim.search.random_search import RandomSearch
 from optim.space import Space
 
 __all__ = [
     "METHODS",
+    "NSGA2",
+    "Borg",
     "GradientAscent",
     "HillClimb",
+    "MapElites",
     "Method",
     "RandomSearch",
     "SearchResult",
@@ -26,8 +32,11 @@ __all__ = [
 ]
 
 METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
+    "borg": Borg,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
+    "map-elites": MapElites,
+    "nsga2": NSGA2,
     "random": RandomSearch,
 }
 

@@ -11,6 +11,7 @@ from optim.problem import Evaluation
 from optim.space import Space, Vector
 
 Wants = Literal["points", "relaxed", "gradients"]
+Kept = Literal["climbers", "population", "front", "elites"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,19 +21,20 @@ class SearchResult:
     Attributes:
         point: the best point, shape (D,).
         score: its objective, of several their mean; NaN as long as every evaluation has failed.
-        points: what the search keeps, shape (C, D): the best point of each climber, a population, a front, an archive.
+        points: what the search keeps, shape (C, D): see ``kind``.
         objectives: of these, shape (C, K); NaN where every evaluation has failed.
-        kind: what ``points`` are: the best of each of C independent climbers, a population, a front of several
-            objectives, the elites of an archive.
         numbers: what else the log shall tell, by name, such as the size of a front; finite, or None.
+        kind: what ``points`` are: the best point of each of the ``"climbers"``; a ``"population"``; a ``"front"``
+            that holds only successes none of which dominates another; ``"elites"``, the best success in each cell
+            of a grid. A front and elites are empty as long as every evaluation has failed.
     """
 
     point: Vector
     score: float
     points: Vector
     objectives: Vector
-    kind: Literal["climbers", "population", "front", "elites"] = "climbers"
     numbers: Mapping[str, float | int | None] = field(default_factory=dict)
+    kind: Kept = "climbers"
 
     @property
     def scores(self) -> Vector:

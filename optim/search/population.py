@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import SearchResult, Wants, check_whole, generator, single_objective, with_values
+from optim.search.method import Kept, SearchResult, Wants, check_whole, generator, single_objective, with_values
 from optim.space import Space, Vector
 
 
@@ -19,6 +19,7 @@ class PopulationSearch(ABC):
     """
 
     several_objectives: ClassVar[bool] = False
+    kind: ClassVar[Kept] = "population"  # what the points of the result are
     arrays: ClassVar[tuple[str, ...]] = ()  # attributes, arrays all of them, that change beside those below
 
     def __init__(
@@ -65,6 +66,10 @@ class PopulationSearch(ABC):
         """Remember the best, and move on."""
         if not self.several_objectives:
             single_objective(evaluation, len(self.ask()))
+        elif len(evaluation.objectives) != len(points):
+            raise ValueError(
+                f"evaluation: {len(evaluation.objectives)} given for {len(points)} points; give one for each"
+            )
         scores = evaluation.objectives.mean(axis=1)
         best = int(np.argmax(below_all(scores)))
         if self.generation == 0 or below_all(scores)[best] > below_all(self.best_score):
@@ -77,9 +82,15 @@ class PopulationSearch(ABC):
         """Take in the judgement of the points asked for, before the generation is counted."""
 
     def result(self) -> SearchResult:
-        """The best point ever met (the first of equals) and the population."""
-        best = self.best_point.copy(), float(self.best_score)
-        return SearchResult(*best, self.points.copy(), self.objectives.copy(), "population", self._numbers())
+        """The best point ever met (the first of equals) and what the search keeps."""
+        points, objectives = (values.copy() for values in self._kept())
+        return SearchResult(
+            self.best_point.copy(), float(self.best_score), points, objectives, self._numbers(), self.kind
+        )
+
+    def _kept(self) -> tuple[Vector, Vector]:
+        """The points of the result and their objectives: the population."""
+        return self.points, self.objectives
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """What the log shall tell of the search beside its points."""

@@ -1,0 +1,197 @@
+"""The Borg MOEA: a front of several objectives by operators that prove themselves, with restarts.
+
+Source: Hadka & Reed, Borg: an auto-adaptive many-objective evolutionary computing framework, Evolutionary Computation
+21(2), 2013.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.measures.pareto import dominates
+from optim.problem import Evaluation
+from optim.search.epsilon_archive import EpsilonArchive
+from optim.search.method import Kept, check_number, check_whole
+from optim.search.population import PopulationSearch
+from optim.search.variation import OPERATORS, OperatorParameters, breed, uniform_mutation
+from optim.space import Space, Vector
+
+RATIO = 4.0  # gamma: members of the population for each of the archive
+TOLERANCE = 0.25  # by how much the population may differ from that
+TOURNAMENT = 0.02  # tau: of the population takes part in a tournament
+NOBODY = -1  # label of what no operator made
+
+
+class Borg(PopulationSearch):
+    """A population of varying size, and an archive of boxes of objectives.
+
+    A child has one parent from the archive; the others win tournaments of the population (by dominance). Operators
+    are drawn in proportion to how many members of the archive they made, plus one. A child replaces a member of the
+    population that it dominates, or, where nothing dominates it, any. The population restarts, from the archive and
+    mutants of it, if no new box was reached in a while, or if it is not about four times as large as the archive.
+
+    Differs from the paper: the N points of a generation are bred from the same population and archive, and then taken
+    in one after the other; an operator gives one child; restarts are considered between generations, once ``window``
+    evaluations have passed since the last time or since the mutants of a restart are judged; at least one variable is
+    drawn anew by uniform mutation; failures are left out of everything, and while the population is short of members,
+    every success joins it; the population never becomes smaller than N.
+    """
+
+    several_objectives: ClassVar[bool] = True
+    kind: ClassVar[Kept] = "front"
+    arrays: ClassVar[tuple[str, ...]] = (
+        "members",
+        "member_objectives",
+        "size",
+        "missing",
+        "restarts",
+        "progress",
+        "passed",
+    )
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        epsilons: float | Sequence[float] = 0.01,
+        window: int = 200,
+        operators: Mapping[str, float] | None = None,
+    ) -> None:
+        """Set up the search.
+
+        Args:
+            space: what may be changed.
+            population: N, the first size of the population and its smallest; N points are asked for at a time.
+            seed: of all random numbers.
+            start: values by name with which the search begins; the other variables start at random.
+            epsilons: sides of the boxes, one for all objectives or one for each, in their units: differences smaller
+                than that do not matter.
+            window: evaluations after which the search restarts if no new box was reached.
+            operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published.
+        """
+        check_whole("window", window, 1)
+        for epsilon in epsilons if isinstance(epsilons, Sequence) else [epsilons]:
+            check_number("epsilons", epsilon, 1e-12, 1e12)
+        known = OperatorParameters.__dataclass_fields__
+        for name in operators or {}:
+            if name not in known:
+                raise ValueError(f"operators: {name!r} is unknown; its parameters are {', '.join(known)}")
+        self.window, self.epsilons = window, np.array(epsilons, float)
+        self.parameters = OperatorParameters(**dict(operators or {}))  # type: ignore[arg-type]
+        super().__init__(space, population=population, seed=seed, start=start)
+        self._begin(max(self.epsilons.size, 1))
+
+    def _begin(self, count: int) -> None:
+        """No members yet, for ``count`` objectives."""
+        if self.epsilons.size not in (1, count):
+            raise ValueError(f"epsilons: {self.epsilons.size} given for {count} objectives; give one, or one for each")
+        self.archive = EpsilonArchive.empty(np.broadcast_to(self.epsilons, count).copy(), self.space.size)
+        self.members, self.member_objectives = np.empty((0, self.space.size)), np.empty((0, count))
+        self.size = np.array(self.population)  # that the population shall have
+        self.missing = np.array(0)  # mutants of a restart yet to be asked for
+        self.restarts, self.progress, self.passed = np.array(0), np.array(0), np.array(0)
+
+    def ask(self) -> Vector:
+        """The starts, then mutants of a restart, if any are missing, and children, shape (N, D)."""
+        if self.generation == 0:
+            return self._starts()
+        if not len(self.archive.points):
+            return self.space.sample(self._generator(), self.population)
+        makers = self._makers()
+        points = np.empty((self.population, self.space.size))
+        mutants = int((makers == NOBODY).sum())
+        rng = self._generator(1)
+        chosen = self.archive.points[rng.integers(len(self.archive.points), size=mutants)]
+        points[makers == NOBODY] = uniform_mutation(self.space, chosen, rng)
+        for k, operator in enumerate(OPERATORS):
+            rng, mine = self._generator(2, k), makers == k
+            if mine.any():
+                parents = self._parents(self.parameters.count(operator), int(mine.sum()), rng)
+                points[mine] = breed(self.space, operator, parents, self.parameters, rng)
+        return points
+
+    def probabilities(self) -> Vector:
+        """With which each of ``OPERATORS`` is drawn, shape (6,) (paper, section 3, with zeta = 1)."""
+        made = self.archive.labels[self.archive.labels != NOBODY]
+        counts = np.bincount(made, minlength=len(OPERATORS)) + 1.0
+        return counts / counts.sum()
+
+    def _makers(self) -> NDArray[np.int64]:
+        """Which operator makes each point of this generation, shape (N,); first come those that none makes."""
+        makers = self._generator(3).choice(len(OPERATORS), self.population, p=self.probabilities())
+        nobody = len(makers) if not len(self.archive.points) else int(self.missing)
+        return np.where(np.arange(len(makers)) < nobody, NOBODY, makers)
+
+    def _parents(self, count: int, matings: int, rng: np.random.Generator) -> Vector:
+        """The parents of each mating, shape (count, M, D), the one from the archive first."""
+        first = self.archive.points[rng.integers(len(self.archive.points), size=matings)]
+        entrants = max(2, int(TOURNAMENT * len(self.members)))
+        winners, *others = rng.integers(len(self.members), size=(entrants, count - 1, matings))
+        for other in others:
+            better = dominates(self.member_objectives[other], self.member_objectives[winners])
+            winners = np.where(better, other, winners)
+        return np.concatenate([first[None], self.members[winners]])
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """Offer the successes to the archive and the population, one after the other; then restart if need be."""
+        if self.generation == 0:
+            self._begin(evaluation.objectives.shape[1])
+        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+        makers, rng = self._makers(), self._generator(4)
+        for point, objectives, maker in zip(points, evaluation.objectives, makers.tolist(), strict=True):
+            if not np.isnan(objectives).any():
+                self.archive, progressed = self.archive.with_point(point, objectives, maker)
+                self.progress = self.progress + progressed
+                self._join(point, objectives, rng)
+        mutants = min(int(self.missing), len(points))
+        self.missing, self.passed = self.missing - mutants, self.passed + len(points) - mutants
+        if not self.missing and self.passed >= self.window and len(self.archive.points):
+            self._consider_restart()
+
+    def _join(self, point: Vector, objectives: Vector, rng: np.random.Generator) -> None:
+        """Put a success into the population if it deserves it (paper, section 3)."""
+        if len(self.members) < self.size:
+            self.members = np.concatenate([self.members, point[None]])
+            self.member_objectives = np.concatenate([self.member_objectives, objectives[None]])
+            return
+        beaten = np.flatnonzero(dominates(objectives, self.member_objectives))
+        if not beaten.size and dominates(self.member_objectives, objectives).any():
+            return
+        left = int(rng.choice(beaten)) if beaten.size else int(rng.integers(len(self.members)))
+        self.members[left], self.member_objectives[left] = point, objectives
+
+    def _consider_restart(self) -> None:
+        """Begin again from the archive if the search stands still, or the population has the wrong size."""
+        archived = len(self.archive.points)
+        wanted = max(self.population, int(RATIO * archived))
+        if not self.progress or abs(int(self.size) - wanted) > TOLERANCE * wanted:
+            self.members, self.member_objectives = self.archive.points.copy(), self.archive.objectives.copy()
+            self.size, self.missing = np.array(wanted), np.array(max(0, wanted - archived))
+            self.restarts = self.restarts + 1
+        self.progress, self.passed = np.array(0), np.array(0)
+
+    def _kept(self) -> tuple[Vector, Vector]:
+        """The archive; none of its points dominates another."""
+        return self.archive.points, self.archive.objectives
+
+    def _numbers(self) -> Mapping[str, float | int | None]:
+        """Sizes of archive and population, restarts, and the probabilities of the operators."""
+        sizes = {"front": len(self.archive.points), "population": len(self.members), "restarts": int(self.restarts)}
+        return sizes | dict(zip(OPERATORS, self.probabilities().tolist(), strict=True))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What changes: the last generation's points, the population, counters, and the archive."""
+        archive = {name: getattr(self.archive, name).copy() for name in ("points", "objectives", "labels")}
+        return super().state() | {f"archive_{name}": values for name, values in archive.items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        super().restore(state)
+        points, objectives, labels = (state[f"archive_{name}"].copy() for name in ("points", "objectives", "labels"))
+        epsilons = np.broadcast_to(self.epsilons, objectives.shape[1]).copy()
+        self.archive = EpsilonArchive(epsilons, points, objectives, labels)

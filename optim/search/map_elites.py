@@ -1,0 +1,173 @@
+"""MAP-Elites: the best point of every kind.
+
+Sources: Mouret & Clune, Illuminating search spaces by mapping elites, arXiv:1504.04909, 2015, figure 2; Vassiliades &
+Mouret, Discovering the elite hypervolume by leveraging interspecies correlation, GECCO 2018 (the line operator).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.method import Kept, check_number, check_whole
+from optim.search.population import PopulationSearch
+from optim.space import Space, Vector
+
+Variation = Literal["gaussian", "line"]
+SPREAD, LINE = 0.01, 0.2  # sigma_1 and sigma_2 of the line operator (Vassiliades & Mouret 2018)
+STEP = 0.1  # of the range: a mutation where a variable has no step; of whole numbers at least 1/2
+MOST_CELLS = 1_000_000
+
+
+class MapElites(PopulationSearch):
+    """A grid of cells over descriptors of a point; each cell keeps the best success that fell into it, its elite.
+
+    Generation 0 evaluates N random points; afterwards each of N children comes from elites drawn uniformly. Values of
+    a descriptor beyond its range count as those at the end of the range.
+    """
+
+    kind: ClassVar[Kept] = "elites"
+    arrays: ClassVar[tuple[str, ...]] = ("cells", "elites", "elite_objectives")
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        descriptors: Sequence[str] | None = None,
+        bins: int = 10,
+        ranges: Mapping[str, Sequence[float]] | None = None,
+        variation: Variation = "gaussian",
+        offset: float = 0.0,
+    ) -> None:
+        """Set up the grid.
+
+        Args:
+            space: what may be changed.
+            population: N, the number of points of a generation.
+            seed: of all random numbers.
+            start: values by name with which the search begins; the other variables start at random.
+            descriptors: what tells kinds of points apart: names of variables, or of details of their evaluation, of
+                shape (N,), if ``ranges`` has them. The first two continuous variables or angles, if None.
+            bins: cells along each descriptor.
+            ranges: [low, high] of a descriptor by name; of a variable its bounds, if not given.
+            variation: ``"gaussian"``: a child is an elite plus normal deviates of the variables' steps, reflected at
+                the bounds, and of a variable without a step of a tenth of its range (whole numbers: at least 1/2).
+                ``"line"``: an elite plus deviates of 1 % of the ranges (whole numbers: their steps) and a step along
+                the line to another elite, of 20 % of its length.
+            offset: score from which the QD score counts.
+        """
+        check_whole("bins", bins, 1)
+        check_number("offset", offset, -np.finfo(float).max, np.finfo(float).max)
+        if variation not in get_args(Variation):
+            raise ValueError(f"variation: {variation!r} is not allowed; choose one of {', '.join(get_args(Variation))}")
+        super().__init__(space, population=population, seed=seed, start=start)
+        self.variation, self.bins, self.offset = variation, bins, offset
+        self.descriptors = self._names(descriptors)
+        self.ranges = [self._range(name, ranges or {}) for name in self.descriptors]
+        for name in ranges or {}:
+            if name not in self.descriptors:
+                raise ValueError(f"ranges: {name} is no descriptor; these are {', '.join(self.descriptors)}")
+        if self.count > MOST_CELLS:
+            raise ValueError(
+                f"bins: {bins} is not allowed for {len(self.ranges)} descriptors; give at most {MOST_CELLS} cells"
+            )
+        whole = np.array([variable.is_integer for variable in space.variables])
+        default = np.where(whole, np.maximum(STEP * space.span, 0.5), STEP * space.span)
+        self.steps = np.where(space.step > 0, space.step, default)
+        self.spread = np.where(whole, self.steps, SPREAD * space.span)
+        self.cells = np.empty(0, np.int64)
+        self.elites, self.elite_objectives = np.empty((0, space.size)), np.empty((0, 1))
+
+    @property
+    def count(self) -> int:
+        """Number of cells of the grid."""
+        return int(self.bins ** len(self.descriptors))
+
+    def _names(self, descriptors: Sequence[str] | None) -> tuple[str, ...]:
+        """The descriptors that are given, or else those that the space suggests."""
+        names = descriptors
+        if names is None:
+            names = [v.name for v in self.space.variables if not v.is_integer][:2]
+        if isinstance(names, str) or not names or len(set(names)) < len(names):
+            raise ValueError(f"descriptors: {names!r} is not allowed; give a list of names that differ, at least one")
+        return tuple(names)
+
+    def _range(self, name: str, ranges: Mapping[str, Sequence[float]]) -> tuple[float, float]:
+        """Lower and upper end of a descriptor."""
+        if name in ranges:
+            try:
+                low, high = (float(end) for end in ranges[name])
+            except (TypeError, ValueError):
+                low, high = np.nan, np.nan
+            if not (np.isfinite([low, high]).all() and low < high):
+                raise ValueError(f"ranges: {ranges[name]!r} of {name} is not allowed; give [low, high]")
+            return low, high
+        if name not in self.space.names:
+            raise ValueError(
+                f"descriptors: {name} is no variable ({', '.join(self.space.names)}); give its [low, high] in ranges"
+            )
+        variable = self.space.variables[self.space.names.index(name)]
+        return variable.low, variable.high
+
+    def ask(self) -> Vector:
+        """The starts, then children of elites, shape (N, D)."""
+        if self.generation == 0:
+            return self._starts()
+        rng = self._generator(1)
+        if not len(self.elites):
+            return self.space.sample(rng, self.population)
+        shape = (self.population, self.space.size)
+        parents, others = self.elites[rng.integers(len(self.elites), size=(2, self.population))]
+        deviates = rng.standard_normal(shape)
+        if self.variation == "gaussian":
+            return self.space.reflect(self.space.round(parents + self.steps * deviates))
+        along = LINE * rng.standard_normal((self.population, 1)) * self.space.offset(others, parents) * self.space.span
+        return self.space.reflect(self.space.round(parents + self.spread * deviates + along))
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """Let the best success of each cell, the earliest of equals, be its elite."""
+        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+        succeeded = ~np.isnan(evaluation.objectives[:, 0])
+        cells = np.append(self.cells, self._cells(points, evaluation)[succeeded])
+        everyone = np.concatenate([self.elites, points[succeeded]])
+        objectives = np.concatenate([self.elite_objectives, evaluation.objectives[succeeded]])
+        order = np.lexsort((-objectives[:, 0], cells))  # stable, so elites come before their equals
+        self.cells, first = np.unique(cells[order], return_index=True)
+        self.elites, self.elite_objectives = everyone[order[first]], objectives[order[first]]
+
+    def _cells(self, points: Vector, evaluation: Evaluation) -> NDArray[np.int64]:
+        """Number of the cell of each point, shape (N,); the last descriptor varies fastest. Of failures 0."""
+        numbers = np.zeros(len(points), np.int64)
+        for name, (low, high) in zip(self.descriptors, self.ranges, strict=True):
+            place = np.nan_to_num((self._descriptor(name, points, evaluation) - low) / (high - low))
+            numbers = numbers * self.bins + np.clip(np.floor(place * self.bins), 0, self.bins - 1).astype(np.int64)
+        return numbers
+
+    def _descriptor(self, name: str, points: Vector, evaluation: Evaluation) -> Vector:
+        """Values of one descriptor, shape (N,)."""
+        if name in self.space.names:
+            column = self.space.names.index(name)
+            values, top = points[:, column], self.space.high[column]
+            same = self.space.angles[column] & (values == top)  # the two ends of an angle are one direction
+            return np.where(same, self.space.low[column], values)
+        if name not in evaluation.details:
+            known = ", ".join(evaluation.details) or "none"
+            raise ValueError(f"descriptors: {name} is no detail of the evaluation; it has {known}")
+        details: NDArray[Any] = np.asarray(evaluation.details[name], float)
+        if details.shape != (len(points),):
+            raise ValueError(f"descriptors: {name} of shape {details.shape} is not allowed; give one number a point")
+        return details
+
+    def _kept(self) -> tuple[Vector, Vector]:
+        """The elites in the order of their cells."""
+        return self.elites, self.elite_objectives
+
+    def _numbers(self) -> Mapping[str, float | int | None]:
+        """Cells that have an elite, their share of all cells, and the sum of scores above the offset (QD score)."""
+        above = np.maximum(self.elite_objectives[:, 0] - self.offset, 0)
+        return {"cells": len(self.cells), "coverage": len(self.cells) / self.count, "qd_score": float(above.sum())}
