@@ -21,8 +21,7 @@ from hypothesis import strategies as st
 from optim.measures.pareto import non_dominated
 from optim.problem import Evaluation
 from optim.search import Borg
-from optim.search.epsilon_archive import EpsilonArchive
-from optim.search.variation import (
+from optim.search.borg_operators import (
     OPERATORS,
     OperatorParameters,
     breed,
@@ -34,6 +33,7 @@ from optim.search.variation import (
     uniform_mutation,
     unimodal_normal,
 )
+from optim.search.epsilon_archive import EpsilonArchive
 from optim.space import Space, Variable
 
 EPSILONS = {"zdt1": 0.01, "dtlz2": 0.05}

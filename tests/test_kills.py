@@ -68,7 +68,7 @@ def test_25_kills_at_random_instants_change_nothing(tmp_path, whole):
 def descendants(pid):
     """Processes that a process has started, and those that these have."""
     found, parents = [], {pid}
-    for entry in sorted((int(p.name) for p in Path("/proc").iterdir() if p.name.isdigit())):
+    for entry in sorted(int(p.name) for p in Path("/proc").iterdir() if p.name.isdigit()):
         try:
             fields = Path(f"/proc/{entry}/stat").read_text().rpartition(")")[2].split()
             name = Path(f"/proc/{entry}/cmdline").read_bytes().decode().replace("\0", " ")

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from optim.measures.pareto import dominates
 from optim.problem import Evaluation
+from optim.search.borg_operators import OPERATORS, OperatorParameters, breed, uniform_mutation
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import Kept, check_number, check_whole
 from optim.search.population import PopulationSearch
-from optim.search.variation import OPERATORS, OperatorParameters, breed, uniform_mutation
 from optim.space import Space, Vector
 
 RATIO = 4.0  # gamma: members of the population for each of the archive
