@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from inspect import signature
 from typing import Any
 
+from optim.search.differential_evolution import DifferentialEvolution
+from optim.search.genetic import GeneticSearch
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
@@ -14,6 +16,8 @@ from optim.space import Space
 
 __all__ = [
     "METHODS",
+    "DifferentialEvolution",
+    "GeneticSearch",
     "GradientAscent",
     "HillClimb",
     "Method",
@@ -24,6 +28,8 @@ __all__ = [
 ]
 
 METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
+    "de": DifferentialEvolution,
+    "genetic": GeneticSearch,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
     "random": RandomSearch,
