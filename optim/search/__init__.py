@@ -9,6 +9,7 @@ from optim.search.genetic import GeneticSearch
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
+from optim.search.memetic import MemeticSearch
 from optim.search.method import Method, SearchResult
 from optim.search.population import PopulationSearch
 from optim.search.random_search import RandomSearch
@@ -20,6 +21,7 @@ __all__ = [
     "GeneticSearch",
     "GradientAscent",
     "HillClimb",
+    "MemeticSearch",
     "Method",
     "RandomSearch",
     "SearchResult",
@@ -32,6 +34,7 @@ METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
     "genetic": GeneticSearch,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
+    "memetic": MemeticSearch,
     "random": RandomSearch,
 }
 
