@@ -80,7 +80,7 @@ def _group(curve: "Curve", end: float) -> dict[str, Any]:
 def _lines(document: dict[str, Any], differences: "list[Difference]") -> list[str]:
     lines = [f"best scores at {document['at']:g} {document['by']}: mean, its 95 % interval, best"]
     for group in document["groups"]:
-        number = f"{group['count']} {group['unit']}"
+        number = f"{group['count']} {group['unit']}" if group["count"] > 1 else "one run"
         if group["without_success"]:
             number += f", {group['without_success']} without any success"
         if group["mean"] is None:

@@ -6,10 +6,13 @@ from typing import Any
 
 from optim.hints import nearest
 from optim.search.borg import Borg
+from optim.search.differential_evolution import DifferentialEvolution
+from optim.search.genetic import GeneticSearch
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
 from optim.search.map_elites import MapElites
+from optim.search.memetic import MemeticSearch
 from optim.search.method import Method, SearchResult
 from optim.search.nsga2 import NSGA2
 from optim.search.population import PopulationSearch
@@ -20,9 +23,12 @@ __all__ = [
     "METHODS",
     "NSGA2",
     "Borg",
+    "DifferentialEvolution",
+    "GeneticSearch",
     "GradientAscent",
     "HillClimb",
     "MapElites",
+    "MemeticSearch",
     "Method",
     "RandomSearch",
     "SearchResult",
@@ -33,9 +39,12 @@ __all__ = [
 
 METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
     "borg": Borg,
+    "de": DifferentialEvolution,
+    "genetic": GeneticSearch,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
     "map-elites": MapElites,
+    "memetic": MemeticSearch,
     "nsga2": NSGA2,
     "random": RandomSearch,
 }

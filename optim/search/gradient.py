@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import Wants, check_whole, generator, single_objective
-from optim.search.step_rules import LBFGS, Adam, StepRule
+from optim.search.method import Wants, check_whole, generator, single_objective, slopes_per_range
+from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from optim.space import Space, Vector
 
 PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
@@ -133,7 +133,10 @@ class GradientAscent(IndependentSearches):
             return
         if not self.alternates:
             self._keep(*_best_of_each(points, scores, self.climbers))
-        values, slopes = self._exact(scores, evaluation) if self.exact else self._smoothed(scores)
+        if self.exact:
+            values, slopes = scores, slopes_per_range(evaluation, self.space, self.climbers)
+        else:
+            values, slopes = self._smoothed(scores)
         self._advance()  # the streams of restarts are those of the generation to come
         self._move(values, slopes)
 
@@ -145,14 +148,6 @@ class GradientAscent(IndependentSearches):
             self.value[:] = self.record[:] = -np.inf
             self.stalled[:] = 0
             self.rule.forget(np.ones(self.climbers, bool))
-
-    def _exact(self, scores: Vector, evaluation: Evaluation) -> tuple[Vector, Vector]:
-        """Values, shape (C,), and slopes [objective per range], shape (C, D), as the problem gives them."""
-        shape = None if evaluation.gradients is None else evaluation.gradients.shape
-        if evaluation.gradients is None or shape != self.here.shape:
-            raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {self.here.shape}")
-        with np.errstate(over="ignore"):
-            return scores, evaluation.gradients * self.space.span
 
     def _smoothed(self, scores: Vector) -> tuple[Vector, Vector]:
         """Values and slopes of the mean under normal deviates, from the pairs that did not fail; else NaN."""
@@ -182,7 +177,7 @@ class GradientAscent(IndependentSearches):
         self.anchor = np.where(accepted[:, None], self.here, self.anchor)
         self.value = np.where(accepted, values, self.value)
         self.slope = np.where(accepted[:, None], slopes, self.slope)
-        steps = self.rule.steps(accepted, self.slope, self._free())
+        steps = self.rule.steps(accepted, self.slope, free_variables(self.space, self.anchor, self.slope))
         self.step = np.where(accepted[:, None], steps, self.step)
         self.scale = np.where(accepted, np.minimum(1.0, 2 * self.scale), self.scale / 2)
         self.here = self.relaxed.bound(self.anchor + self.scale[:, None] * self.step * self.space.span)
@@ -194,11 +189,6 @@ class GradientAscent(IndependentSearches):
         lost = ~valid & np.isnan(self.anchor).any(axis=1)  # its start failed
         flat = accepted & (self.step == 0).all(axis=1)  # a plateau, or a summit
         self._restart(lost | flat | (self.stalled >= self.patience))
-
-    def _free(self) -> NDArray[np.bool_]:
-        """Which variables the gradient does not push against a bound, shape (C, D)."""
-        held = (self.anchor <= self.space.low) & (self.slope < 0) | (self.anchor >= self.space.high) & (self.slope > 0)
-        return ~held | self.space.angles
 
     def _restart(self, climbers: NDArray[np.bool_]) -> None:
         """Let some climbers begin anew, at a random point of the relaxed space."""

@@ -115,6 +115,15 @@ def single_objective(evaluation: Evaluation, count: int) -> Vector:
     return evaluation.objectives[:, 0]
 
 
+def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Vector:
+    """The gradients of ``count`` points [objective per range], shape (count, D); a one-line ValueError without."""
+    shape = None if evaluation.gradients is None else evaluation.gradients.shape
+    if evaluation.gradients is None or shape != (count, space.size):
+        raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {(count, space.size)}")
+    with np.errstate(over="ignore"):
+        return evaluation.gradients * space.span
+
+
 def with_values(space: Space, points: Vector, values: Mapping[str, float]) -> Vector:
     """The points, shape (N, D), with the values of some variables given by name."""
     space.check_names("start", values)

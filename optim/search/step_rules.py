@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.space import Vector
+from optim.space import Space, Vector
 
 Mask = NDArray[np.bool_]
 LONGEST = 0.25  # of a range: no coordinate takes a longer step of L-BFGS
@@ -110,6 +110,12 @@ class LBFGS(StepRule):
         upwards = (step * slope).sum(axis=1, keepdims=True) > 0
         step = np.where(scaled & upwards & np.isfinite(step).all(axis=1, keepdims=True), step, steepest)
         return step * (LONGEST / np.maximum(abs(step).max(axis=1, keepdims=True), LONGEST))
+
+
+def free_variables(space: Space, points: Vector, gradients: Vector) -> Mask:
+    """Which variables a gradient does not push against a bound that they are at, shape (C, D)."""
+    held = (points <= space.low) & (gradients < 0) | (points >= space.high) & (gradients > 0)
+    return ~held | space.angles
 
 
 def _length(vectors: Vector) -> Vector:

@@ -1,0 +1,152 @@
+"""Differential evolution: steps are differences between members of the population.
+
+Sources: Storn & Price, J. Global Optim. 11, 1997 (rand/1/bin, best/1/bin, rand/2/bin); Das & Suganthan, IEEE Trans.
+Evol. Comput. 15, 2011 (survey; dither of the weight); Zhang & Sanderson, IEEE Trans. Evol. Comput. 13, 2009
+(current-to-pbest); Lampinen & Zelinka, Mendel 1999 (mixed variables: whole numbers are rounded to be judged only).
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.method import check_number, check_whole
+from optim.search.population import PopulationSearch, below_all
+from optim.search.variation import around_start, ranking
+from optim.space import Space, Vector
+
+Strategy = Literal["rand/1/bin", "rand/2/bin", "best/1/bin", "current-to-pbest/1/bin"]
+OTHERS = {"rand/1/bin": 3, "rand/2/bin": 5, "best/1/bin": 3, "current-to-pbest/1/bin": 3}  # members drawn for a trial
+PBEST = 0.1  # p of current-to-pbest: the part of the population that counts as best
+
+
+class DifferentialEvolution(PopulationSearch):
+    """N members, and for each of them one trial a generation, which replaces it if it is at least as good.
+
+    Generation 0 evaluates random starts. Equals replace so that the population moves on plateaus; a trial that
+    failed replaces none but a member that failed too. Members keep real values of their whole numbers, from half
+    below ``low`` to half above ``high`` (of a binary: from 0 to 1), which are rounded to be judged only: differences
+    between members then do not die out as soon as their whole numbers agree. Differences of angles are taken the
+    short way round. Trials are reflected at the bounds.
+
+    The published vehicle experiments used ``"rand/2/bin"``; the default is greedier, and needs fewer evaluations.
+    """
+
+    arrays: ClassVar[tuple[str, ...]] = ("values",)
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        strategy: Strategy = "current-to-pbest/1/bin",
+        weight: float = 0.5,
+        dither: float = 0.3,
+        crossover: float = 0.5,
+    ) -> None:
+        """Set up the population.
+
+        Args:
+            space: what may be changed.
+            population: N, at least 4, and 6 for ``"rand/2/bin"``.
+            seed: of all random numbers.
+            start: values by name of the first member; the others start with these mutated by a step of the
+                variable, and with random values of the other variables.
+            strategy: where a mutant comes from, see :meth:`_mutants`.
+            weight: F, of the differences.
+            dither: F of a trial is drawn evenly from ``weight - dither`` to ``weight + dither``.
+            crossover: CR, the probability that a variable of the trial comes from the mutant; one always does.
+        """
+        if strategy not in get_args(Strategy):
+            raise ValueError(f"strategy: {strategy!r} is not allowed; choose one of {', '.join(get_args(Strategy))}")
+        check_whole("population", population, OTHERS[strategy] + 1)
+        check_number("weight", weight, 0.0, 2.0)
+        check_number("dither", dither, 0.0, weight)
+        check_number("crossover", crossover, 0.0, 1.0)
+        self.strategy, self.weight, self.dither, self.crossover = strategy, weight, dither, crossover
+        self.inner = _widened(space)
+        super().__init__(space, population=population, seed=seed, start=start)
+        self.values = np.full(self.points.shape, np.nan)
+
+    def ask(self) -> Vector:
+        """The starts, then a trial for each member, shape (N, D)."""
+        return self._rounded(self._trials())
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """Replace the members whose trials are at least as good."""
+        taken = below_all(evaluation.objectives) >= below_all(self.objectives)
+        self.values = np.where(taken, self._trials(), self.values)
+        self.points = np.where(taken, points, self.points)
+        self.objectives = np.where(taken, evaluation.objectives, self.objectives)
+
+    def _starts(self) -> Vector:
+        return self._rounded(self._first_values())
+
+    def _first_values(self) -> Vector:
+        rng = self._generator()
+        values = self.inner.sample(rng, self.population)
+        return self.inner.reflect(around_start(self.space, values, self.start, rng))
+
+    def _rounded(self, values: Vector) -> Vector:
+        return self.space.clip(self.space.round(values))
+
+    def _trials(self) -> Vector:
+        """Real values of the points to evaluate next, shape (N, D)."""
+        if self.generation == 0:
+            return self._first_values()
+        rng = self._generator()
+        weights = self.weight + self.dither * rng.uniform(-1, 1, (self.population, 1))
+        mutants = self._mutants(rng, weights)
+        crossed = rng.random(mutants.shape) < self.crossover
+        crossed[np.arange(self.population), rng.integers(0, self.space.size, self.population)] = True
+        return self.inner.reflect(np.where(crossed, mutants, self.values))
+
+    def _mutants(self, rng: np.random.Generator, weights: Vector) -> Vector:
+        """Base + F (difference), shape (N, D), not yet brought into the bounds.
+
+        With r1 to r5 others than the member x and each other, all drawn evenly:
+
+        - rand/1: r1 + F (r2 - r3)
+        - rand/2: r1 + F (r2 - r3) + F (r4 - r5)
+        - best/1: best + F (r2 - r3)
+        - current-to-pbest/1: x + F (p - x) + F (r2 - r3), p drawn from the best tenth
+        """
+        others = self.values[distinct_others(rng, self.population, OTHERS[self.strategy])]
+        base, difference = others[0], self._difference(others[1], others[2])
+        if self.strategy == "rand/2/bin":
+            difference = difference + self._difference(others[3], others[4])
+        elif self.strategy == "best/1/bin":
+            base = self.values[ranking(self.objectives[:, 0])[:1]]
+        elif self.strategy == "current-to-pbest/1/bin":
+            elite = ranking(self.objectives[:, 0])[: max(1, round(PBEST * self.population))]
+            base = self.values
+            difference = difference + self._difference(self.values[rng.choice(elite, self.population)], base)
+        return base + weights * difference
+
+    def _difference(self, values: Vector, origin: Vector) -> Vector:
+        return self.inner.offset(values, origin) * self.inner.span
+
+
+def distinct_others(rng: np.random.Generator, population: int, count: int) -> NDArray[np.int64]:
+    """For every member others than itself that differ from each other, shape (count, N), drawn evenly."""
+    taken = np.arange(population)[None]
+    for _ in range(count):
+        drawn = rng.integers(0, population - len(taken), population)  # among those that are not taken
+        for before in np.sort(taken, axis=0):
+            drawn = drawn + (drawn >= before)
+        taken = np.concatenate([taken, drawn[None]])
+    return taken[1:]
+
+
+def _widened(space: Space) -> Space:
+    """The space of real values whose rounding is evenly spread over the points of a space."""
+    relaxed = (
+        replace(v, kind="continuous", low=v.low - 0.5, high=v.high + 0.5) if v.kind == "integer" else v
+        for v in space.relaxed().variables
+    )
+    return Space(tuple(relaxed))

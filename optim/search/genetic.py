@@ -1,0 +1,121 @@
+"""A genetic algorithm over mixed variables: tournaments, crossover, mutation, elites.
+
+Sources: Goldberg & Deb, Foundations of Genetic Algorithms 1, 1991 (tournament selection); Syswerda, Proc. ICGA 1989
+(uniform crossover); Eshelman & Schaffer, Foundations of Genetic Algorithms 2, 1993 (BLX-alpha); Mühlenbein, Proc.
+PPSN 1992 (mutation of one variable in D).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.method import check_number, check_whole
+from optim.search.population import PopulationSearch, below_all
+from optim.search.variation import around_start, mutation_steps, ranking
+from optim.space import Space, Vector
+
+ALPHA = 0.5  # of BLX: how far beyond its parents a child may lie, of their distance
+
+
+class GeneticSearch(PopulationSearch):
+    """N members and N children a generation, of parents that won a tournament.
+
+    Generation 0 evaluates random starts. The next population is the best N of all children and of the ``elites``
+    best members; of equals a child goes first, so that the population moves on plateaus, and a failure comes last.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        tournament: int = 2,
+        crossover: float = 0.9,
+        mutation: float | None = None,
+        elites: int | None = None,
+    ) -> None:
+        """Set up the population.
+
+        Args:
+            space: what may be changed; its variables carry the steps of the mutation, a tenth of the range if 0.
+            population: N, at least 2.
+            seed: of all random numbers.
+            start: values by name of the first member; the others start with these mutated by a step of the
+                variable, and with random values of the other variables.
+            tournament: members drawn for a parent, of which the best becomes it.
+            crossover: probability that a child has two parents, not one.
+            mutation: probability that a variable of a child mutates; one in D if None.
+            elites: members that compete with the children for a place: 0, none survives its generation; N, the best
+                of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
+        """
+        check_number("crossover", crossover, 0.0, 1.0)
+        check_whole("tournament", tournament, 1)
+        if mutation is not None:
+            check_number("mutation", mutation, 0.0, 1.0)
+        super().__init__(space, population=population, seed=seed, start=start)
+        if elites is not None:
+            check_whole("elites", elites, 0)
+        self.tournament, self.crossover = tournament, crossover
+        self.mutation = 1 / space.size if mutation is None else mutation
+        self.elites = max(1, population // 10) if elites is None else min(elites, population)
+        self.steps = mutation_steps(space)
+        self.binary = np.array([variable.kind == "binary" for variable in space.variables])
+        self.whole = np.array([variable.is_integer for variable in space.variables])
+
+    @classmethod
+    def _smallest(cls) -> int:
+        return 2
+
+    def ask(self) -> Vector:
+        """The starts, then the children, shape (N, D)."""
+        return self._starts() if self.generation == 0 else self._children(self._generator())
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """The children and the elites, or the best of them."""
+        if self.generation == 0:
+            self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+            return
+        elite = ranking(self.objectives[:, 0])[: self.elites]
+        points = np.concatenate([points, self.points[elite]])
+        objectives = np.concatenate([evaluation.objectives, self.objectives[elite]])
+        kept = ranking(objectives[:, 0])[: self.population]
+        self.points, self.objectives = points[kept], objectives[kept]
+
+    def _starts(self) -> Vector:
+        rng = self._generator()
+        points = self.space.sample(rng, self.population)
+        return self.space.reflect(self.space.round(around_start(self.space, points, self.start, rng)))
+
+    def _children(self, rng: np.random.Generator) -> Vector:
+        """One child for each member, shape (N, D); none equals its first parent, but for chance in mutating."""
+        first, second = self.points[self._parents(rng)], self.points[self._parents(rng)]
+        children = np.where(rng.random((self.population, 1)) < self.crossover, self._crossed(rng, first, second), first)
+        chosen = rng.random(children.shape) < self.mutation
+        alone = rng.integers(0, self.space.size, self.population)
+        clones = (children == first).all(axis=1) | (children == second).all(axis=1)
+        chosen[np.arange(self.population), alone] |= clones & ~chosen.any(axis=1)
+        return self.space.reflect(self.space.round(np.where(chosen, self._mutated(rng, children), children)))
+
+    def _parents(self, rng: np.random.Generator) -> NDArray[np.intp]:
+        """The winners of N tournaments, shape (N,)."""
+        drawn = rng.integers(0, self.population, (self.population, self.tournament))
+        won = below_all(self.objectives[:, 0])[drawn].argmax(axis=1)
+        return drawn[np.arange(self.population), won]
+
+    def _crossed(self, rng: np.random.Generator, first: Vector, second: Vector) -> Vector:
+        """Numbers between the parents and around (BLX-alpha), of angles the short way; whole numbers of either."""
+        away = self.space.offset(second, first) * self.space.span
+        share = rng.uniform(-ALPHA, 1 + ALPHA, first.shape)
+        blended = self.space.reflect(first + share * away)
+        return np.where(self.whole, np.where(rng.random(first.shape) < 0.5, first, second), blended)
+
+    def _mutated(self, rng: np.random.Generator, points: Vector) -> Vector:
+        """All variables changed: by a normal deviate, whole numbers by at least 1, binary ones to the other value."""
+        away = self.steps * rng.standard_normal(points.shape)
+        least = np.where(away < 0, -1.0, 1.0)
+        whole = np.where(abs(away) < 1, least, np.rint(away))
+        return np.where(self.binary, 1 - points, points + np.where(self.whole, whole, away))

@@ -1,0 +1,156 @@
+"""Differential evolution whose best members also follow the gradient.
+
+Sources: Moscato, Caltech Concurrent Computation Program report 826, 1989 (memetic algorithms); Whitley, Gordon &
+Mathias, Proc. PPSN 1994 (Lamarckian: what a member learns in its life is inherited); Nocedal & Wright 2006, algorithm
+7.4 (L-BFGS); Bernstein et al., arXiv:1802.04434 (steps by the signs of the gradient).
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.differential_evolution import DifferentialEvolution, Strategy
+from optim.search.gradient import LIMIT
+from optim.search.method import Wants, check_number, check_whole, single_objective, slopes_per_range
+from optim.search.step_rules import LBFGS, free_variables
+from optim.search.variation import ranking
+from optim.space import Space, Vector
+
+
+class MemeticSearch(DifferentialEvolution):
+    """Generations of differential evolution; every k-th asks for gradients at the best members instead.
+
+    What a gradient leads to is rounded and judged in the next generation, as the trial of its member: the member
+    becomes it if it is at least as good, and stays otherwise. So only true points have a score. A member's step
+    halves where it did not help, and doubles again, up to the full one, where it did.
+
+    Gradients are taken, unsharpened, at the real values that a member keeps of its binary variables, so that steps
+    too small to flip a bit add up: the rounded point is the same, and equals replace. Whole numbers have no gradient
+    and stay; binary variables take steps of the same length, up or down; the others those of L-BFGS, which learns
+    from the places where a member has been, and from a neighbour.
+    """
+
+    arrays: ClassVar[tuple[str, ...]] = ("values", "refined", "anchor", "slopes", "scale")
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        strategy: Strategy = "current-to-pbest/1/bin",
+        weight: float = 0.5,
+        dither: float = 0.3,
+        crossover: float = 0.5,
+        every: int = 4,
+        refine: int = 16,
+        learning_rate: float = 0.3,
+    ) -> None:
+        """Set up the population; see :class:`DifferentialEvolution` for what is not described here.
+
+        Args:
+            space: what may be changed.
+            population: N.
+            seed: of all random numbers.
+            start: values by name of the first member.
+            strategy: of the trials.
+            weight: F.
+            dither: of F.
+            crossover: CR.
+            every: k; the last of k generations asks for gradients. At least 2.
+            refine: best members that do so; a multiple of 16 is cheap in the simulator, N is the most.
+            learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
+        """
+        check_whole("every", every, 2)
+        check_whole("refine", refine, 1)
+        check_number("learning_rate", learning_rate, 1e-6, 1.0)
+        super().__init__(
+            space, population=population, seed=seed, start=start,
+            strategy=strategy, weight=weight, dither=dither, crossover=crossover,
+        )  # fmt: skip
+        self.every, self.refine, self.learning_rate = every, min(refine, population), learning_rate
+        self.relaxed = space.relaxed()
+        self.integer = np.array([variable.kind == "integer" for variable in space.variables])
+        self.binary = np.array([variable.kind == "binary" for variable in space.variables])
+        self.rule = LBFGS(population, space.size, learning_rate)
+        shape = self.points.shape
+        self.refined = np.full(shape, np.nan)  # where gradients lead to, NaN in the rows of the others
+        self.anchor, self.slopes = np.full(shape, np.nan), np.full(shape, np.nan)  # of the last gradients
+        self.scale = np.ones(population)  # of a step
+
+    @property
+    def wants(self) -> Wants:
+        """Points of the space, and gradients in every k-th generation."""
+        return "gradients" if self.generation % self.every == self.every - 1 else "points"
+
+    def ask(self) -> Vector:
+        """The starts, then a trial for each member, shape (N, D); or the best members, relaxed, shape (R, D)."""
+        return self._relaxed_members()[self._best_members()] if self.wants == "gradients" else super().ask()
+
+    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+        """Replace members by better trials, or find out where their gradients lead."""
+        if self.wants == "points":
+            super().tell(points, evaluation)
+            return
+        single_objective(evaluation, self.refine)
+        known = slopes_per_range(evaluation, self.space, self.refine)
+        slopes = np.full(self.points.shape, np.nan)
+        slopes[self._best_members()] = np.where(abs(known) < LIMIT, known, np.nan)
+        self._follow(slopes)
+        self.generation += 1
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        super()._take(points, evaluation)
+        tried = ~np.isnan(self.refined[:, 0])
+        helped = (self.values == self.refined).all(axis=1)
+        scale = np.where(helped, np.minimum(1.0, 2 * self.scale), self.scale / 2)
+        self.scale = np.where(tried, scale, self.scale)
+        self.refined = np.full(self.points.shape, np.nan)
+
+    def _trials(self) -> Vector:
+        return np.where(np.isnan(self.refined), super()._trials(), self.refined)
+
+    def _best_members(self) -> NDArray[np.intp]:
+        return ranking(self.objectives[:, 0])[: self.refine]
+
+    def _relaxed_members(self) -> Vector:
+        """The members with the real values of what is not an integer, shape (N, D), in the relaxed space."""
+        return np.where(self.integer, self.points, self.values)
+
+    def _follow(self, slopes: Vector) -> None:
+        """A step for each member whose gradient [objective per range], shape (N, D), is known and leads somewhere."""
+        valid = np.all(np.isfinite(slopes), axis=1)
+        slopes = np.where(valid[:, None] & ~self.integer, slopes, 0.0)
+        here = self._relaxed_members()
+        self._learn(valid, here, slopes)
+        free = free_variables(self.relaxed, here, slopes) & ~self.binary
+        steps = np.where(self.binary, self.learning_rate * np.sign(slopes), self.rule.steps(valid, slopes, free))
+        there = self.relaxed.bound(here + self.scale[:, None] * steps * self.space.span)
+        leads = valid & (there != here).any(axis=1)
+        self.refined = np.where(leads[:, None], np.where(self.integer, self.values, there), np.nan)
+
+    def _learn(self, valid: NDArray[np.bool_], here: Vector, slopes: Vector) -> None:
+        """Let L-BFGS compare the gradients of some members with their last ones, and with the next better member's."""
+        best = self._best_members()
+        best = best[valid[best]]
+        better = np.arange(self.population)
+        better[best] = np.roll(best, 1)  # of the best the last
+        for place, gradient in ((self.anchor, self.slopes), (here[better], slopes[better])):
+            known = (valid & ~np.isnan(place[:, 0]))[:, None]
+            moved = np.where(known & ~self.integer, self.relaxed.offset(here, place), 0.0)
+            self.rule.learn(np.any(moved, axis=1), moved, np.where(known, slopes - gradient, 0.0))
+        self.anchor = np.where(valid[:, None], here, self.anchor)
+        self.slopes = np.where(valid[:, None], slopes, self.slopes)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The population, where its gradients lead, and what L-BFGS has learnt."""
+        return super().state() | {f"rule/{name}": values.copy() for name, values in self.rule.arrays.items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        super().restore(state)
+        self.rule.arrays = {name: state[f"rule/{name}"].copy() for name in self.rule.arrays}
