@@ -14,27 +14,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding
 from optim.problem import OK, Evaluation
-from optim.space import Space, Variable
+from optim.space import Space, Variable, Vector
 from robots import inflatable
 from robots.checks import whole_number
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign, InflatableResult
 from robots.inflatable_actuation import nominal_steps
-from robots.schedule import BLADDERS, ROWS, GaitSchedule
+from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
     from robots.inflatable_gradient import InflatableGradient
-    from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+    from robots.relaxed_schedule import RelaxedDesign
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from these.
 LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None}
-ENCODINGS = ("codes", "bits")
 OBJECTIVES = ("mean", "terrains")
-BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
@@ -43,8 +42,7 @@ class GaitProblem:
     """Objective: the speed [body lengths/s], by the published convention; mean over the terrains, or one each.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
-    ``pressure`` 0 to 12,000 Pa, and the schedule: for every actuator the code (f, phi) of its row, ``f_bladder1``
-    and so on, whole numbers from 0 to ``columns``; or every bit, ``bladder1_1`` to ``foot2_8``, row by row.
+    ``pressure`` 0 to 12,000 Pa, and the genes of the schedule, see ``optim.gait_encoding``.
 
     Attributes:
         terrains: where the robot travels, one simulation each.
@@ -53,7 +51,8 @@ class GaitProblem:
         schedule: the control, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
-        encoding: of a free schedule, ``"codes"`` or ``"bits"``; only bits can be relaxed.
+        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``; only bits can be
+            relaxed.
         objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
@@ -97,7 +96,6 @@ class GaitProblem:
             object.__setattr__(self, "columns", self.schedule.columns)
             object.__setattr__(self, "repeats", self.schedule.repeats)
             object.__setattr__(self, "encoding", "codes")  # of nothing
-        whole_number("columns", self.columns, 1)
         if self.encoding not in ENCODINGS:
             raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
         if self.objectives not in OBJECTIVES:
@@ -128,33 +126,31 @@ class GaitProblem:
             variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
         if self.pressure is None:
             variables.append(Variable("pressure", 0.0, 12_000.0, step=1200.0))
-        if self._has_bits:
-            names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
-            variables.extend(Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names)
-        elif self.schedule is None:
-            for code in ("f", "phi"):
-                names = [f"{code}_{row}" for row in GaitSchedule.row_names]
-                variables.extend(Variable(name, 0, self.columns, "integer", step=0.9) for name in names)
+        variables.extend(self._control.variables())
         return Space(tuple(variables))
 
     def design(self, point: ArrayLike) -> InflatableDesign:
         """The design of a point, shape (D,)."""
-        values = self.space.to_dict(point)
-        schedule = self.schedule
-        if self._has_bits:
-            schedule = GaitSchedule(self._matrix(point) == 1, self.repeats)
-        elif schedule is None:
-            f, phi = ([values[f"{code}_{row}"] for row in GaitSchedule.row_names] for code in ("f", "phi"))
-            schedule = GaitSchedule.from_codes(f, phi, self.columns, self.repeats)
-        return InflatableDesign(
-            pressure=values["pressure"] if self.pressure is None else self.pressure,
-            orientation=values["orientation"] if self.orientation is None else self.orientation,
-            schedule=schedule,
+        return InflatableDesign(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+
+    def _shape(self, point: ArrayLike) -> tuple[float, float]:
+        """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
+        values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
+        return (
+            values["pressure"] if self.pressure is None else self.pressure,
+            values["orientation"] if self.orientation is None else self.orientation,
         )
 
-    def _matrix(self, point: ArrayLike) -> NDArray[np.float64]:
-        """What a point, shape (D,), says of every actuator in every column, shape (10, T); they come last."""
-        return np.asarray(point, float)[-ROWS * self.columns :].reshape(ROWS, self.columns)
+    def _genes(self, point: ArrayLike) -> Vector:
+        """What a point, shape (D,), says of the schedule; it comes last."""
+        return np.asarray(point, float)[(self.orientation is None) + (self.pressure is None) :]
+
+    @cached_property
+    def _control(self) -> GaitEncoding:
+        """Of the schedule."""
+        if self.schedule is not None:
+            return FixedGait(self.columns, self.repeats, self.schedule)
+        return ENCODINGS[self.encoding](self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate all points, shape (N, D), as one batch per terrain.
@@ -183,43 +179,23 @@ class GaitProblem:
 
     def relaxed_design(self, point: ArrayLike, sharpness: float) -> "RelaxedDesign":
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+        from robots.relaxed_schedule import RelaxedDesign
 
-        values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
-        if self._has_bits:
-            schedule = self._relaxed_schedule(point).sharpened(sharpness)
-        else:
-            schedule = RelaxedSchedule.from_schedule(self.design(point).schedule)
-        return RelaxedDesign(
-            pressure=values["pressure"] if self.pressure is None else self.pressure,
-            orientation=values["orientation"] if self.orientation is None else self.orientation,
-            schedule=schedule,
-        )
-
-    def _relaxed_schedule(self, point: ArrayLike) -> "RelaxedSchedule":
-        from robots.relaxed_schedule import RelaxedSchedule
-
-        levels = self._matrix(point)
-        return RelaxedSchedule(inflation=levels[:BLADDERS], grip=levels[BLADDERS:], repeats=self.repeats)
+        return RelaxedDesign(*self._shape(point), self._control.relaxed(self._genes(point), sharpness))
 
     def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
         slopes = [run.orientation[:, None]] if self.orientation is None else []
         if self.pressure is None:
             slopes.append(run.pressure[:, None])
-        if self.schedule is None and not self._has_bits:
-            slopes.append(np.zeros((len(points), self.space.size - len(slopes))))  # codes are whole numbers
-        if self._has_bits:
-            sharpening = [self._relaxed_schedule(point).sharpening_slope(sharpness) for point in points]
-            bits = np.concatenate([run.inflation, run.grip], axis=1) * np.array(sharpening)
-            slopes.append(bits.reshape(len(points), -1))
+        levels = np.concatenate([run.inflation, run.grip], axis=1)
+        genes = [
+            self._control.slopes(self._genes(point), sharpness, slope)
+            for point, slope in zip(points, levels, strict=True)
+        ]
+        slopes.append(np.array(genes))
         geometry, steps = NAMED_GEOMETRIES[self.geometry], nominal_steps(self.columns * self.repeats, self._actuation)
         return np.concatenate(slopes, axis=1) / (geometry.body_length * steps * geometry.time_step)
-
-    @property
-    def _has_bits(self) -> bool:
-        """Whether every bit of the schedule is a variable."""
-        return self.schedule is None and self.encoding == "bits"
 
     @property
     def _actuation(self) -> InflatableActuation:

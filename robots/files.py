@@ -1,7 +1,12 @@
 """Files that are whole or not there."""
 
+import json
 import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, TypeVar
+
+Design = TypeVar("Design")
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -35,3 +40,26 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path}: is not a text file") from None
+
+
+def write_record(path: str | os.PathLike[str], form: str, record: Mapping[str, Any]) -> None:
+    """Write a design as JSON, its format first."""
+    write_text(path, json.dumps({"format": form, **record}, indent=2) + "\n")
+
+
+def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[str, Any]], Design]) -> Design:
+    """What ``build`` makes of a record written by :func:`write_record`.
+
+    Raises:
+        ValueError: one line that names the file and what is wrong with it.
+    """
+    text = read_text(path)
+    try:
+        record = json.loads(text)
+        if not isinstance(record, dict) or record.get("format") != form:
+            raise ValueError(f"it is not a design file (format {form!r})")
+        return build(record)
+    except KeyError as missing:
+        raise ValueError(f"{path}: {missing} is missing") from None
+    except (ValueError, TypeError) as problem:
+        raise ValueError(f"{path}: {problem}") from None

@@ -4,17 +4,16 @@ Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environmen
 et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.checks import number, whole_number
-from robots.files import read_text, write_text
+from robots.files import read_record, write_record
 from robots.inflatable_actuation import ACTUATION, InflatableActuation, nominal_steps, play
 from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, SMALL, InflatableGeometry
 from robots.inflatable_program import build_program
@@ -84,13 +83,12 @@ ROLLING = InflatableDesign(
 def save_design(design: InflatableDesign, path: str | PathLike[str]) -> None:
     """Write a design as JSON: pressure [Pa], orientation [degrees], rows of the schedule."""
     record = {
-        "format": DESIGN_FORMAT,
         "pressure": design.pressure,
         "orientation": design.orientation,
         "schedule": design.schedule.to_text().split("/"),
         "repeats": design.schedule.repeats,
     }
-    write_text(Path(path), json.dumps(record, indent=2) + "\n")
+    write_record(path, DESIGN_FORMAT, record)
 
 
 def load_design(path: str | PathLike[str]) -> InflatableDesign:
@@ -99,17 +97,12 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
     Raises:
         ValueError: one line that names the file and what is wrong with it.
     """
-    text = read_text(Path(path))
-    try:
-        record = json.loads(text)
-        if not isinstance(record, dict) or record.get("format") != DESIGN_FORMAT:
-            raise ValueError(f"it is not a design file (format {DESIGN_FORMAT!r})")
-        schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
-        return InflatableDesign(record["pressure"], record["orientation"], schedule)
-    except KeyError as missing:
-        raise ValueError(f"{path}: {missing} is missing") from None
-    except (ValueError, TypeError) as problem:
-        raise ValueError(f"{path}: {problem}") from None
+    return read_record(path, DESIGN_FORMAT, _design_of)
+
+
+def _design_of(record: dict[str, Any]) -> InflatableDesign:
+    schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
+    return InflatableDesign(record["pressure"], record["orientation"], schedule)
 
 
 @dataclass(frozen=True, eq=False)

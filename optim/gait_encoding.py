@@ -1,0 +1,150 @@
+"""How a search writes a gait schedule: as codes, bit by bit, or as a pattern in space and time."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.pattern_genes import pattern_network, pattern_variables
+from optim.space import Variable, Vector
+from robots.checks import whole_number
+from robots.pattern import PatternWiring
+from robots.schedule import BLADDERS, ROWS, GaitSchedule
+
+if TYPE_CHECKING:
+    from robots.relaxed_schedule import RelaxedSchedule
+
+BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
+
+
+@dataclass(frozen=True)
+class GaitEncoding(ABC):
+    """Genomes of a schedule. ``values`` are those of :meth:`variables`, shape (G,).
+
+    Attributes:
+        columns: T, of the schedule.
+        repeats: of the schedule.
+    """
+
+    columns: int
+    repeats: int
+
+    def __post_init__(self) -> None:
+        whole_number("columns", self.columns, 1)
+
+    @abstractmethod
+    def variables(self) -> list[Variable]:
+        """The genes."""
+
+    @abstractmethod
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The schedule of a genome; every genome has one."""
+
+    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """The schedule of a genome whose binary genes lie between 0 and 1, sharpened; here of one without such."""
+        from robots.relaxed_schedule import RelaxedSchedule
+
+        return RelaxedSchedule.from_schedule(self.schedule(values))
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers."""
+        return np.zeros(len(values))
+
+
+@dataclass(frozen=True)
+class FixedGait(GaitEncoding):
+    """A schedule that is not free to change.
+
+    Attributes:
+        given: the schedule.
+    """
+
+    given: GaitSchedule
+
+    def variables(self) -> list[Variable]:
+        """None."""
+        return []
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The one given."""
+        return self.given
+
+
+class CodedGait(GaitEncoding):
+    """For every actuator the code (f, phi) of its row, ``f_bladder1`` and so on, see ``GaitSchedule.from_codes``."""
+
+    def variables(self) -> list[Variable]:
+        """All f, then all phi: whole numbers from 0 to ``columns``; the step is the published one."""
+        names = [f"{code}_{row}" for code in ("f", "phi") for row in GaitSchedule.row_names]
+        return [Variable(name, 0, self.columns, "integer", step=0.9) for name in names]
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The schedule of the codes."""
+        return GaitSchedule.from_codes(values[:ROWS], values[ROWS:], self.columns, self.repeats)
+
+
+class BitwiseGait(GaitEncoding):
+    """Every bit of the schedule, ``bladder1_1`` to ``foot2_8``, row by row."""
+
+    def variables(self) -> list[Variable]:
+        """One a bit."""
+        names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
+        return [Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names]
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The bits as they are."""
+        return GaitSchedule(self._matrix(values) == 1, self.repeats)
+
+    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """Bits between 0 and 1, sharpened."""
+        return self._levels(values).sharpened(sharpness)
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """Through the sharpening."""
+        return (slopes * self._levels(values).sharpening_slope(sharpness)).ravel()
+
+    def _matrix(self, values: Vector) -> NDArray[np.float64]:
+        return np.asarray(values, float).reshape(ROWS, self.columns)
+
+    def _levels(self, values: Vector) -> "RelaxedSchedule":
+        from robots.relaxed_schedule import RelaxedSchedule
+
+        levels = self._matrix(values)
+        return RelaxedSchedule(inflation=levels[:BLADDERS], grip=levels[BLADDERS:], repeats=self.repeats)
+
+
+# Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.
+# Bladders 1 to 4 lie on top in order of x, 5 to 8 underneath in the opposite order; feet are the two ends.
+ACROSS = (-0.75, -0.25, 0.25, 0.75)
+ACTUATORS = np.array(
+    [(x, 0.0, 1.0, -1.0) for x in ACROSS]
+    + [(x, 0.0, -1.0, -1.0) for x in reversed(ACROSS)]
+    + [(0.0, y, 0.0, 1.0) for y in (-1.0, 1.0)]
+)
+GAIT_WIRING = PatternWiring(inputs=("x", "y", "z", "foot", "sine", "cosine", "time"), outputs=("on",))
+
+
+class PatternGait(GaitEncoding):
+    """Weights and functions of a network that says of every actuator at every time whether it is on (output > 0).
+
+    It knows where the actuator is (``ACTUATORS``), the phase of the column in the cycle, 2 pi t / T, by its sine and
+    cosine, and the middle of the column in time, from -1 to 1. Source: Stanley 2007, see ``robots.pattern``.
+    """
+
+    def variables(self) -> list[Variable]:
+        """The genome of the network; it is the same for any number of columns."""
+        return pattern_variables(GAIT_WIRING)
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The sign of the network's output."""
+        column = np.arange(self.columns)
+        phase = 2 * np.pi * column / self.columns
+        times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / self.columns - 1], axis=1)
+        coordinates = np.hstack([np.repeat(ACTUATORS, self.columns, axis=0), np.tile(times, (ROWS, 1))])
+        on = pattern_network(GAIT_WIRING, values)(coordinates) > 0
+        return GaitSchedule(on.reshape(ROWS, self.columns), self.repeats)
+
+
+ENCODINGS: dict[str, type[GaitEncoding]] = {"codes": CodedGait, "bits": BitwiseGait, "pattern": PatternGait}
