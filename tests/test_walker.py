@@ -81,8 +81,8 @@ def test_volumes_change_as_designed_on_the_floor():
     volumes = np.prod(extents[..., ::2] + extents[..., 1::2], axis=-1) / 0.02**3
     sine = 0.14 * np.sin(2 * np.pi * 4 * frames.times)
     active, antiphase, passive = volumes[:, :8].mean(1), volumes[:, 8:12].mean(1), volumes[:, 12:].mean(1)
-    assert active == pytest.approx((1 + sine) ** 3, abs=0.1) and antiphase == pytest.approx((1 - sine) ** 3, abs=0.1)
-    assert passive == pytest.approx(1.0, abs=0.1) and active.max() > 1.4 > 0.7 > active.min()
+    assert active == pytest.approx((1 + sine) ** 3, abs=0.15) and antiphase == pytest.approx((1 - sine) ** 3, abs=0.15)
+    assert passive == pytest.approx(1.0, abs=0.15) and active.max() > 1.4 > 0.7 > active.min()
     heights = corners(body, frames.positions[:, 0], frames.orientations[:, 0], extents)[..., 2].min(axis=(1, 2)) + 0.01
     assert heights.min() > -0.004 and heights.max() < 0.002
 
