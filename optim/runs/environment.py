@@ -5,6 +5,7 @@ import platform
 import shlex
 import sys
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 PACKAGES = ("morpholab", "numpy", "taichi")
@@ -13,13 +14,26 @@ PACKAGES = ("morpholab", "numpy", "taichi")
 def environment(**more: Any) -> dict[str, Any]:
     """Versions, machine and command line of this process, with ``more`` about the run; fits JSON."""
     return {
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}},
+        "versions": versions(),
         "platform": platform.platform(),
         "machine": platform.machine(),
+        "cpu": cpu_model(),
         "cpu_count": os.cpu_count(),
         "command": shlex.join(sys.argv),
         **more,
     }
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python and the packages that results depend on; None of a package that is not installed."""
+    return {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
+
+
+def cpu_model() -> str:
+    """The model of the CPU, for which kernels are compiled: results may differ between two in their last bits."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
 
 
 def _version(package: str) -> str | None:
