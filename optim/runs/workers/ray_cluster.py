@@ -48,6 +48,7 @@ class RayWorker:
         owed: reference of its next answer.
         check: raises ValueError if what it says about itself will not do.
         started: when it was asked for [s].
+        checked: whether that has been looked at.
         killed: whether it has been ended here.
     """
 
