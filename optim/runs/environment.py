@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 PACKAGES = ("morpholab", "numpy", "taichi")
@@ -14,20 +15,13 @@ PACKAGES = ("morpholab", "numpy", "taichi")
 def environment(**more: Any) -> dict[str, Any]:
     """Versions, machine and command line of this process, with ``more`` about the run; fits JSON."""
     return {
-        **software(),
+        "versions": versions(),
         "platform": platform.platform(),
+        "machine": platform.machine(),
+        "processor": cpu_model(),
         "cpu_count": os.cpu_count(),
         "command": shlex.join(sys.argv),
         **more,
-    }
-
-
-def software() -> dict[str, Any]:
-    """Versions and processor of this process: what the last bits of a result can depend on."""
-    return {
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}},
-        "machine": platform.machine(),
-        "processor": _processor(),
     }
 
 
@@ -39,13 +33,16 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     return [f"{name} {old}, now {new}" for name, old, new in pairs if old != new]
 
 
-def _processor() -> str | None:
-    """Model of the processor, where the system tells."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            return next((line.partition(":")[2].strip() for line in file if line.startswith("model name")), None)
-    except OSError:
-        return platform.processor() or None
+def versions() -> dict[str, str | None]:
+    """Of Python and the packages that results depend on; None of a package that is not installed."""
+    return {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
+
+
+def cpu_model() -> str:
+    """The model of the CPU, for which kernels are compiled: results may differ between two in their last bits."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
 
 
 def _version(package: str) -> str | None:

@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optim.problem import Evaluation, Problem, RelaxableProblem
 from optim.search.method import Wants
@@ -50,3 +52,24 @@ def join(parts: Sequence[Evaluation]) -> Evaluation:
         {name: np.concatenate([part.details[name] for part in parts]) for name in parts[0].details},
         None if any(g is None for g in gradients) else np.concatenate([g for g in gradients if g is not None]),
     )
+
+
+def failures(like: Evaluation, count: int, status: str) -> Evaluation:
+    """The judgement of ``count`` points that all failed, to be joined with one of other points.
+
+    Details have the names, types and shapes of the other's: NaN, or zero where a type has no NaN.
+    """
+    return Evaluation(
+        np.full((count, like.objectives.shape[1]), np.nan),
+        [status] * count,
+        {name: _blank(np.asarray(values), count) for name, values in like.details.items()},
+        None if like.gradients is None else np.full((count, like.gradients.shape[1]), np.nan),
+    )
+
+
+def _blank(like: NDArray[Any], count: int) -> NDArray[Any]:
+    """``count`` rows that say nothing, joinable with those given."""
+    blank = np.zeros((count, *like.shape[1:]), like.dtype)
+    if np.issubdtype(like.dtype, np.inexact):
+        blank[...] = np.nan
+    return blank

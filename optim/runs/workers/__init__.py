@@ -1,0 +1,78 @@
+"""Workers that judge the requests of a search: processes of this machine, or actors on a Ray cluster."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from optim.problem import Problem
+from optim.runs.requests import Evaluate
+from optim.runs.workers.pool import Backend, Pool
+from optim.search.method import check_whole
+from optim.space import Vector
+
+__all__ = ["open_workers"]
+
+BackendName = Literal["processes", "ray"]
+
+
+@contextlib.contextmanager
+def open_workers(
+    problem: Problem,
+    *,
+    count: int,
+    backend: BackendName = "processes",
+    address: str | None = None,
+    threads: int = 1,
+    part: int = 16,
+    save_failed: Callable[[Vector, str], Path],
+    note: Callable[[str], None],
+    progress: Callable[[float], None] | None = None,
+) -> Iterator[Evaluate]:
+    """Workers, and what judges requests with them: the same bits as here, whatever their number and place.
+
+    A request is cut into parts, which go to idle workers. A worker that dies is replaced, and its part judged
+    again; a part that kills two workers is bisected, down to single designs, which fail. An exception of the
+    problem is raised here as itself. On leaving, whatever the reason, all workers end at once.
+
+    Args:
+        problem: sent to every worker once, by pickle.
+        count: number of workers.
+        backend: ``"processes"`` of this machine, spawned, or ``"ray"``, actors on a cluster.
+        address: of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
+            starts one on this machine for as long as the workers are open.
+        threads: CPU threads of one worker.
+        part: points that a worker judges at once, at most.
+        save_failed: saves points, shape (F, D), that killed their workers, with the reason; returns the file.
+        note: told in one line of every death, and of whatever else the user should know.
+        progress: called with the fraction of a request that is done.
+
+    Yields:
+        A function that judges a request. It raises RuntimeError, in one line, if no worker can be started, or if
+        every design of a request kills its worker: then the fault is not with the designs.
+
+    Raises:
+        ValueError: in one line, for settings that are not allowed, a problem that cannot be pickled, a cluster
+            that does not answer, or one with other versions of what results depend on.
+    """
+    for name, value in {"count": count, "threads": threads, "part": part}.items():
+        check_whole(name, value, 1)
+    if backend not in get_args(BackendName):
+        allowed = ", ".join(get_args(BackendName))
+        raise ValueError(f"backend: {backend!r} is unknown; choose one of {allowed}")
+    if address is not None and backend != "ray":
+        raise ValueError(f"address: {address!r} is not allowed with {backend}; it belongs to ray")
+    with contextlib.ExitStack() as stack:
+        source: Backend[Any]
+        if backend == "processes":
+            from optim.runs.workers.processes import Processes
+
+            source = Processes(problem, threads)
+        else:
+            from optim.runs.workers.ray_cluster import open_cluster
+
+            source = stack.enter_context(open_cluster(problem, count, threads, address, note))
+        pool = Pool(source, count, part, save_failed, note, progress)
+        stack.callback(pool.close)
+        pool.fill()
+        yield pool.evaluate

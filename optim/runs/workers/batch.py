@@ -1,0 +1,96 @@
+"""One request cut into parts: which are still to be judged, which again, and what they come to."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from optim.problem import Evaluation
+from optim.runs.requests import Request, failures, join
+from optim.space import Vector
+
+KILLER = "killed its worker"  # status of a design that does so twice
+ATTEMPTS = 2
+
+
+@dataclass(frozen=True)
+class Part:
+    """Points ``begin`` to ``end`` of a request, which have killed ``deaths`` workers so far."""
+
+    begin: int
+    end: int
+    deaths: int = 0
+
+    def __len__(self) -> int:
+        return self.end - self.begin
+
+    def __str__(self) -> str:
+        return f"design {self.begin}" if len(self) == 1 else f"designs {self.begin} to {self.end - 1}"
+
+
+class Batch:
+    """Hands out the parts of a request, takes in their judgements in any order and joins them in theirs.
+
+    A part that kills two workers is bisected: only a single design that does so by itself has failed. What comes
+    out therefore depends on the points alone, not on how they were cut or who was first.
+
+    Args:
+        request: of N points.
+        size: of a part, at most.
+    """
+
+    def __init__(self, request: Request, size: int) -> None:
+        self._request = request
+        count = len(request.points)
+        starts = range(0, max(count, 1), size)  # no points are one part, too
+        self._waiting = deque(Part(begin, min(begin + size, count)) for begin in starts)
+        self._away = 0
+        self._judged: dict[Part, Evaluation] = {}
+        self._killers: list[Part] = []
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point has been judged, or found to kill workers."""
+        return not self._waiting and not self._away
+
+    @property
+    def fraction(self) -> float:
+        """Of the points that is done with."""
+        finished = sum(len(part) for part in self._judged) + len(self._killers)
+        return finished / max(1, len(self._request.points))
+
+    @property
+    def killers(self) -> Vector:
+        """Points that killed their workers, shape (F, D), in order."""
+        return self._request.points[sorted(part.begin for part in self._killers)]
+
+    def take(self) -> tuple[Part, Request] | None:
+        """The next part to judge, if one is waiting."""
+        if not self._waiting:
+            return None
+        part = self._waiting.popleft()
+        self._away += 1
+        return part, self._request.part(part.begin, part.end)
+
+    def put(self, part: Part, evaluation: Evaluation) -> None:
+        """Take in the judgement of a part."""
+        self._away -= 1
+        self._judged[part] = evaluation
+
+    def bury(self, part: Part) -> str:
+        """Take in that a part killed its worker; says what follows from it."""
+        self._away -= 1
+        deaths = part.deaths + 1
+        if deaths < ATTEMPTS:
+            self._waiting.appendleft(Part(part.begin, part.end, deaths))
+            return "judged again"
+        if len(part) == 1:
+            self._killers.append(part)
+            return "failed, this was the second time"
+        middle = (part.begin + part.end) // 2
+        self._waiting.extendleft((Part(middle, part.end), Part(part.begin, middle)))
+        return "judged in halves, this was the second time"
+
+    def joined(self) -> Evaluation:
+        """The judgement of all points; at least one part must have been judged."""
+        like = next(iter(self._judged.values()))
+        parts = self._judged | {part: failures(like, 1, KILLER) for part in self._killers}
+        return join([parts[part] for part in sorted(parts, key=lambda part: part.begin)])

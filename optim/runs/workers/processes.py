@@ -1,0 +1,124 @@
+"""Workers as processes of this machine.
+
+A pipe to each process instead of a ``ProcessPoolExecutor``: that one waits for ever for the rest of an answer whose
+writer was killed halfway, and cannot end its workers before they have finished. Here a pipe has one writer, so that
+it ends with its process.
+"""
+
+import contextlib
+import ctypes
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing import connection as connections
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+
+from optim.problem import Problem
+from optim.runs.requests import Request
+from optim.runs.workers.pool import Died
+from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
+
+_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of <linux/prctl.h>
+_LAST_BREATH = 1.0  # seconds for a process that has closed its pipe to end by itself and say how
+
+
+@dataclass(frozen=True, eq=False)
+class ProcessWorker:
+    """A process, and this end of the pipe to it."""
+
+    process: SpawnProcess
+    connection: "Connection[object, Answer]"
+
+    def submit(self, request: Request) -> None:
+        """Write the request to the pipe."""
+        with contextlib.suppress(ConnectionError):
+            self.connection.send(request)
+
+    def answer(self) -> Answer:
+        """Read from the pipe."""
+        try:
+            return self.connection.recv()
+        except (EOFError, ConnectionError):
+            self.process.join(_LAST_BREATH)
+            raise Died(_how(self.process.exitcode)) from None
+
+    def kill(self) -> None:
+        """SIGKILL; leaves no zombie."""
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+
+class Processes:
+    """Starts workers that die with this process, at the latest.
+
+    Use it in one thread: Linux counts the end of the thread that started a process as the death of its parent.
+
+    Args:
+        problem: what they judge.
+        threads: that a worker's libraries may use.
+    """
+
+    def __init__(self, problem: Problem, threads: int) -> None:
+        self._pickled = pickled(problem, pickle.dumps)
+        self._environment = thread_environment(threads)
+
+    def start(self) -> ProcessWorker:
+        """Start a process and send it the problem."""
+        context = multiprocessing.get_context("spawn")
+        resource_tracker.ensure_running()  # its start, which comes with the first process, would let interrupts in
+        ours, theirs = context.Pipe()
+        process = context.Process(target=serve, args=(theirs, os.getpid()), daemon=True)
+        with environment_set(self._environment), _interrupts_held_back():
+            process.start()
+        theirs.close()
+        with contextlib.suppress(ConnectionError):  # it died, and its answer will say so
+            ours.send_bytes(self._pickled)
+        return ProcessWorker(process, ours)
+
+    def ready(self, workers: Sequence[ProcessWorker], wait: bool) -> list[ProcessWorker]:
+        """Those whose pipe has something to read, or has ended."""
+        by_connection = {worker.connection: worker for worker in workers}
+        found = connections.wait(list(by_connection), None if wait else 0.0)
+        return [worker for connection, worker in by_connection.items() if connection in found]
+
+
+def serve(connection: "Connection[Answer, Request]", parent: int) -> None:
+    """The life of a worker process: the problem first, then requests until the pipe ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    _die_with(parent)
+    os.dup2(2, 1)  # stdout belongs to the parent's document
+    service = Service()
+    with contextlib.suppress(EOFError, ConnectionError):
+        connection.send(service.load(connection.recv_bytes()))
+        while True:
+            connection.send(service.judge(connection.recv()))
+
+
+def _die_with(parent: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:  # it was gone already
+        os._exit(1)
+
+
+@contextlib.contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Keeps Ctrl-C for later; a process started meanwhile never sees one, not even while it is starting."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _how(exit_code: int | None) -> str:
+    if exit_code is not None and exit_code < 0:
+        return f"killed by {signal.Signals(-exit_code).name}"
+    return f"exit code {exit_code}"

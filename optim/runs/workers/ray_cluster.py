@@ -1,0 +1,263 @@
+"""Workers as actors on a Ray cluster, which may be started for them on this machine."""
+
+import contextlib
+import logging
+import os
+import re
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from optim.problem import Problem
+from optim.runs.environment import PACKAGES, cpu_model, versions
+from optim.runs.requests import Request
+from optim.runs.workers.pool import Died
+from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
+
+NOTE_AFTER = 10.0  # seconds in which actors should have found a place
+GIVE_UP_AFTER = 60.0
+_REACH_TIMEOUT = 5.0  # seconds for a TCP connection
+_ADDRESS = re.compile(r"(?:ray://)?(?:\[(?P<ipv6>[0-9a-fA-F:]+)\]|(?P<host>[\w.-]+)):(?P<port>[0-9]{1,5})")
+# Read by Ray when it is imported. What its own messages say is said in the errors and notes of this module.
+_QUIET = {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0", "RAY_SCHEDULER_EVENTS": "0"}
+# It gives up soon if what answers at an address is no cluster, not after a quarter of an hour.
+_CONNECTING = {"RAY_NUM_REDIS_GET_RETRIES": "1", "RAY_py_gcs_connect_timeout_s": "5"}
+
+
+class RemoteService(Service):
+    """What an actor runs."""
+
+    def about(self) -> dict[str, Any]:
+        """Where it runs, and on what."""
+        return {"host": socket.gethostname(), "cpu": cpu_model(), "versions": versions()}
+
+
+@dataclass(eq=False)
+class RayWorker:
+    """An actor, and what it owes.
+
+    Attributes:
+        ray: the module.
+        actor: a handle of a ``RemoteService``.
+        about: reference of what it will say about itself.
+        owed: reference of its next answer.
+        check: raises ValueError if what it says about itself will not do.
+        started: when it was asked for [s].
+        checked: whether that has been looked at.
+        killed: whether it has been ended here.
+    """
+
+    ray: Any
+    actor: Any
+    about: Any
+    owed: Any
+    check: Callable[[dict[str, Any]], None]
+    started: float
+    checked: bool = False
+    killed: bool = False
+
+    def submit(self, request: Request) -> None:
+        """Call the actor."""
+        self.owed = self.actor.judge.remote(request)
+
+    def answer(self) -> Answer:
+        """Fetch the answer; the first time, see first whether the actor will do."""
+        owed, self.owed = self.owed, None
+        errors = self.ray.exceptions
+        try:
+            if not self.checked:
+                self.check(self.ray.get(self.about))
+                self.checked = True
+            return self.ray.get(owed)
+        except errors.RayTaskError as error:
+            raise RuntimeError(f"ray: {_last_line(error)}") from None
+        except errors.RayError as error:  # the actor, its node, or the answer on it is lost
+            raise Died(_last_line(error)) from None
+
+    def kill(self) -> None:
+        """End the actor by force."""
+        self.killed = True
+        self.ray.kill(self.actor, no_restart=True)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the cluster has found a place for it."""
+        return self.checked or bool(self.ray.wait([self.about], timeout=0)[0])
+
+
+class RayCluster:
+    """Starts actors on the cluster that this process is connected to.
+
+    Args:
+        ray: the module.
+        problem: what they judge; one defined in a script or notebook may travel, too.
+        threads: of an actor; it takes as many CPUs of the cluster.
+        variables: environment variables of an actor.
+        note: told in one line of other CPUs, and of actors that find no place.
+    """
+
+    def __init__(
+        self, ray: Any, problem: Problem, threads: int, variables: dict[str, str], note: Callable[[str], None]
+    ) -> None:
+        self._ray = ray
+        self._actor = ray.remote(num_cpus=threads, max_restarts=0, runtime_env={"env_vars": variables})(RemoteService)
+        self._pickled = pickled(problem, ray.cloudpickle.dumps)
+        self._note = note
+        self._workers: list[RayWorker] = []
+        self._hosts: set[str] = set()
+        self._noted = False
+
+    def start(self) -> RayWorker:
+        """Ask for an actor, what it runs on, and whether it can load the problem."""
+        actor = self._actor.remote()
+        owed = actor.about.remote(), actor.load.remote(self._pickled)
+        worker = RayWorker(self._ray, actor, *owed, self._check, time.monotonic())
+        self._workers = [known for known in self._workers if not known.killed] + [worker]
+        return worker
+
+    def ready(self, workers: Sequence[RayWorker], wait: bool) -> list[RayWorker]:
+        """Those whose answer is there, or will never come."""
+        by_reference = {worker.owed: worker for worker in workers if worker.owed is not None}
+        while by_reference:
+            timeout = min(1.0, NOTE_AFTER) if wait else 0
+            found, _ = self._ray.wait(list(by_reference), timeout=timeout)
+            if found or not wait:
+                return [by_reference[reference] for reference in found]
+            self._look_for_places()
+        return []
+
+    def _look_for_places(self) -> None:
+        """Note that some actors have found no place for long.
+
+        Raises:
+            RuntimeError: in one line, if none has for very long.
+        """
+        now = time.monotonic()
+        workers = [worker for worker in self._workers if not worker.killed]
+        waits = [now - worker.started for worker in workers if not worker.runs]
+        if len(waits) == len(workers) and min(waits) > GIVE_UP_AFTER:
+            raise RuntimeError(
+                f"ray: none of {len(workers)} workers could be started in {GIVE_UP_AFTER:g} s; "
+                "the cluster has too few free CPUs"
+            )
+        if waits and max(waits) > NOTE_AFTER and not self._noted:
+            self._noted = True
+            self._note(
+                f"note: ray: {len(workers) - len(waits)} of {len(workers)} workers run; "
+                "the others wait for free CPUs of the cluster"
+            )
+
+    def _check(self, about: dict[str, Any]) -> None:
+        """Note another CPU.
+
+        Raises:
+            ValueError: in one line, for other versions.
+        """
+        here, there, host = versions(), about["versions"], about["host"]
+        for name in ("python", *PACKAGES):
+            if _essential(name, here[name]) != _essential(name, there[name]):
+                raise ValueError(
+                    f"ray: {host} has {name} {there[name]}, this machine {here[name]}; install the same there"
+                )
+        if about["cpu"] != cpu_model() and host not in self._hosts:
+            self._hosts.add(host)
+            self._note(
+                f"note: ray: {host} has another CPU ({about['cpu']}) than this machine ({cpu_model()}); "
+                "results may differ in their last bits"
+            )
+
+
+def _essential(name: str, version: str | None) -> str | None:
+    """Of Python, the patch release does not matter."""
+    return version.rpartition(".")[0] if name == "python" and version else version
+
+
+def _last_line(error: Exception) -> str:
+    """What an error of Ray comes to: the last of its many lines, without advice."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = (lines or [type(error).__name__])[-1].rpartition("Worker exit detail: ")[2]
+    return re.split(r"\.? (?:Some common causes|There are some)", text)[0][:300]
+
+
+@contextlib.contextmanager
+def open_cluster(
+    problem: Problem, count: int, threads: int, address: str | None, note: Callable[[str], None]
+) -> Iterator[RayCluster]:
+    """A connection to a cluster, or to one started here for as long; see ``open_workers``.
+
+    Raises:
+        ValueError: in one line, if there is no Ray, no such address or no cluster there.
+    """
+    here = address in (None, "local")
+    if not here and address != "auto":
+        _reach(str(address))
+    quiet = _QUIET if here else _QUIET | _CONNECTING
+    with environment_set(quiet):
+        ray = _import_ray()
+    variables = thread_environment(threads)
+    if here:  # what can be imported here can be imported there
+        variables["PYTHONPATH"] = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        with environment_set(quiet):
+            _connect(ray, None if here else address, max(count * threads, os.cpu_count() or 1))
+        yield RayCluster(ray, problem, threads, variables, note)
+    finally:
+        ray.shutdown()
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, handler)  # Ray has set its own
+
+
+def _import_ray() -> Any:
+    try:
+        import ray
+        import ray.exceptions
+    except ImportError:
+        raise ValueError("ray: it is not installed; use pip install 'morpholab[ray]'") from None
+    if ray.is_initialized():
+        raise ValueError("ray: this process is connected to a cluster already; call ray.shutdown() first")
+    # The only way to silence what it prints on stdout about every worker that dies.
+    ray._private.worker._worker_logs_enabled = False
+    return ray
+
+
+def _connect(ray: Any, address: str | None, cpus: int) -> None:
+    """Start a cluster, or connect to one; Ray's errors, which are many and long, in one line."""
+    quiet = {"log_to_driver": False, "logging_level": logging.CRITICAL}
+    try:
+        if address is None:
+            ray.init("local", num_cpus=cpus, include_dashboard=False, **quiet)
+        else:
+            ray.init(address, **quiet)
+    except Exception as error:
+        if address is None:
+            raise RuntimeError(f"ray: no cluster could be started here ({_last_line(error)})") from None
+        raise _no_cluster(address, _last_line(error)) from None
+
+
+def _reach(address: str) -> None:
+    """Try to connect by TCP: Ray itself would try for long.
+
+    Raises:
+        ValueError: in one line, if that fails.
+    """
+    match = _ADDRESS.fullmatch(address)
+    if not match or not 1 <= int(match["port"]) <= 65535:
+        raise ValueError(
+            f"ray: {address!r} is not an address; give HOST:PORT, ray://HOST:PORT, auto, or none for this machine"
+        )
+    try:
+        socket.create_connection((match["ipv6"] or match["host"], int(match["port"])), _REACH_TIMEOUT).close()
+    except OSError as error:
+        raise _no_cluster(address, error.strerror or str(error)) from None
+
+
+def _no_cluster(address: str, why: str) -> ValueError:
+    return ValueError(
+        f"ray: no cluster answers at {address} ({why}); start one by 'ray start --head', or leave the address out"
+    )

@@ -1,0 +1,95 @@
+"""What happens in a worker, wherever it runs."""
+
+import contextlib
+import os
+import pickle
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from optim.problem import Evaluation, Problem
+from optim.runs.requests import Request, judge
+
+# What NumPy's linear algebra and others ask for their number of threads when they are loaded.
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+
+
+@dataclass(frozen=True)
+class Raised:
+    """An exception instead of an answer."""
+
+    error: Exception
+
+
+Answer = Evaluation | Raised | None
+
+
+def thread_environment(threads: int) -> dict[str, str]:
+    """Environment variables that hold a process to a number of threads."""
+    return dict.fromkeys(THREAD_VARIABLES, str(threads))
+
+
+@contextlib.contextmanager
+def environment_set(variables: Mapping[str, str]) -> Iterator[None]:
+    """Sets environment variables for a while: for the processes started meanwhile, before they load anything."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def pickled(problem: Problem, dumps: Callable[[Problem], bytes]) -> bytes:
+    """The problem as it travels to workers.
+
+    Raises:
+        ValueError: in one line, if it cannot.
+    """
+    try:
+        return dumps(problem)
+    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        raise ValueError(f"problem: it cannot be sent to workers ({error})") from None
+
+
+class Service:
+    """Keeps the problem, and answers requests for judgements of it."""
+
+    _problem: Problem
+
+    def load(self, content: bytes) -> Answer:
+        """Take over a pickled problem; None, or what went wrong."""
+        try:
+            self._problem = pickle.loads(content)
+        except Exception as error:
+            message = f"workers: the problem cannot be loaded in one ({type(error).__name__}: {error})"
+            return Raised(RuntimeError(message))
+        return None
+
+    def judge(self, request: Request) -> Answer:
+        """The judgement of a request, or what the problem raised."""
+        try:
+            return judge(self._problem, request)
+        except Exception as error:
+            return Raised(_portable(error))
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, with a note where it was raised, or another in its place if it cannot be pickled."""
+    where = "".join(traceback.format_exception(error)).rstrip()
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(f"in a worker:\n{where}")
+    return error
