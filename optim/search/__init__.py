@@ -4,28 +4,37 @@ from collections.abc import Mapping
 from inspect import signature
 from typing import Any
 
+from optim.search.cma import CMAESWithMargin
+from optim.search.cma_gradient import CMAGradient
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
 from optim.search.method import Method, SearchResult
+from optim.search.nes import SeparableNES
 from optim.search.population import PopulationSearch
 from optim.search.random_search import RandomSearch
 from optim.space import Space
 
 __all__ = [
     "METHODS",
+    "CMAESWithMargin",
+    "CMAGradient",
     "GradientAscent",
     "HillClimb",
     "Method",
     "RandomSearch",
     "SearchResult",
+    "SeparableNES",
     "build_method",
     "default_settings",
 ]
 
 METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
+    "cma": CMAESWithMargin,
+    "cma-gradient": CMAGradient,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
+    "nes": SeparableNES,
     "random": RandomSearch,
 }
 
