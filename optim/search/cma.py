@@ -79,7 +79,7 @@ class CMAESWithMargin(PopulationSearch):
         scores = below_all(evaluation.objectives[:, 0])
         rose = scores.max() > below_all(self.record)
         self.record = np.array(scores.max()) if rose else self.record
-        self.stalled = np.array(0) if rose else self.stalled + 1
+        self.stalled = np.array(0 if rose else self.stalled + 1)
         if np.isfinite(scores.max()):
             strategy, _, raw = self._draw()
             ranks = np.unique(-scores, return_inverse=True)[1].astype(float)
@@ -89,7 +89,7 @@ class CMAESWithMargin(PopulationSearch):
         else:
             over = bool(np.isnan(self.record))
         if over or self.stalled >= self.patience:
-            self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), self.restarts + 1
+            self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(self.restarts + 1)
             self.strategy = self._begin(self._to_ranges(self.space.sample(self._generator(1), 1)[0]))
 
     def _collapsed(self) -> bool:
