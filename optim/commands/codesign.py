@@ -96,9 +96,9 @@ def add_parser(commands: Any) -> None:
     )
     design.add_argument(
         "--encoding",
-        choices=("codes", "bits"),
-        help="of the control: frequency and offset of each actuator, or every bit (default: codes; bits with "
-        "--method gradient)",
+        choices=("codes", "bits", "pattern"),
+        help="of the control: frequency and offset of each actuator, every bit, or a network that makes patterns "
+        "(default: codes; bits with --method gradient)",
     )
     design.add_argument(
         "--gait",

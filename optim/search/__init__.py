@@ -6,6 +6,8 @@ from typing import Any
 
 from optim.hints import nearest
 from optim.search.borg import Borg
+from optim.search.cma import CMAESWithMargin
+from optim.search.cma_gradient import CMAGradient
 from optim.search.differential_evolution import DifferentialEvolution
 from optim.search.genetic import GeneticSearch
 from optim.search.gradient import GradientAscent
@@ -14,6 +16,7 @@ from optim.search.independent import IndependentSearches
 from optim.search.map_elites import MapElites
 from optim.search.memetic import MemeticSearch
 from optim.search.method import Method, SearchResult
+from optim.search.nes import SeparableNES
 from optim.search.nsga2 import NSGA2
 from optim.search.population import PopulationSearch
 from optim.search.random_search import RandomSearch
@@ -23,6 +26,8 @@ __all__ = [
     "METHODS",
     "NSGA2",
     "Borg",
+    "CMAESWithMargin",
+    "CMAGradient",
     "DifferentialEvolution",
     "GeneticSearch",
     "GradientAscent",
@@ -32,6 +37,7 @@ __all__ = [
     "Method",
     "RandomSearch",
     "SearchResult",
+    "SeparableNES",
     "build_method",
     "check_settings",
     "default_settings",
@@ -39,12 +45,15 @@ __all__ = [
 
 METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
     "borg": Borg,
+    "cma": CMAESWithMargin,
+    "cma-gradient": CMAGradient,
     "de": DifferentialEvolution,
     "genetic": GeneticSearch,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,
     "map-elites": MapElites,
     "memetic": MemeticSearch,
+    "nes": SeparableNES,
     "nsga2": NSGA2,
     "random": RandomSearch,
 }

@@ -1,0 +1,135 @@
+"""CMA-ES with margin: a normal distribution that learns its shape, for numbers and whole numbers together."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
+from optim.search.method import check_number, check_whole
+from optim.search.population import PopulationSearch, below_all
+from optim.space import Space, Vector
+
+if TYPE_CHECKING:
+    from cmaes import CMAwM
+
+COLLAPSED = 1e-9  # the widest continuous variable has a smaller standard deviation: nothing is left to search [ranges]
+
+
+class CMAESWithMargin(PopulationSearch):
+    """N points a generation from a normal distribution whose mean, step size and covariance follow the best half.
+
+    A margin keeps the probability of every neighbouring whole number from vanishing: Hamano et al., GECCO 2022,
+    arXiv:2205.13482, as implemented by the library ``cmaes``. Coordinates are ranges of the variables. Continuous
+    ones are free to leave their bounds, and evaluated where :meth:`Space.reflect` brings them, angles so too: drawing
+    anew and clipping, as the library does, hardly converges where several bounds hold the optimum.
+
+    Only the order of the scores counts: equal ones share a rank, failures have the last. The mean starts in the middle
+    of the ranges, which needs no more generations than a random start. It starts again, with the first step size and
+    somewhere at random, when continuous variables have collapsed, when the library's criteria say so, when nothing
+    has got better for ``patience`` generations, or at once if there were only failures.
+    """
+
+    arrays: ClassVar[tuple[str, ...]] = ("record", "stalled", "restarts")
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        sigma: float = 0.3,
+        patience: int = 100,
+    ) -> None:
+        """Set up the distribution.
+
+        Args:
+            space: what may be changed.
+            population: N, points a generation, at least 4.
+            seed: of all random numbers.
+            start: values by name where the mean first is; of the other variables it is in the middle.
+            sigma: first standard deviation of every variable [ranges].
+            patience: generations without a better point before a restart.
+        """
+        check_number("sigma", sigma, 1e-3, 1.0)
+        check_whole("patience", patience, 1)
+        super().__init__(space, population=population, seed=seed, start=start)
+        self.sigma, self.patience = sigma, patience
+        self.discrete = np.array([variable.is_integer for variable in space.variables])
+        given = np.array([name in self.start for name in space.names])
+        self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
+        # Of this restart: its best score, and generations since it rose.
+        self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(0)
+
+    @classmethod
+    def _smallest(cls) -> int:
+        return 4
+
+    def ask(self) -> Vector:
+        """N points drawn from the distribution."""
+        _, places, _ = self._draw()
+        return self._to_points(places)
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """Move the distribution, unless there is nothing to learn; restart it if it has done what it can."""
+        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+        scores = below_all(evaluation.objectives[:, 0])
+        rose = scores.max() > below_all(self.record)
+        self.record = np.array(scores.max()) if rose else self.record
+        self.stalled = np.array(0 if rose else self.stalled + 1)
+        if np.isfinite(scores.max()):
+            strategy, _, raw = self._draw()
+            ranks = np.unique(-scores, return_inverse=True)[1].astype(float)
+            strategy.tell(list(zip(raw, ranks, strict=True)))
+            self.strategy = to_arrays(strategy)
+            over = self._collapsed() or bool(strategy.should_stop())
+        else:
+            over = bool(np.isnan(self.record))
+        if over or self.stalled >= self.patience:
+            self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(self.restarts + 1)
+            self.strategy = self._begin(self._to_ranges(self.space.sample(self._generator(1), 1)[0]))
+
+    def _collapsed(self) -> bool:
+        deviations = self.strategy["sigma"] * np.sqrt(np.diag(self.strategy["C"]))
+        return not self.discrete.all() and bool(deviations[~self.discrete].max() < COLLAPSED)
+
+    def _draw(self) -> tuple["CMAwM", Vector, Vector]:
+        """The strategy as it is after drawing, where its N points are evaluated, and what it is told of them.
+
+        Drawing also rounds the covariance, so a strategy is told what the same strategy has drawn.
+        """
+        strategy = self._build(np.full(self.space.size, 0.5))
+        set_arrays(strategy, self.strategy)
+        strategy.reseed_rng(int(self._generator(0).integers(2**32)))
+        places, raw = zip(*(strategy.ask() for _ in range(self.population)), strict=True)
+        return strategy, np.array(places), np.array(raw)
+
+    def _begin(self, mean: Vector) -> dict[str, NDArray[Any]]:
+        return to_arrays(self._build(mean))
+
+    def _build(self, mean: Vector) -> "CMAwM":
+        bounds = np.where(self.discrete[:, None], [0.0, 1.0], [-np.inf, np.inf])
+        steps = np.where(self.discrete, 1 / self.space.span, 0.0)
+        return build_strategy(mean, self.sigma, bounds, steps, self.population)
+
+    def _to_ranges(self, points: Vector) -> Vector:
+        return (points - self.space.low) / self.space.span
+
+    def _to_points(self, places: Vector) -> Vector:
+        return self.space.round(self.space.reflect(self.space.low + places * self.space.span))
+
+    def _numbers(self) -> Mapping[str, float | int | None]:
+        """Step size [ranges] and how often the search began again."""
+        return {"sigma": float(self.strategy["sigma"]), "restarts": int(self.restarts)}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What populations have, and the numbers of the distribution."""
+        return super().state() | {f"strategy/{name}": values.copy() for name, values in self.strategy.items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        super().restore(state)
+        self.strategy = {name: state[f"strategy/{name}"].copy() for name in self.strategy}

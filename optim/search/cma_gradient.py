@@ -1,0 +1,176 @@
+"""CMA-ES with margin whose mean is led by gradients."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from optim.problem import Evaluation
+from optim.search.cma import CMAESWithMargin
+from optim.search.method import Wants, check_number, check_whole, single_objective
+from optim.search.population import below_all
+from optim.search.step_rules import LBFGS
+from optim.space import Space, Vector
+
+LENGTHS = (0.25, 1.0, 2.0)  # of the step: the points that are tried along it
+UNIT = 40.0  # standard deviations in a unit of the quasi-Newton rule, which goes a quarter of one at most
+LIMIT = 1e100  # of slopes: beyond it is failure, whose square would not be finite
+
+
+class CMAGradient(CMAESWithMargin):
+    """CMA-ES with margin, in turns with gradients at the mean.
+
+    After every ``every`` generations of points comes one of gradients, at the mean of the distribution with its
+    binary variables relaxed, or around it. They give a quasi-Newton step of the mean: L-BFGS over the slopes at the
+    means before, with the covariance C of the distribution for the first inverse Hessian, so that the step is the
+    natural gradient C g as long as it knows nothing else. Points at ``LENGTHS`` of the step take the places of as
+    many that would have been drawn (Hansen, arXiv:1110.4181, without its limit on their length), and are told to the
+    strategy as any others. If one of them is the best of its generation, the mean goes all the way to it, and paths and
+    covariance stay as they were told.
+
+    No step is taken on the word of a gradient alone, nor is a relaxed point ever the best. Integers have no slope;
+    only their correlations move them. Relaxed points are not sharpened: they are judged near true ones, between which
+    the distribution chooses.
+    """
+
+    arrays: ClassVar[tuple[str, ...]] = (*CMAESWithMargin.arrays, "anchor", "slope", "moved", "change", "step")
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        sigma: float = 0.3,
+        patience: int = 100,
+        every: int = 1,
+        samples: int = 0,
+        rate: float = 4.0,
+    ) -> None:
+        """Set up the distribution.
+
+        Args:
+            space: what may be changed.
+            population: N, points a generation, at least 4.
+            seed: of all random numbers.
+            start: values by name where the mean first is; of the other variables it is in the middle.
+            sigma: first standard deviation of every variable [ranges].
+            patience: generations of points without a better one before a restart.
+            every: generations of points before one of gradients.
+            samples: antithetic pairs of relaxed points, drawn from the distribution, whose mean gradient is taken; 0
+                for the gradient at the mean alone.
+            rate: first step, along the longest of the distribution's axes in it [standard deviations].
+        """
+        super().__init__(space, population=population, seed=seed, start=start, sigma=sigma, patience=patience)
+        check_whole("every", every, 1)
+        check_whole("samples", samples, 0)
+        check_number("rate", rate, 1e-3, UNIT / 4)
+        self.every, self.samples, self.rate = every, samples, rate
+        self.relaxed = space.relaxed()
+        self.sloped = np.array([variable.kind != "integer" for variable in space.variables])
+        self._forget()
+
+    def _forget(self) -> None:
+        """All that was learnt from gradients."""
+        self.anchor, self.slope = np.full((2, self.space.size), np.nan)  # the last mean, and objective per range there
+        self.moved, self.change = LBFGS(1, self.space.size, self.rate).arrays.values()
+        self.step = np.zeros(self.space.size)  # to be tried next [ranges]; zeros for none
+
+    @property
+    def wants(self) -> Wants:
+        """Points, and after ``every`` generations gradients once."""
+        return "gradients" if self.generation % (self.every + 1) == self.every else "points"
+
+    def ask(self) -> Vector:
+        """N points, or the mean or points around it, shape (1, D) or (2 samples, D), of the relaxed space."""
+        if self.wants == "points":
+            return super().ask()
+        return self.relaxed.round(self.relaxed.reflect(self.space.low + self._around() * self.space.span))
+
+    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+        """Move the distribution by points; find the next step by gradients."""
+        if self.wants == "points":
+            super().tell(points, evaluation)
+            return
+        single_objective(evaluation, len(points))
+        if evaluation.gradients is None or evaluation.gradients.shape != points.shape:
+            shape = None if evaluation.gradients is None else evaluation.gradients.shape
+            raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {points.shape}")
+        self._learn(self._mean_slope(evaluation.gradients))
+        self.generation += 1
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """As without gradients; then move the mean to a point on the step that beat all others."""
+        tried, restarts = self._tried(), int(self.restarts)
+        scores = below_all(evaluation.objectives[:, 0])
+        best = int(np.argmax(scores))
+        super()._take(points, evaluation)
+        if self.restarts > restarts:
+            self._forget()
+        elif scores[best] > scores[len(tried) :].max():
+            self.strategy["mean"] = tried[best].copy()
+        self.step = np.zeros(self.space.size)
+
+    def _draw(self) -> tuple[Any, Vector, Vector]:
+        """As without gradients, but the first points are those on the step."""
+        strategy, places, raw = super()._draw()
+        tried, mean = self._tried(), self.strategy["mean"]
+        places[: len(tried)] = tried
+        raw[: len(tried)] = mean + (tried - mean) / self._margin()  # as drawn before the margin widened it
+        return strategy, places, raw
+
+    def _tried(self) -> Vector:
+        """Points on the step, shape (len(LENGTHS), D) or (0, D), discrete variables not yet rounded."""
+        lengths = np.array(LENGTHS if self.step.any() else ()).reshape(-1, 1)
+        return self._inside(self.strategy["mean"] + lengths * self.step)
+
+    def _around(self) -> Vector:
+        """Where gradients are taken: the mean, or antithetic pairs around it."""
+        if not self.samples:
+            return self._inside(self.strategy["mean"][None])
+        deviates = self._generator(0).standard_normal((self.samples, self.space.size)) @ self._axes().T
+        return self._inside(self.strategy["mean"] + np.concatenate([deviates, -deviates]))
+
+    def _inside(self, places: Vector) -> Vector:
+        return np.where(self.discrete, np.clip(places, 0.0, 1.0), places)
+
+    def _margin(self) -> Vector:
+        """By how much the margin widens each variable, shape (D,)."""
+        return self.strategy.get("A", np.ones(self.space.size))
+
+    def _axes(self) -> Vector:
+        """Principal axes of the distribution, each as long as its standard deviation, shape (D, D), in columns."""
+        squares, directions = np.linalg.eigh(self.strategy["C"] * np.outer(self._margin(), self._margin()))
+        tiny = np.finfo(float).eps * squares.max()
+        return self.strategy["sigma"] * directions * np.sqrt(np.maximum(squares, tiny))
+
+    def _mean_slope(self, gradients: Vector) -> Vector:
+        """Mean slope of the points that did not fail [objective per range], shape (D,); else NaN."""
+        # Beyond a bound, or an even number of ranges further, the reflection turns the slope round.
+        turned = (np.mod(self._around(), 2) > 1) & ~self.space.angles & ~self.discrete
+        with np.errstate(over="ignore", invalid="ignore"):
+            slopes = np.where(self.sloped, gradients, 0.0) * self.space.span * np.where(turned, -1, 1)
+        valid = (abs(slopes) < LIMIT).all(axis=1) & np.isfinite(gradients).all(axis=1)
+        return slopes[valid].mean(axis=0) if valid.any() else np.full(self.space.size, np.nan)
+
+    def _learn(self, slope: Vector) -> None:
+        """Remember how the slope changed since the last mean, and step."""
+        one, mean = np.array([True]), self.strategy["mean"]
+        if np.isnan(slope).any():
+            return
+        memory = self._rule(self.moved, self.change)
+        if not np.isnan(self.slope).any():
+            memory.learn(one, (mean - self.anchor)[None], (slope - self.slope)[None])
+        self.moved, self.change = memory.arrays["moved"], memory.arrays["change"]
+        self.anchor, self.slope = mean.copy(), slope
+
+        axes = UNIT * self._axes()  # in their coordinates the covariance is that of the rule: of equal sides
+        rule = self._rule(np.linalg.solve(axes, self.moved[0].T).T[None], self.change @ axes)
+        steps = rule.steps(one, (slope @ axes)[None], np.ones((1, self.space.size), bool))
+        self.step = axes @ steps[0]
+
+    def _rule(self, moved: Vector, change: Vector) -> LBFGS:
+        rule = LBFGS(1, self.space.size, self.rate / UNIT)
+        rule.arrays = {"moved": moved, "change": change}
+        return rule

@@ -1,0 +1,111 @@
+"""Separable natural evolution strategy: follows the natural gradient of the expected rank."""
+
+import math
+from collections.abc import Mapping
+from statistics import NormalDist
+from typing import ClassVar
+
+import numpy as np
+
+from optim.problem import Evaluation
+from optim.search.method import check_number
+from optim.search.population import PopulationSearch, below_all
+from optim.space import Space, Vector
+
+OFF = 0.2  # share of the points in which some integer at rest still differs from its mean
+
+
+class SeparableNES(PopulationSearch):
+    """N points a generation from a normal distribution whose mean and standard deviations follow the natural gradient.
+
+    Source: Wierstra et al., "Natural evolution strategies", JMLR 15, 2014, algorithm 6 (SNES), with its utilities and
+    learning rates (table 1). Coordinates are ranges of the variables. What lies beyond a bound is evaluated where
+    :meth:`Space.reflect` brings it, angles so too, and the mean is reflected likewise, which changes no
+    probability. Integers are rounded for evaluation. Their standard deviation has a floor, at which, with all integer
+    means at whole numbers, one in five points has one that differs.
+
+    Equal scores share their utilities, failures those of the last ranks. Nothing restarts it.
+    """
+
+    arrays: ClassVar[tuple[str, ...]] = ("mean", "deviation")
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        population: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        sigma: float = 0.3,
+        mirrored: bool = False,
+    ) -> None:
+        """Set up the distribution.
+
+        Args:
+            space: what may be changed.
+            population: N, points a generation, at least 4.
+            seed: of all random numbers.
+            start: values by name where the mean first is; of the other variables it is in the middle.
+            sigma: first standard deviation of every variable [ranges].
+            mirrored: draw every other point opposite to the one before, seen from the mean.
+        """
+        check_number("sigma", sigma, 1e-3, 1.0)
+        if not isinstance(mirrored, bool):
+            raise ValueError(f"mirrored: {mirrored!r} is not allowed; give true or false")
+        super().__init__(space, population=population, seed=seed, start=start)
+        self.mirrored = mirrored
+        given = np.array([name in self.start for name in space.names])
+        self.mean = np.where(given, (self._starts()[0] - space.low) / space.span, 0.5)
+        self.floor = _floor(space)
+        self.deviation = np.maximum(sigma, self.floor)
+
+    @classmethod
+    def _smallest(cls) -> int:
+        return 4
+
+    def ask(self) -> Vector:
+        """N points drawn from the distribution."""
+        return self.space.round(self._reflect(self.mean + self.deviation * self._deviates()))
+
+    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+        """Algorithm 6: both gradients in the coordinates of the distribution itself."""
+        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+        deviates, size = self._deviates(), self.space.size
+        utilities = _utilities(below_all(evaluation.objectives[:, 0]))
+        self.mean = self.mean + self.deviation * (utilities @ deviates)  # learning rate 1
+        self.mean = (self._reflect(self.mean) - self.space.low) / self.space.span
+        rate = (3 + math.log(size)) / (5 * math.sqrt(size))
+        self.deviation = self.deviation * np.exp(rate / 2 * (utilities @ (deviates**2 - 1)))
+        self.deviation = np.clip(self.deviation, self.floor, 1.0)  # wider than its range says no more
+
+    def _deviates(self) -> Vector:
+        """Standard normal, shape (N, D), the same as often as asked in a generation."""
+        if not self.mirrored:
+            return self._generator().standard_normal((self.population, self.space.size))
+        half = self._generator().standard_normal(((self.population + 1) // 2, self.space.size))
+        return np.stack([half, -half], axis=1).reshape(-1, self.space.size)[: self.population]
+
+    def _reflect(self, places: Vector) -> Vector:
+        return self.space.reflect(self.space.low + places * self.space.span)
+
+    def _numbers(self) -> Mapping[str, float | int | None]:
+        """Geometric mean of the standard deviations [ranges]."""
+        return {"sigma": float(np.exp(np.log(self.deviation).mean()))}
+
+
+def _utilities(scores: Vector) -> Vector:
+    """Of each point, shape (N,): sum 0; equal scores share what their ranks would get together."""
+    ranks = np.arange(1, len(scores) + 1)
+    shares = np.maximum(0.0, math.log(len(scores) / 2 + 1) - np.log(ranks))
+    utilities = shares / shares.sum() - 1 / len(scores)
+    _, group, count = np.unique(-scores, return_inverse=True, return_counts=True)
+    of_rank = np.repeat(np.arange(len(count)), count)
+    return (np.bincount(of_rank, utilities) / count)[group]
+
+
+def _floor(space: Space) -> Vector:
+    """Smallest standard deviation of each variable [ranges], shape (D,); of a continuous one nearly 0."""
+    discrete = np.array([variable.is_integer for variable in space.variables])
+    each = 1 - (1 - OFF) ** (1 / max(discrete.sum(), 1))  # probability that one of them is off
+    half_step = NormalDist().inv_cdf(1 - each / 2)  # in standard deviations
+    return np.where(discrete, 0.5 / space.span / half_step, np.finfo(float).tiny)
