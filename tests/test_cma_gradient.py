@@ -75,12 +75,11 @@ def state_equal(a, b):
     return a.keys() == b.keys() and all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
 
 
-# To a gap of 1e-6: 12 930 and 12 540 on Rosenbrock's function, 14 285 and 13 505 on the ellipsoid of 20 variables.
-@pytest.mark.parametrize("seed", [0])
-def test_rosenbrock_in_forty_variables_needs_less_than_half(seed):
-    led = CMAGradient(continuous_space(40), seed=seed)
+# To a gap of 1e-6: 12 930 evaluations on Rosenbrock's; 9225 and 9290 on the ellipsoid, alone 17 400 and 19 500.
+def test_rosenbrock_in_forty_variables_needs_less_than_half():
+    led = CMAGradient(continuous_space(40))
     assert cost_to(led, rosenbrock, rosenbrock_slope, -1e-6, 18_000)[1] > -1e-6
-    alone = CMAESWithMargin(continuous_space(40), seed=seed)
+    alone = CMAESWithMargin(continuous_space(40))
     assert cost_to(alone, rosenbrock, None, -1e-6, 36_000)[1] < -1
 
 
@@ -88,18 +87,21 @@ def test_rosenbrock_in_forty_variables_needs_less_than_half(seed):
 def test_an_ellipsoid_needs_less(seed):
     problem = Ellipsoid(20)
     led, alone = (method(continuous_space(20), seed=seed) for method in (CMAGradient, CMAESWithMargin))
-    cost, score = cost_to(led, problem.judge, problem.slope, -1e-6, 30_000)
+    cost, score = cost_to(led, problem.judge, problem.slope, -1e-6, 12_000)
     assert score > -1e-6
-    assert cost_to(alone, problem.judge, None, -1e-6, int(1.2 * cost))[1] < -1e-6
+    assert cost_to(alone, problem.judge, None, -1e-6, int(1.4 * cost))[1] < -1e-6
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_numbers_bits_and_an_integer_together_need_less(seed):
+def test_numbers_bits_and_an_integer_together_come_closer_at_first():
+    """Gaps after 5000 evaluations: 1 to 21, without gradients 16 to 112; after 10 000 there is no difference."""
     problem = Mixed()
-    led, alone = (method(problem.space, population=40, seed=seed) for method in (CMAGradient, CMAESWithMargin))
-    found = cost_to(led, problem.judge, problem.slope, 0.0, 5000)[1]
-    assert found > 10 * cost_to(alone, problem.judge, None, 0.0, 5000)[1]  # a gap of less than a tenth
-    assert led.result().score == problem.judge(led.result().point[None])[0]
+    gaps = {}
+    for kind in (CMAGradient, CMAESWithMargin):
+        methods = [kind(problem.space, population=40, seed=seed) for seed in range(4)]
+        gaps[kind] = np.median([-cost_to(m, problem.judge, problem.slope, 0.0, 5000)[1] for m in methods])
+        for method in methods:
+            assert method.result().score == problem.judge(method.result().point[None])[0]
+    assert 3 * gaps[CMAGradient] < gaps[CMAESWithMargin]
 
 
 def test_a_generation_of_gradients_comes_after_every_so_many():

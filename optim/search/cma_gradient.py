@@ -24,13 +24,14 @@ class CMAGradient(CMAESWithMargin):
     binary variables relaxed, or around it. They give a quasi-Newton step of the mean: L-BFGS over the slopes at the
     means before, with the covariance C of the distribution for the first inverse Hessian, so that the step is the
     natural gradient C g as long as it knows nothing else. Points at ``LENGTHS`` of the step take the places of as
-    many that would have been drawn (Hansen, arXiv:1110.4181, without its limit on their length), and are told to the
-    strategy as any others. If one of them is the best of its generation, the mean goes all the way to it, and paths and
-    covariance stay as they were told.
+    many that would have been drawn, and are told to the strategy as any others (injection: Hansen, arXiv:1110.4181;
+    differs: the step is limited to ten standard deviations along each axis, not in its length). If one of them beats
+    all that were drawn, the mean goes all the way to it; paths and covariance stay as they were told.
 
     No step is taken on the word of a gradient alone, nor is a relaxed point ever the best. Integers have no slope;
-    only their correlations move them. Relaxed points are not sharpened: they are judged near true ones, between which
-    the distribution chooses.
+    only their correlations move them. Where the objective is smooth in continuous variables, about half of the
+    evaluations are saved, or more; with many binary ones it is quicker at first, and no surer in the end. Relaxed
+    points are not sharpened: they are judged near true ones, between which the distribution chooses.
     """
 
     arrays: ClassVar[tuple[str, ...]] = (*CMAESWithMargin.arrays, "anchor", "slope", "moved", "change", "step")
