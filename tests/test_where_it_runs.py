@@ -1,0 +1,26 @@
+"""The command's options about where points are evaluated."""
+
+import pytest
+
+SMALL = "codesign --terrain flat --geometry small --columns 1 --repeats 1 --climbers 2 --generations 0 --out a"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--ray 127.0.0.1:1", "ray: no cluster answers at 127.0.0.1:1"),
+        ("--ray moon", "ray: 'moon' is not an address; give HOST:PORT"),
+        ("--workers 0", "argument --workers: 0 is not allowed; give a whole number, at least 1"),
+    ],
+)
+def test_a_place_that_is_not_there_is_one_line(morpholab, options, message):
+    code, _, error = morpholab(f"{SMALL} {options}")
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_more_workers_than_cores_are_noted(morpholab, monkeypatch, tmp_path):
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    code, _, error = morpholab(f"{SMALL} --workers 2 --quiet")
+    assert code == 0 and error == "note: 2 workers need 2 threads, of 1 cores; fewer would be as fast\n"
+    assert morpholab(f"{SMALL.replace('--out a', '--out b')} --quiet")[0] == 0
+    assert (tmp_path / "a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()
