@@ -43,7 +43,7 @@ def test_status_tells_how_far_runs_are(morpholab, simulator, tmp_path):
 
 
 def test_a_run_is_ended_politely_by_sigterm(morpholab, simulator, tmp_path):
-    evaluate = simulator.diverges
+    evaluate, handler = simulator.diverges, signal.getsignal(signal.SIGTERM)
 
     def ended(design, terrain):
         if len(simulator.calls) == 3:
@@ -55,7 +55,7 @@ def test_a_run_is_ended_politely_by_sigterm(morpholab, simulator, tmp_path):
     assert code == 143 and json.loads(out)["interrupted"] and json.loads(out)["generation"] == 1
     simulator.diverges = evaluate
     assert morpholab("codesign --resume --quiet --out a")[0] == 0
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTERM) is handler
 
 
 def test_runs_that_differ_in_their_seed_are_one_group(morpholab, tmp_path):

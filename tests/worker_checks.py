@@ -67,7 +67,12 @@ def stopped(folder, backend, how):
     """The exit code and stderr of a program with two busy workers that a signal ends; no worker may survive it."""
     command = [sys.executable, worker_problems.__file__, folder, backend]
     process = subprocess.Popen(
-        command, env={**os.environ, "PYTHONPATH": PATHS}, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        env={**os.environ, "PYTHONPATH": PATHS},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
     )
     pids = wait_for(lambda: len(found := numbers(folder)) == 2 and found)
     if how == signal.SIGINT:
