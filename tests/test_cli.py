@@ -9,8 +9,9 @@ import pytest
 from run_products import log, products
 
 from optim.gait_problem import PARTS, GaitProblem
+from optim.runs.config import read_config
 from robots import inflatable
-from robots.hardware import read_csv
+from robots.hardware import export_csv, read_csv
 from robots.inflatable import INCHING, ROLLING, load_design, save_design
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
@@ -357,6 +358,20 @@ def test_export_from_a_run_and_from_a_design(morpholab, tmp_path):
     assert (
         code == 2 and "shortest_state_s: -1.0 is not allowed" in error and not (tmp_path / "c.csv").exists()
     )
+
+
+def test_any_design_that_a_search_keeps_can_be_exported(morpholab, tmp_path):
+    both = "--terrain flat --terrain hill:15 --method nsga2 --population 8 --generations 1 --seed 2"
+    morpholab(f"codesign --out runs/a {both} --geometry small --columns 1 --repeats 1 --quiet")
+    front = json.loads((tmp_path / "runs/a/front.json").read_text())["designs"]
+    problem = GaitProblem.from_description(read_config(tmp_path / "runs/a")["problem"])
+    for number, kept in enumerate(front, 1):
+        assert morpholab(f"export runs/a --member {number} --csv a.csv")[0] == 0
+        export_csv(problem.design(problem.space.from_dict(kept["point"])), tmp_path / "b.csv")
+        assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    code, _, error = morpholab(f"export runs/a --member {len(front) + 1} --csv a.csv")
+    assert code == 2 and f"runs/a keeps {len(front)} designs\n" in error
+    assert "as runs/a/best.json is the file of one" in morpholab("export runs/a/best.json --member 1 --csv a.csv")[2]
 
 
 def test_bench_forwards_its_options(morpholab, monkeypatch):

@@ -50,6 +50,16 @@ def test_a_cluster_changes_no_bit(workers, count, capfd):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+def test_there_are_as_many_workers_as_the_cluster_has_cores(workers, tmp_path):
+    problem = Bowl(pids=tmp_path, hold=tmp_path / "go")
+    thread = threading.Thread(target=lambda: (wait_for(lambda: len(numbers(tmp_path)) == 2), problem.hold.touch()))
+    thread.start()
+    with workers.open(problem, None) as evaluate:
+        evaluate(REQUEST)
+    thread.join()
+    assert len(numbers(tmp_path)) == 2
+
+
 def test_gaits_are_judged_to_the_same_bits(workers):
     problem = GaitProblem((Terrain(),), columns=1, repeats=1, geometry="small", pressure=100.0, threads=1)
     request = Request(problem.space.sample(np.random.default_rng(1), 5))

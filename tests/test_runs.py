@@ -15,6 +15,7 @@ import pytest
 
 from optim.problem import Evaluation
 from optim.runs import open_run, run_search
+from optim.runs.config import read_config
 from optim.runs.files import pack, unpack
 from optim.search import build_method
 from optim.space import Space, Variable
@@ -312,6 +313,14 @@ def test_a_packed_state_is_a_plain_npz(tmp_path):
         assert all(np.array_equal(loaded[name], arrays[name]) for name in arrays)
     with pytest.raises(ValueError, match="allow_pickle"):
         pack({"objects": np.array([None])})
+
+
+def test_a_run_that_ended_before_its_first_generation_may_begin_again_otherwise(tmp_path):
+    with open_run(tmp_path / "a", {**CONFIG, "generations": 9}):
+        pass
+    with open_run(tmp_path / "a", {**CONFIG, "generations": 2}):
+        pass
+    assert read_config(tmp_path / "a") == {**CONFIG, "generations": 2}
 
 
 def test_nothing_is_overwritten(tmp_path, whole):

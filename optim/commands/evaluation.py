@@ -25,7 +25,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         "--workers",
         type=options.whole(1),
         metavar="N",
-        help="processes that evaluate (default: this one, with all threads; on Ray as many as there are cores here)",
+        help="processes that evaluate (default: this one, with all threads; on Ray as many as the cluster has cores)",
     )
     group.add_argument(
         "--ray",
@@ -46,9 +46,9 @@ def opened_workers(
     from optim.runs.workers import open_workers
 
     cores = os.cpu_count() or 1
-    count = args.workers or max(1, cores // (args.threads or 1))
+    count = args.workers
     threads = args.threads or (max(1, cores // count) if args.ray is None else 1)
-    if args.ray in (None, "local") and count * threads > cores:
+    if args.ray in (None, "local") and count and count * threads > cores:
         _note(f"note: {count} workers need {count * threads} threads, of {cores} cores; fewer would be as fast")
     with open_workers(
         dataclasses.replace(problem, threads=threads, progress=None),

@@ -4,9 +4,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from optim.commands import Report, options
 
 if TYPE_CHECKING:
+    from optim.gait_problem import GaitProblem
+    from optim.runs.history import History
+    from optim.space import Vector
     from robots.inflatable import InflatableDesign
 
 
@@ -25,6 +30,12 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--rig", type=Path, metavar="FILE", help="JSON or TOML with a rig's channels and limits"
     )
+    parser.add_argument(
+        "--member",
+        type=options.whole(1),
+        metavar="N",
+        help="the Nth design that the search keeps, as in front.json (default: the best design)",
+    )
     options.add_json(parser)
     parser.set_defaults(run=run)
 
@@ -34,17 +45,19 @@ def run(args: argparse.Namespace) -> Report:
     from robots.hardware import PneumaticRig, export_csv
 
     rig = PneumaticRig.load(args.rig) if args.rig else PneumaticRig()
-    table = export_csv(_design(args.source), args.csv, rig, args.units)
+    table = export_csv(_design(args.source, args.member), args.csv, rig, args.units)
     seconds = float(table.times[-1])
     document = {"source": str(args.source), "csv": str(args.csv), "units": args.units, "seconds": seconds}
     return Report(document, f"{args.csv}: {len(table.channels)} channels, {seconds:.1f} s, {args.units}")
 
 
-def _design(source: Path) -> "InflatableDesign":
-    """The best design of a run, as its checked log tells, or that of a file."""
+def _design(source: Path, member: int | None) -> "InflatableDesign":
+    """The best design of a run, as its checked log tells, or another that it keeps, or that of a file."""
     from robots.inflatable import load_design
 
     if source.is_file():
+        if member is not None:
+            raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
         return load_design(source)
     if not source.is_dir():
         raise ValueError(f"source: {source} is neither a run nor the file of a design")
@@ -52,8 +65,23 @@ def _design(source: Path) -> "InflatableDesign":
     from optim.runs.history import read_history
 
     history = read_history(source)
+    problem = GaitProblem.from_description(history.config["problem"])
+    if member is not None:
+        return problem.design(_kept(history, problem, member))
     best = history.generations[-1].best_point if history.generations else None
     if best is None:
         raise ValueError(f"source: {source} has no best design yet")
-    problem = GaitProblem.from_description(history.config["problem"])
     return problem.design(problem.space.from_dict(best))
+
+
+def _kept(history: "History", problem: "GaitProblem", member: int) -> "Vector":
+    """The point of the Nth design that the search keeps."""
+    from optim.runs.history import read_result
+
+    result = read_result(history, problem)
+    count = 0 if result is None else len(result.points)
+    if result is None or member > count:
+        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {count} designs")
+    if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
+        raise ValueError(f"member: {member} of {history.path} has failed; choose another")
+    return result.points[member - 1]

@@ -167,7 +167,7 @@ def open_run(
     """Start a run in a new folder, or continue one, and keep other processes off meanwhile.
 
     Args:
-        path: the folder; it must not exist, or be empty, unless ``resume``.
+        path: the folder; unless ``resume``, it must not exist, be empty, or hold no generation yet.
         config: settings; see ``SECTIONS`` for the entries needed. Fits TOML.
         resume: continue the run in the folder: ``config`` may leave out what the folder knows, but not change
             it, except that ``generations`` may be raised. Without a run in the folder, start one.
@@ -213,10 +213,12 @@ def _write_json(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def _check_free(path: Path) -> None:
-    """A run may start where nothing is, or where one was killed before it had its configuration."""
+    """A run may start where nothing is, or where one ended before its first generation was complete."""
     if path.exists() and not path.is_dir():
         raise ValueError(f"out: {path} is a file; name a new folder")
     if has_run(path):
+        if not any((path / name).exists() for name in (LOG, CHECKPOINT, PREVIOUS)):
+            return
         raise ValueError(f"out: {path} holds a run already; continue it with --resume or name another folder")
     if path.exists() and any(not e.name.startswith(".") and e.name != ENVIRONMENT for e in path.iterdir()):
         raise ValueError(f"out: {path} holds other files and no run; name a new folder")

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from optim.problem import Problem
 from optim.runs import checkpoint, files
 from optim.runs.config import has_run, identity, read_config
 from optim.runs.folder import TIMING, in_use
 from optim.runs.loop import Generation
+from optim.search import build_method
+from optim.search.method import SearchResult
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,17 @@ def read_history(folder: Path) -> History:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     seconds, finished = _read_timing(folder, found[1] if found else None)
     return History(folder, config, generations, seconds, finished, running)
+
+
+def read_result(history: History, problem: Problem) -> SearchResult | None:
+    """What the search of a run holds after its last complete generation, of the run's own problem; None before one."""
+    found = checkpoint.load(history.path, identity(history.config))
+    if found is None:
+        return None
+    settings = dict(history.config["method"])
+    method = build_method(settings.pop("name"), problem.space, settings)
+    method.restore(found[0])
+    return method.result()
 
 
 def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[float, ...], str | None]:

@@ -20,7 +20,7 @@ BackendName = Literal["processes", "ray"]
 def open_workers(
     problem: Problem,
     *,
-    count: int,
+    count: int | None,
     backend: BackendName = "processes",
     address: str | None = None,
     threads: int = 1,
@@ -37,7 +37,7 @@ def open_workers(
 
     Args:
         problem: sent to every worker once, by pickle.
-        count: number of workers.
+        count: number of workers; None for as many as this machine, or the cluster, has cores for.
         backend: ``"processes"`` of this machine, spawned, or ``"ray"``, actors on a cluster.
         address: of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
             starts one on this machine for as long as the workers are open.
@@ -55,7 +55,7 @@ def open_workers(
         ValueError: in one line, for settings that are not allowed, a problem that cannot be pickled, a cluster
             that does not answer, or one with other versions of what results depend on.
     """
-    for name, value in {"count": count, "threads": threads, "part": part}.items():
+    for name, value in {"count": 1 if count is None else count, "threads": threads, "part": part}.items():
         check_whole(name, value, 1)
     if backend not in get_args(BackendName):
         allowed = ", ".join(get_args(BackendName))
@@ -72,7 +72,7 @@ def open_workers(
             from optim.runs.workers.ray_cluster import open_cluster
 
             source = stack.enter_context(open_cluster(problem, count, threads, address, note))
-        pool = Pool(source, count, part, save_failed, note, progress)
+        pool = Pool(source, count or max(1, source.cores // threads), part, save_failed, note, progress)
         stack.callback(pool.close)
         pool.fill()
         yield pool.evaluate

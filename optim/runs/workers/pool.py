@@ -36,6 +36,10 @@ W = TypeVar("W", bound=Worker)
 class Backend(Protocol[W]):
     """Where workers come from."""
 
+    @property
+    def cores(self) -> int:
+        """CPU cores there."""
+
     def start(self) -> W:
         """Start a worker, without waiting until it is ready."""
 

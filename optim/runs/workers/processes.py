@@ -69,6 +69,11 @@ class Processes:
         self._pickled = pickled(problem, pickle.dumps)
         self._environment = thread_environment(threads)
 
+    @property
+    def cores(self) -> int:
+        """Of this machine."""
+        return os.cpu_count() or 1
+
     def start(self) -> ProcessWorker:
         """Start a process and send it the problem."""
         context = multiprocessing.get_context("spawn")

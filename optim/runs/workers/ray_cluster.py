@@ -112,6 +112,11 @@ class RayCluster:
         self._hosts: set[str] = set()
         self._noted = False
 
+    @property
+    def cores(self) -> int:
+        """Of all machines of the cluster."""
+        return int(self._ray.cluster_resources().get("CPU", 1))
+
     def start(self) -> RayWorker:
         """Ask for an actor, what it runs on, and whether it can load the problem."""
         actor = self._actor.remote()
@@ -186,7 +191,7 @@ def _last_line(error: Exception) -> str:
 
 @contextlib.contextmanager
 def open_cluster(
-    problem: Problem, count: int, threads: int, address: str | None, note: Callable[[str], None]
+    problem: Problem, count: int | None, threads: int, address: str | None, note: Callable[[str], None]
 ) -> Iterator[RayCluster]:
     """A connection to a cluster, or to one started here for as long; see ``open_workers``.
 
@@ -205,7 +210,7 @@ def open_cluster(
     handler = signal.getsignal(signal.SIGTERM)
     try:
         with environment_set(quiet):
-            _connect(ray, None if here else address, max(count * threads, os.cpu_count() or 1))
+            _connect(ray, None if here else address, max((count or 1) * threads, os.cpu_count() or 1))
         yield RayCluster(ray, problem, threads, variables, note)
     finally:
         ray.shutdown()
