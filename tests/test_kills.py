@@ -81,7 +81,9 @@ def descendants(pid):
 
 
 @pytest.mark.parametrize(
-    ("where", "worker"), [("--workers 2", "spawn_main"), ("--ray local --workers 2", "ray::")], ids=["processes", "ray"]
+    ("where", "worker"),
+    [("--workers 2", "spawn_main"), ("--ray local --workers 2", "ray::RemoteService")],
+    ids=["processes", "ray"],
 )
 def test_killed_workers_change_nothing(tmp_path, where, worker):
     short = "--generations 4 --precision f64"
