@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 Design = TypeVar("Design")
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text file aside, then rename it into place: a crash leaves the old file or the new one.
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write a file aside, then rename it into place: a crash leaves the old file or the new one.
 
     Raises:
         ValueError: in one line, when the file cannot be written.
@@ -18,14 +18,19 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     path = Path(path)
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with aside.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with aside.open("wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(aside, path)
     except OSError as error:
         aside.unlink(missing_ok=True)
         raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """The same for a text."""
+    write_bytes(path, text.encode())
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

@@ -1,0 +1,31 @@
+"""Braitenberg vehicles, as in chapters 3 and 4 of the dissertation."""
+
+from robots.braitenberg.body import BASELINE, DESIGNS, VehicleBody
+from robots.braitenberg.experiment import (
+    PUBLISHED,
+    STARTS,
+    TEXT_OF_CHAPTER_3,
+    TEXT_OF_CHAPTER_4,
+    contralateral,
+    simulate,
+    weight_grid,
+)
+from robots.braitenberg.sweep import Sweep, sweep
+from taichi_sim.vehicle import Rollouts, VehicleTask
+
+__all__ = [
+    "BASELINE",
+    "DESIGNS",
+    "PUBLISHED",
+    "STARTS",
+    "TEXT_OF_CHAPTER_3",
+    "TEXT_OF_CHAPTER_4",
+    "Rollouts",
+    "Sweep",
+    "VehicleBody",
+    "VehicleTask",
+    "contralateral",
+    "simulate",
+    "sweep",
+    "weight_grid",
+]

@@ -1,0 +1,107 @@
+"""Environments and controllers of the published experiment, and rollouts of bodies in them.
+
+Source: dissertation, chapters 3 and 4. ``PUBLISHED`` has the settings that give the published numbers;
+``TEXT_OF_CHAPTER_4`` and ``TEXT_OF_CHAPTER_3`` those that the text states.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.braitenberg.body import VehicleBody
+from robots.checks import whole_number
+from taichi_sim.vehicle import Rollouts, VehicleBatch, VehicleTask, rollout
+from taichi_sim.vehicle.rollout import Until
+
+DISTANCE = 4.0  # m, from the light at the origin to every start
+_SIDE = DISTANCE / math.sqrt(2)
+# In the order of the experiment; the text lists the last two the other way round.
+STARTS = np.array([[_SIDE, _SIDE, 0.0], [_SIDE, -_SIDE, 0.0], [-_SIDE, -_SIDE, 0.0], [-_SIDE, _SIDE, 0.0]])
+
+PUBLISHED = VehicleTask(STARTS, radius=0.075, time_step=0.05, steps=10_000)
+TEXT_OF_CHAPTER_4 = replace(PUBLISHED, time_step=0.1, steps=100_000)
+TEXT_OF_CHAPTER_3 = replace(PUBLISHED, radius=0.2, time_step=0.1, steps=100_000)
+
+
+def weight_grid(count: int) -> NDArray[np.float64]:
+    """Values of a weight in a sweep, from -1 to 1, shape (count,); the same but for the sign from either end."""
+    count = whole_number("weights", count, 2)
+    values = np.linspace(-1.0, 1.0, count)
+    return (values - values[::-1]) / 2
+
+
+def contralateral(weights: ArrayLike) -> NDArray[np.float64]:
+    """Controllers of two sensors with one weight each, as matrices.
+
+    Each sensor drives the motor of the other side: v = (w1 s1 + w2 s2) / 2 and a' = w1 s1 - w2 s2.
+
+    Args:
+        weights: w1 and w2, shape (..., 2), each from -1 to 1.
+
+    Returns:
+        Shape (..., 2, 2).
+
+    Raises:
+        ValueError: in one line, for other shapes and values.
+    """
+    values = np.asarray(weights, np.float64)
+    if values.ndim == 0 or values.shape[-1] != 2:
+        raise ValueError(f"weights: an array of shape {values.shape} is not allowed; give (..., 2): w1, w2")
+    check_weights(values)
+    return values[..., None] * np.eye(2)
+
+
+def check_weights(values: NDArray[np.float64]) -> None:
+    """Raise a one-line ValueError for a weight outside -1 to 1."""
+    wrong = ~(np.abs(values) <= 1.0)
+    if wrong.any():
+        raise ValueError(f"weights: {values[wrong][0]} is not allowed; give numbers from -1 to 1")
+
+
+def batch_of(bodies: Sequence[VehicleBody], controllers: ArrayLike) -> VehicleBatch:
+    """Bodies and controllers as arrays.
+
+    Args:
+        bodies: with equally many sensors.
+        controllers: matrices, shape (B or 1, C, 2, S), weights from -1 to 1.
+
+    Raises:
+        ValueError: in one line, for no bodies, different numbers of sensors, and other shapes and values.
+    """
+    if not len(bodies):
+        raise ValueError("bodies: none given; give at least one")
+    counts = {len(body.sensors) for body in bodies}
+    if len(counts) > 1:
+        raise ValueError(f"bodies: {sorted(counts)} sensors are not allowed at once; give bodies with equally many")
+    batch = VehicleBatch([body.sensors for body in bodies], controllers)  # type: ignore[arg-type]
+    check_weights(batch.controllers)
+    return batch
+
+
+def simulate(
+    bodies: Sequence[VehicleBody],
+    controllers: ArrayLike,
+    task: VehicleTask = PUBLISHED,
+    *,
+    until: Until = "closest",
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Rollouts:
+    """Run controllers in bodies in all environments of a task.
+
+    Args:
+        bodies: B bodies.
+        controllers: see :func:`batch_of`; :func:`contralateral` makes matrices of two weights.
+        task: environments, radius and time.
+        until, precision, device, threads, progress: see :func:`taichi_sim.vehicle.rollout`.
+
+    Returns:
+        Arrays of shape (B, C, E).
+    """
+    batch = batch_of(bodies, controllers)
+    return rollout(batch, task, until=until, precision=precision, device=device, threads=threads, progress=progress)

@@ -1,0 +1,128 @@
+"""Derivatives of the final and of the smallest distance by sensor sites and controllers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim import runtime
+from taichi_sim.lanes import NATIVE_WIDTH, Real
+from taichi_sim.vehicle import gradient_kernel as kernel
+from taichi_sim.vehicle.rollout_kernel import GRAIN
+from taichi_sim.vehicle.task import Floats, VehicleBatch, VehicleTask
+
+ROLLOUTS_AT_ONCE = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleGradient:
+    """Distances from the light [m] and their derivatives; NaN where a sensor met the light.
+
+    Attributes:
+        closest: the smallest of a rollout, shape (B, C, E).
+        final: at its end, shape (B, C, E).
+        closest_by_sites: d closest / d site, shape (B, C, E, S, 2).
+        closest_by_controllers: d closest / d W, shape (B, C, E, 2, S); 0 for connections that no controller has.
+        final_by_sites: d final / d site, shape (B, C, E, S, 2).
+        final_by_controllers: d final / d W, shape (B, C, E, 2, S).
+    """
+
+    closest: Floats
+    final: Floats
+    closest_by_sites: Floats
+    closest_by_controllers: Floats
+    final_by_sites: Floats
+    final_by_controllers: Floats
+
+
+def differentiate(
+    batch: VehicleBatch,
+    task: VehicleTask,
+    *,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> VehicleGradient:
+    """Run all rollouts to their end, with exact derivatives in forward mode.
+
+    The smallest distance has the derivative of the step at which it is reached; that may jump from step to step.
+
+    Args:
+        batch: bodies and controllers.
+        task: environments and time.
+        precision, device, threads, progress: see :func:`rollout`.
+    """
+    running = runtime.start(device, precision, threads)
+    shape = (batch.bodies, batch.controllers_each, len(task.starts))
+    count, connections = int(np.prod(shape)), sum(map(len, batch.wiring))
+    real = Real(precision, NATIVE_WIDTH[precision] if device == "cpu" else 1)
+    starts, parameters = _parameters(batch, task, connections)
+    run = kernel.gradient_kernel(real, batch.sensors, batch.wiring, GRAIN if device == "cpu" else 1)
+    slots = kernel.slot_count(batch.sensors, connections)
+    found = np.empty((count, slots))
+    at_once = max(running.threads * real.width, ROLLOUTS_AT_ONCE * 2000 // max(task.steps, 2000) // 64 * 64)
+    for first in range(0, count, at_once):
+        jobs = np.arange(first, min(first + at_once, count))
+        blocks = -(-len(jobs) // real.width)
+        lanes = np.resize(jobs, blocks * real.width)  # lanes without a rollout repeat others
+        memory = real.array((blocks, slots))
+        memory[:, kernel.PX : kernel.CLOSEST] = _lanes_last(starts[lanes], blocks)
+        memory[:, kernel.CLOSEST] = (starts[lanes] ** 2).sum(axis=1).reshape(blocks, -1)
+        memory[:, kernel.PARAMETERS : kernel.PARAMETERS + parameters.shape[1]] = _lanes_last(parameters[lanes], blocks)
+        run(blocks, task.steps, task.time_step, real.reals(memory.reshape(-1, real.width)))
+        found[jobs] = np.moveaxis(memory, 1, 2).reshape(-1, slots)[: len(jobs)]
+        if progress:
+            progress((jobs[-1] + 1) / count)
+    return _gradient(found, batch, shape)
+
+
+def _lanes_last(rows: Floats, blocks: int) -> Floats:
+    """Rows of rollouts as blocks: (blocks, columns, lanes)."""
+    return np.moveaxis(rows.reshape(blocks, -1, rows.shape[1]), 1, 2)
+
+
+def _parameters(batch: VehicleBatch, task: VehicleTask, connections: int) -> tuple[Floats, Floats]:
+    """Starts, shape (rollouts, 2), and sites and weights, shape (rollouts, 2 S + connections)."""
+    bodies, each, environments = batch.bodies, batch.controllers_each, len(task.starts)
+    weights = batch.weights[:, :connections].reshape(-1, each, connections)
+    rows = np.concatenate(
+        [
+            np.broadcast_to(batch.sites.reshape(bodies, 1, -1), (bodies, each, 2 * batch.sensors)),
+            np.broadcast_to(weights, (bodies, each, connections)),
+        ],
+        axis=-1,
+    )
+    return np.tile(task.seen, (bodies * each, 1)), np.repeat(rows.reshape(bodies * each, -1), environments, axis=0)
+
+
+def _gradient(found: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> VehicleGradient:
+    """From what the kernel left in memory to derivatives of distances."""
+    parameters = 2 * batch.sensors + sum(map(len, batch.wiring))
+    px, py, closest = found[:, kernel.PX], found[:, kernel.PY], np.sqrt(found[:, kernel.CLOSEST])
+    tangents = found[:, kernel.PARAMETERS + parameters :].reshape(len(found), parameters, 3)
+    final = np.hypot(px, py)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        final_by = (px[:, None] * tangents[..., 0] + py[:, None] * tangents[..., 1]) / final[:, None]
+        closest_by = tangents[..., 2] / (2 * closest[:, None])
+    failed = ~np.isfinite(final)
+    for array in (closest, final, final_by, closest_by):
+        array[failed] = np.nan
+    return VehicleGradient(
+        closest.reshape(shape),
+        final.reshape(shape),
+        *_by_site_and_connection(closest_by, batch, shape),
+        *_by_site_and_connection(final_by, batch, shape),
+    )
+
+
+def _by_site_and_connection(by: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
+    """Derivatives by sites and by the elements of W."""
+    sensors = batch.sensors
+    sites = by[:, : 2 * sensors].reshape(*shape, sensors, 2)
+    controllers = np.zeros((len(by), 2, sensors))
+    column = 2 * sensors
+    for motor, connected in enumerate(batch.wiring):
+        controllers[:, motor, list(connected)] = by[:, column : column + len(connected)]
+        column += len(connected)
+    return sites, controllers.reshape(*shape, 2, sensors)

@@ -1,0 +1,122 @@
+"""Rollouts of a batch: bodies, times controllers, times environments."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim import runtime
+from taichi_sim.lanes import Real
+from taichi_sim.vehicle import rollout_kernel as kernel
+from taichi_sim.vehicle.task import MOST_ROLLOUTS, Floats, VehicleBatch, VehicleTask
+
+Until = Literal["success", "closest", "end"]
+
+WIDE, NARROW = 32, 8  # lanes: several native vectors hide the latency of divisions, where there is work for them
+ROLLOUTS_PER_BLOCK = 4096
+STEPS_PER_LAUNCH = 400_000_000  # keeps progress and Ctrl-C responsive: some seconds
+GPU_THREADS = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """What rollouts came to, each array of shape (B, C, E).
+
+    Attributes:
+        reached: whether the vehicle came closer to the light than the radius.
+        closest: its smallest distance from the light [m]; with ``until="success"`` up to its success or until it was
+            sure not to succeed, and the steps after these do not count exactly.
+        arrival: steps before its success, -1 without; not with ``until="success"``, where it is -1 throughout.
+        final: its distance at the end [m]; NaN unless ``until="end"``.
+        diverged: whether a sensor met the light itself, which ends the rollout; what was before it counts.
+    """
+
+    reached: NDArray[np.bool_]
+    closest: Floats
+    arrival: NDArray[np.int32]
+    final: Floats
+    diverged: NDArray[np.bool_]
+
+
+def rollout(
+    batch: VehicleBatch,
+    task: VehicleTask,
+    *,
+    until: Until = "closest",
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    width: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Rollouts:
+    """Run every controller of every body in every environment.
+
+    Args:
+        batch: bodies and controllers.
+        task: environments, radius and time.
+        until: when a rollout may end: at its ``"success"`` or when that is out of reach; when it cannot come closer
+            (``"closest"``); or at the ``"end"``. The exits are proven, see ``equations.hopeless``: they change no
+            result that is given.
+        precision: ``"f64"``; ``"f32"`` is for exploring, where a few percent of sweeps' cells flip.
+        device: ``"cpu"``, ``"cuda"``, ...
+        threads: CPU threads; all available cores if None.
+        width: rollouts side by side; results do not depend on it.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: in one line, for settings that are not allowed, or more rollouts than fit into memory.
+    """
+    if until not in get_args(Until):
+        raise ValueError(f"until: {until!r} is unknown; choose one of {', '.join(get_args(Until))}")
+    shape = (batch.bodies, batch.controllers_each, len(task.starts))
+    if np.prod(shape, dtype=float) > MOST_ROLLOUTS:
+        raise ValueError(f"batch: {shape} rollouts are too many at once; give at most {MOST_ROLLOUTS}")
+    running = runtime.start(device, precision, threads)
+    count = int(np.prod(shape))
+    real = Real(precision, (width or (WIDE if count > WIDE * running.threads else NARROW)) if device == "cpu" else 1)
+    found = _launch(batch, task, real, kernel.UNTIL[until], device, running.threads, count, progress)
+    closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (found.closest, found.final))
+    reached = closest < task.radius
+    timed = reached & (until != "success")
+    arrival = np.where(timed, found.waited.reshape(shape), -1).astype(np.int32)
+    diverged = ~np.isfinite(final)
+    return Rollouts(reached, closest, arrival, final if until == "end" else np.full(shape, np.nan), diverged)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Results as kernels write them: squared distances, and steps before success."""
+
+    closest: np.ndarray
+    waited: np.ndarray
+    final: np.ndarray
+
+
+def _launch(batch: VehicleBatch, task: VehicleTask, real: Real, until: int, device: str, threads: int, count: int,
+            progress: Callable[[float], None] | None) -> _Found:  # fmt: skip
+    """Let the kernel do all rollouts, some at a time."""
+    number = real.numpy
+    at_once = max(STEPS_PER_LAUNCH // task.steps, real.width * threads)
+    if device == "cpu":
+        each = min(ROLLOUTS_PER_BLOCK, max(real.width, -(-min(count, at_once) // (8 * threads))))
+    else:
+        at_once, each = GPU_THREADS, 1
+    blocks = -(-min(count, at_once) // each)
+    slots = kernel.slot_count(batch.sensors, batch.wiring)
+    memory = real.array((blocks, slots)).reshape(-1, real.width)
+    lanes = np.zeros((blocks, real.width), np.int32)
+    found = _Found(np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number))
+    run = kernel.rollout_kernel(real, batch.sensors, batch.wiring, until, kernel.GRAIN if device == "cpu" else 1)
+    arrays = (batch.sites.reshape(batch.bodies, -1), batch.weights, task.seen, batch.reach,
+              3 * task.time_step * batch.speed_bounds)  # fmt: skip
+    given: list[np.ndarray] = [np.ascontiguousarray(a, number) for a in arrays]
+    sizes = (task.steps, batch.controllers_each, len(task.starts), int(batch.shared))
+    for first in range(0, count, at_once):
+        jobs = min(at_once, count - first)
+        run(-(-jobs // each), first, jobs, each, *sizes, task.time_step, task.radius, real.reals(memory), memory, lanes,
+            *given, *(a[first : first + jobs] for a in (found.closest, found.waited, found.final)))  # fmt: skip
+        if progress:
+            progress((first + jobs) / count)
+    return found

@@ -1,0 +1,167 @@
+"""Rollouts side by side in the lanes of native vectors (CPU), or one a thread (GPU).
+
+A block works through a range of rollouts. Its lanes hold one rollout each; a lane whose rollout has ended takes the
+next one, so that long rollouts do not hold up short ones. Neither neighbours nor their number change a lane's numbers.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+from taichi_sim.lanes import Real, any_lane, load, load_all, store
+from taichi_sim.runtime import ti
+from taichi_sim.tracing import select, sqrt
+from taichi_sim.vehicle import equations
+from taichi_sim.vehicle.task import Wiring
+
+# How long a rollout lasts: until it succeeds, or cannot any more; until it cannot come closer; or to its end.
+UNTIL_SUCCESS, UNTIL_CLOSEST, UNTIL_END = range(3)
+UNTIL = {"success": UNTIL_SUCCESS, "closest": UNTIL_CLOSEST, "end": UNTIL_END}
+
+# Slots of a block: where the light is seen, the smallest squared distance so far, steps before success, steps left,
+# the fall of rho^3 in a step, the largest |l|, whether the rollout has ended; then sites and weights.
+PX, PY, CLOSEST, WAITED, LEFT, BOUND, REACH, ENDED, SITES = range(9)
+
+NOTHING = -1  # no rollout
+STEPS_BETWEEN_CHECKS = 40
+GRAIN = 512  # on a CPU Taichi runs an outer loop of at most this many iterations on one thread
+NEVER = 1e30
+
+
+def slot_count(sensors: int, wiring: Wiring) -> int:
+    """Reals of a block's memory."""
+    return SITES + 2 * sensors + sum(map(len, wiring))
+
+
+@ti.func
+def end_rollout(ms: ti.template(), k, lane, job, closest: ti.template(), waited: ti.template(),
+                final: ti.template()):  # fmt: skip
+    """Note what a rollout came to."""
+    closest[job] = ms[k + CLOSEST, lane]
+    waited[job] = ti.cast(ms[k + WAITED, lane], ti.i32)
+    px, py = ms[k + PX, lane], ms[k + PY, lane]
+    final[job] = px * px + py * py
+
+
+@ti.func
+def begin_rollout(ms: ti.template(), k, lane, job, steps, controllers, environments, shared: ti.template(),
+                  sites: ti.template(), weights: ti.template(), starts: ti.template(), reach: ti.template(),
+                  bound: ti.template()):  # fmt: skip
+    """Put a rollout into a lane."""
+    body = job // (controllers * environments)
+    controller = (job // environments) % controllers
+    start = job % environments
+    row = body * controllers + controller
+    if shared != 0:
+        row = controller
+    px, py = starts[start, 0], starts[start, 1]
+    ms[k + PX, lane] = px
+    ms[k + PY, lane] = py
+    ms[k + CLOSEST, lane] = px * px + py * py
+    ms[k + WAITED, lane] = 0.0
+    ms[k + LEFT, lane] = steps
+    ms[k + BOUND, lane] = bound[row]
+    ms[k + REACH, lane] = reach[body]
+    for c in range(sites.shape[1]):
+        ms[k + SITES + c, lane] = sites[body, c]
+    for c in range(weights.shape[1]):
+        ms[k + SITES + sites.shape[1] + c, lane] = weights[row, c]
+
+
+@ti.func
+def empty_lane(ms: ti.template(), k, lane, slots: ti.template()):
+    """A lane without a rollout: a vehicle at rest, which never ends."""
+    for slot in range(slots):
+        ms[k + slot, lane] = 1.0
+    ms[k + LEFT, lane] = NEVER
+    ms[k + BOUND, lane] = NEVER
+    for slot in range(SITES, slots):
+        ms[k + slot, lane] = 0.0
+
+
+@ti.func
+def fill_lane(ms: ti.template(), k, lane, job, end, first, slots: ti.template(), steps, controllers, environments,
+              shared, sites: ti.template(), weights: ti.template(), starts: ti.template(), reach: ti.template(),
+              bound: ti.template()):  # fmt: skip
+    """Put a rollout into a lane, if there is one left; its number, or NOTHING."""
+    result = NOTHING
+    if job < end:
+        result = job
+        begin_rollout(ms, k, lane, first + job, steps, controllers, environments, shared, sites, weights, starts,
+                      reach, bound)  # fmt: skip
+    else:
+        empty_lane(ms, k, lane, slots)
+    return result
+
+
+@lru_cache
+def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: int) -> Any:
+    """The kernel for one kind of real, number of sensors and wiring; a block gets ``grain`` iterations of its loop."""
+    width = real.width
+    slots = slot_count(sensors, wiring)
+    at_sites = tuple(range(SITES, SITES + 2 * sensors))
+    at_weights = tuple(range(SITES + 2 * sensors, slots))
+    reals = ti.types.ndarray(dtype=real.type, ndim=1)
+    ints1, ints2 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2))
+    scalars1, scalars2 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (1, 2))
+
+    @ti.kernel
+    def run(blocks: ti.i32, first: ti.i32, jobs: ti.i32, jobs_per_block: ti.i32, steps: ti.i32, controllers: ti.i32,
+            environments: ti.i32, shared: ti.i32, time_step: real.scalar, radius: real.scalar, m: reals, ms: scalars2,
+            lanes: ints2, sites: scalars2, weights: scalars2, starts: scalars2, reach: scalars1, bound: scalars1,
+            closest_of: scalars1, waited_of: ints1, final_of: scalars1):  # fmt: skip
+        for i in range(grain * blocks):
+            if i % grain == 0:
+                block = i // grain
+                k = block * slots
+                upcoming = block * jobs_per_block
+                end = ti.min(upcoming + jobs_per_block, jobs)
+                active = ti.min(width, end - upcoming)
+                for lane in range(width):
+                    lanes[block, lane] = fill_lane(
+                        ms, k, lane, upcoming, end, first, slots, steps, controllers, environments, shared, sites,
+                        weights, starts, reach, bound)  # fmt: skip
+                    upcoming += 1
+                soonest = steps
+                while active > 0:
+                    count = ti.min(soonest, STEPS_BETWEEN_CHECKS)
+                    px, py, closest = load(m, k, PX), load(m, k, PY), load(m, k, CLOSEST)
+                    waited = load(m, k, WAITED)
+                    l = ti.static(load_all(m, k, at_sites))
+                    w = ti.static(load_all(m, k, at_weights))
+                    for _ in range(count):
+                        if ti.static(until != UNTIL_SUCCESS):
+                            waited = waited + select(closest >= radius * radius, 1.0, 0.0)
+                        px, py, _turn = equations.advance(px, py, l, w, wiring, time_step)
+                        distance = px * px + py * py
+                        closest = select(distance < closest, distance, closest)
+                    left = load(m, k, LEFT) - ti.cast(count, real.scalar)
+                    ended = (left < 0.5) | ((px + py) * 0.0 != 0.0)
+                    if ti.static(until == UNTIL_SUCCESS):
+                        ended = ended | (closest < radius * radius) | equations.hopeless(
+                            px, py, load(m, k, REACH), radius, load(m, k, BOUND) * left)  # fmt: skip
+                    if ti.static(until == UNTIL_CLOSEST):
+                        ended = ended | equations.hopeless(
+                            px, py, load(m, k, REACH), sqrt(closest), load(m, k, BOUND) * left)  # fmt: skip
+                    store(m, k, PX, px)
+                    store(m, k, PY, py)
+                    store(m, k, CLOSEST, closest)
+                    store(m, k, WAITED, waited)
+                    store(m, k, LEFT, left)
+                    soonest -= count
+                    if any_lane(ended):
+                        store(m, k, ENDED, select(ended, 1.0, 0.0))
+                        soonest = steps
+                        for lane in range(width):
+                            if lanes[block, lane] != NOTHING:
+                                if ms[k + ENDED, lane] > 0.5:
+                                    end_rollout(ms, k, lane, lanes[block, lane], closest_of, waited_of, final_of)
+                                    lanes[block, lane] = fill_lane(
+                                        ms, k, lane, upcoming, end, first, slots, steps, controllers, environments,
+                                        shared, sites, weights, starts, reach, bound)  # fmt: skip
+                                    upcoming += 1
+                                    if lanes[block, lane] == NOTHING:
+                                        active -= 1
+                            if lanes[block, lane] != NOTHING:
+                                soonest = ti.min(soonest, ti.cast(ms[k + LEFT, lane], ti.i32))
+
+    return run
