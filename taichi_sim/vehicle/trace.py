@@ -69,7 +69,7 @@ def trace(
         run(first, part.stop - first, *sizes, task.time_step, *given, places[part], readings[part])
         if progress:
             progress(part.stop / count)
-    poses: Floats = np.asarray(places, np.float64).reshape(*shape, samples, 3)
+    poses: Floats = np.array(places, dtype=np.float64).reshape(*shape, samples, 3)
     poses[..., :2] += task.lights[:, None, :]
     times = np.arange(samples) * every * task.time_step
     return Traces(times, poses, np.asarray(readings, np.float64).reshape(*shape, batch.sensors, samples))

@@ -1,0 +1,1 @@
+"""Studies: the dissertation's experiments, and one step beyond."""
