@@ -71,5 +71,6 @@ def trace(
             progress(part.stop / count)
     poses: Floats = np.array(places, dtype=np.float64).reshape(*shape, samples, 3)
     poses[..., :2] += task.lights[:, None, :]
-    times = np.arange(samples) * every * task.time_step
-    return Traces(times, poses, np.asarray(readings, np.float64).reshape(*shape, batch.sensors, samples))
+    times: Floats = np.arange(samples) * (every * task.time_step)
+    seen: Floats = np.array(readings, dtype=np.float64).reshape(*shape, batch.sensors, samples)
+    return Traces(times, poses, seen)
