@@ -69,8 +69,8 @@ def trace(
         run(first, part.stop - first, *sizes, task.time_step, *given, places[part], readings[part])
         if progress:
             progress(part.stop / count)
-    poses: Floats = np.array(places, dtype=np.float64).reshape(*shape, samples, 3)
+    poses: Floats = places.astype(np.float64).reshape(*shape, samples, 3)
     poses[..., :2] += task.lights[:, None, :]
-    times: Floats = np.arange(samples) * (every * task.time_step)
-    seen: Floats = np.array(readings, dtype=np.float64).reshape(*shape, batch.sensors, samples)
+    times = every * task.time_step * np.arange(samples, dtype=np.float64)
+    seen: Floats = readings.astype(np.float64).reshape(*shape, batch.sensors, samples)
     return Traces(times, poses, seen)
