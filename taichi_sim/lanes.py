@@ -53,6 +53,20 @@ class Real:
         return array[..., 0] if self.width == 1 else array
 
 
+def choose_width(batch: int, precision: str, threads: int, block_cost: float) -> int:
+    """Robots (or whatever is computed side by side) per real that finish a batch soonest; results do not depend on it.
+
+    Args:
+        batch: their number.
+        precision: ``"f32"`` or ``"f64"``.
+        threads: CPU threads that share the batch.
+        block_cost: how many times as long a native vector takes as a single scalar (measured).
+    """
+    native = NATIVE_WIDTH[precision]
+    blocks = -(-batch // native)
+    return native if -(-blocks // threads) * block_cost < -(-batch // threads) else 1
+
+
 def _is_vector(x: Any) -> bool:
     return hasattr(x, "is_tensor") and x.is_tensor()
 
@@ -96,6 +110,12 @@ def absolute(x):
 def larger(x, y):
     """The larger of two reals; y if x is not a number. (``ti.max`` spends two more operations on NaN.)"""
     return select(x > y, x, y)
+
+
+@law
+def smaller(x, y):
+    """The smaller of two reals; y if x is not a number."""
+    return select(x < y, x, y)
 
 
 @ti.func

@@ -30,6 +30,9 @@ import taichi as ti
 DEVICES = ("cpu", "cuda", "vulkan", "metal")
 PRECISIONS = ("f32", "f64")
 
+# Taichi runs an outer loop of at most this many iterations on one CPU thread, so each block of a batch gets as many.
+GRAIN = 512
+
 # A cache lock this old was left behind by a process that died; it would disable the cache for good.
 STALE_LOCK_SECONDS = 600.0
 

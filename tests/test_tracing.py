@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taichi_sim import rotations, runtime
-from taichi_sim.lanes import Real, absolute, larger
+from taichi_sim.lanes import Real, absolute, larger, smaller
 from taichi_sim.lattice import beams, floor, link_adjoint, materials, motion, voxel_adjoint
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import law, pull_back, select, sqrt
@@ -18,7 +18,7 @@ EDGE, DT = 0.01, 1e-4
 def everything(x, y, z):
     """One of each operation."""
     a = 2.0 * x + y * 3.0 - z / 2.0 + (1.0 - x) + 4.0 / y - 0.5
-    b = sqrt(x * x + y * y) * absolute(z) / larger(y, 0.1)
+    b = sqrt(x * x + y * y) * absolute(z) / larger(smaller(y, 9.0), 0.1)
     c = select((x > z) & (y >= 0.0) | (z < -5.0), a * b, a - b)
     return c + 0.0 * x, a, b * c
 

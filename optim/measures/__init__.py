@@ -1,1 +1,6 @@
 """What is measured of bodies, controllers and searches. Knows neither robots nor physics."""
+
+from optim.measures.homeostasis import homeostasis
+from optim.measures.overlap import interference, learnability
+
+__all__ = ["homeostasis", "interference", "learnability"]

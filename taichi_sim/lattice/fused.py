@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_sim.lanes import NATIVE_WIDTH, Real
+from taichi_sim.lanes import NATIVE_WIDTH, Real, choose_width
 from taichi_sim.lattice import contact, memory
 from taichi_sim.lattice import fused_kernel as kernel
 from taichi_sim.lattice.tables import PackedProgram, Tables
@@ -23,13 +23,6 @@ CONTACTS_PER_STEP = 256  # room for touching pairs of a block in a record at fir
 PAIRS_PER_VOXEL = 8  # room for watched pairs at first; it grows when needed
 
 
-def choose_width(batch: int, precision: str, threads: int) -> int:
-    """Robots per real that finish a batch soonest; results do not depend on it."""
-    native = NATIVE_WIDTH[precision]
-    blocks = -(-batch // native)
-    return native if -(-blocks // threads) * BLOCK_COST[precision] < -(-batch // threads) else 1
-
-
 class FusedDriver:
     """State of a batch in NumPy, laid out [block, slot, lane], and the loop that advances it."""
 
@@ -37,7 +30,7 @@ class FusedDriver:
                  width: int | None = None) -> None:  # fmt: skip
         """Allocate the memory and fill in the constants."""
         self.tables, self.batch = tables, batch
-        self.real = Real(precision, width or choose_width(batch, precision, threads))
+        self.real = Real(precision, width or choose_width(batch, precision, threads, BLOCK_COST[precision]))
         width = self.real.width
         self.blocks = -(-batch // width)
         lanes = np.arange(self.blocks * width).reshape(self.blocks, width)

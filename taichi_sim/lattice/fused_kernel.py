@@ -40,7 +40,7 @@ from taichi_sim.lattice.memory import (
 )  # fmt: skip
 from taichi_sim.lattice.voxel_stage import gauge_stage, squared_move, voxel_stage
 from taichi_sim.lattice.watch import LIST, NOWHERE, rebuild_lane
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import GRAIN, ti
 
 # Columns of the integers of a block; the first three belong to the watch list.
 INFO_STEP, INFO_NEXT_MARK, INFO_STATE, INFO_LOGGED, INFO_KEPT = 3, 4, 5, 6, 7
@@ -51,9 +51,6 @@ RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
 LANE_EVENT, LANE_LAST_EVENT, LANE_LENGTH, LANE_STATE, LANE_STEP, LANE_ROBOT = range(6)
 LANE_COLUMNS = 6
 LANE_ACTIVE, LANE_ENDED, LANE_DIVERGED = 0, 1, 2
-
-# Taichi runs an outer loop of at most this many iterations on one thread, so each block gets as many.
-GRAIN = 512
 
 
 @ti.func

@@ -10,7 +10,6 @@ from typing import Any
 
 from taichi_sim.lanes import Real
 from taichi_sim.lattice import adjoint, columns
-from taichi_sim.lattice.fused_kernel import GRAIN
 from taichi_sim.lattice.link_adjoint import link_adjoint
 from taichi_sim.lattice.memory import (
     BASE,
@@ -27,7 +26,7 @@ from taichi_sim.lattice.memory import (
     VOXELS,
 )
 from taichi_sim.lattice.voxel_adjoint import gauge_adjoint, voxel_adjoint
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import GRAIN, ti
 
 # Columns of the integers of a lane.
 LANE_EVENT, LANE_FIRST_EVENT, LANE_LENGTH, LANE_STATE, LANE_ROBOT = range(5)

@@ -1,0 +1,48 @@
+"""Sensor homeostasis: how alike the worlds look to a robot's sensors, whatever world it is in.
+
+Source: Powers, Grindle, Frati & Bongard, A good body is all you need, arXiv 2021 (chapter 4 of Powers' dissertation,
+University of Vermont: dynamic time warping between the signals of each two environments, averaged).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def homeostasis(signals: ArrayLike, distances: Callable[[Floats, Floats], Floats]) -> Floats:
+    """Mean distance between what each sensor saw in each two environments; low means homeostatic.
+
+    Compare only controllers that solve every environment: the lowest scores of all are those of controllers that
+    fail because their sensors never see the light. As an objective, count it only once all environments are solved.
+
+    Args:
+        signals: of B controllers in E environments, by S sensors, at T times, shape (B, E, S, T). In the source: the
+            light, 1 / distance squared, at both sensors, at the start and after each of 10,000 steps.
+        distances: of signals from signals one by one, both of shape (P, T): shape (P,). In the source it is that of
+            ``taichi_sim.signals.warping_distances``; the same with ``normalise=True`` also accepts signals that
+            differ in offset and amplitude. It is called once, with P = B S E (E - 1) / 2 pairs.
+
+    Returns:
+        For each controller the mean over pairs of environments, then over sensors, shape (B,); NaN where a distance
+        is NaN.
+
+    Raises:
+        ValueError: in one line, unless signals have four axes with two environments and one sensor at least, or if
+            the distances are not as many as the pairs.
+    """
+    signals = np.asarray(signals, float)
+    if signals.ndim != 4 or signals.shape[1] < 2 or signals.shape[2] < 1:
+        raise ValueError(
+            f"signals: shape {signals.shape} is not allowed; give (controllers, environments, sensors, samples) "
+            "of two environments or more"
+        )
+    controllers, environments, sensors, samples = signals.shape
+    one, other = np.triu_indices(environments, k=1)
+    ours, theirs = (signals[:, chosen].reshape(-1, samples) for chosen in (one, other))
+    found = np.asarray(distances(ours, theirs), float)
+    if found.shape != (len(ours),):
+        raise ValueError(f"distances: shape {found.shape} is not allowed; give one for each of {len(ours)} pairs")
+    return np.asarray(found.reshape(controllers, len(one), sensors).mean(axis=1).mean(axis=1))
