@@ -130,7 +130,8 @@ class VehicleProblem:
         closest = found.closest[:, 0]
         slopes = np.concatenate([x.reshape(*closest.shape, -1) for x in (*by, by_weights)], axis=-1)
         if self.clip is not None:
-            length = np.linalg.norm(slopes, axis=-1, keepdims=True)
+            with np.errstate(over="ignore"):  # what is too steep for its square becomes flat
+                length = np.linalg.norm(slopes, axis=-1, keepdims=True)
             slopes = slopes * np.minimum(1.0, self.clip / np.maximum(length, 1e-300))
             slopes[closest < self.task.radius] = 0.0
         return self._judged(closest, np.isnan(closest), -slopes.sum(axis=1))

@@ -10,7 +10,7 @@ from robots.braitenberg.experiment import (
     simulate,
     weight_grid,
 )
-from robots.braitenberg.sweep import Sweep, sweep
+from robots.braitenberg.sweeps import Sweep, sweep
 from taichi_sim.vehicle import Rollouts, VehicleTask
 
 __all__ = [

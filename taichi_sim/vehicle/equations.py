@@ -112,8 +112,8 @@ def sine_cosine(angle):
 @law
 def turn_of_step(angle):
     """Sine and cosine of the turn of a step, which is rarely large."""
-    sine, cosine = small_sine_cosine(angle)
     large = absolute(angle) > _EIGHTH
+    sine, cosine = small_sine_cosine(select(large, 0.0, angle))
     if any_lane(large):
         far_sine, far_cosine = sine_cosine(angle)
         sine = select(large, far_sine, sine)
