@@ -57,9 +57,9 @@ def test_mutants_are_those_of_the_papers(strategy):
     method = DifferentialEvolution(LINE, population=20, strategy=strategy)
     run(method, sphere, 3)
     x, weights = method.values, np.linspace(0.1, 0.9, 20)[:, None]
-    mutants = method._mutants(np.random.default_rng(7), weights)
+    mutants = method._mutants(np.random.default_rng(7), weights, np.arange(20))
     rng = np.random.default_rng(7)
-    others = distinct_others(rng, 20, OTHERS[strategy])
+    others = distinct_others(rng, np.arange(20), 20, OTHERS[strategy])
     order = sorted(range(20), key=lambda n: -method.objectives[n, 0])
     pbest = rng.choice(np.array(order[:2]), 20)
     for n in range(20):
@@ -69,7 +69,7 @@ def test_mutants_are_those_of_the_papers(strategy):
 
 def test_partners_are_distinct_and_evenly_drawn():
     rng = np.random.default_rng(0)
-    drawn = np.stack([distinct_others(rng, 6, 5) for _ in range(4000)])
+    drawn = np.stack([distinct_others(rng, np.arange(6), 6, 5) for _ in range(4000)])
     assert all(set(drawn[i, :, n]) == set(range(6)) - {n} for i in range(50) for n in range(6))
     for place in range(5):
         shares = np.bincount(drawn[:, place, 2], minlength=6) / 4000
@@ -93,7 +93,7 @@ def test_the_weight_is_dithered_evenly():
     run(method, lambda p: p[:, 0] * 0, 1)
     rng = method._generator()
     weights = 0.6 + 0.2 * rng.uniform(-1, 1, (400, 1))
-    expected = space.reflect(method._mutants(rng, weights))
+    expected = space.reflect(method._mutants(rng, weights, np.arange(400)))
     assert np.array_equal(method.ask(), expected)
     assert weights.min() < 0.42 and weights.max() > 0.78
 
@@ -132,17 +132,67 @@ def test_asking_changes_nothing():
     assert all(np.array_equal(before[name], value) for name, value in method.state().items())
 
 
+@pytest.mark.parametrize("trials", [0, 1, 3])
 @pytest.mark.parametrize("strategy", FORMULAS)
-def test_resumes_exactly(strategy):
+def test_resumes_exactly(strategy, trials):
     def judge(points):
         return np.where(points[:, 0] > 2, np.nan, sphere(points))
 
-    whole = run(DifferentialEvolution(mixed_space(6), population=8, strategy=strategy), judge, 12).state()
-    state = run(DifferentialEvolution(mixed_space(6), population=8, strategy=strategy), judge, 5).state()
-    rest = DifferentialEvolution(mixed_space(6), population=8, strategy=strategy)
+    settings = {"population": 8, "strategy": strategy, "trials": trials, "bounds": "random" if trials else "reflect"}
+    whole = run(DifferentialEvolution(mixed_space(6), **settings), judge, 12).state()
+    state = run(DifferentialEvolution(mixed_space(6), **settings), judge, 5).state()
+    rest = DifferentialEvolution(mixed_space(6), **settings)
     rest.restore(state)
     again = run(rest, judge, 7).state()
     assert all(np.array_equal(whole[name], again[name], equal_nan=True) for name in whole)
+
+
+def test_without_generations_a_start_is_judged_beside_its_trials_until_one_replaces_it():
+    method = DifferentialEvolution(mixed_space(4), population=4, strategy="rand/1/bin", trials=1)
+    judged, scores = method.points.copy(), np.full(4, np.nan)
+    for number in range(40):
+        trial, *start = method.ask()
+        member = int(method._targets()[0])
+        assert len(start) == np.isnan(scores[member])
+        score = 1.0 + number if number % 2 else -1.0
+        method.tell(method.ask(), Evaluation([score, 0.5][: 1 + len(start)]))
+        if number % 2:
+            judged[member], scores[member] = trial, score
+        assert np.array_equal(method.points, judged)
+        assert np.array_equal(method.result().scores, scores, equal_nan=True)
+    assert not np.isnan(scores).any()
+
+
+def test_several_trials_are_those_of_different_members_drawn_evenly():
+    method = DifferentialEvolution(mixed_space(4), population=6, trials=3)
+    counts = np.zeros(6)
+    for _ in range(600):
+        members = method._targets()
+        assert len(set(members.tolist())) == 3
+        counts[members] += 1 / 600
+        method.generation += 1
+    assert counts == pytest.approx(0.5, abs=0.06)
+    method = run(DifferentialEvolution(mixed_space(4), population=6, trials=6), sphere, 30)
+    assert method.ask().shape == (6, 4) and method.result().score > -1.0
+
+
+def test_a_sphere_by_one_trial_at_a_time():
+    method = DifferentialEvolution(mixed_space(6), population=12, trials=1, strategy="rand/1/bin", bounds="random")
+    assert run(method, sphere, 1500).result().score > -1e-3
+
+
+def test_what_lies_beyond_a_bound_may_be_drawn_between_it_and_the_member():
+    space = Space((Variable("x", -1.0, 1.0),))
+    settings = {"population": 400, "strategy": "rand/2/bin", "weight": 2.0, "dither": 0.0, "crossover": 1.0}
+    method = run(DifferentialEvolution(space, **settings, bounds="random"), lambda p: p[:, 0] * 0, 1)
+    rng, everyone = method._generator(), np.arange(400)
+    rng.uniform(-1, 1, (400, 1))
+    mutants, members = method._mutants(rng, np.full((400, 1), 2.0), everyone)[:, 0], method.values[:, 0]
+    trials, beyond = method.ask()[:, 0], abs(mutants) > 1
+    assert np.array_equal(trials[~beyond], mutants[~beyond]) and beyond.mean() > 0.3
+    share = (trials - members)[beyond] / (np.sign(mutants) - members)[beyond]
+    assert np.quantile(share, [0.0, 0.5, 1.0]) == pytest.approx([0.0, 0.5, 1.0], abs=0.1)
+    assert share.min() >= 0 and share.max() <= 1
 
 
 def test_every_whole_number_starts_equally_often():
@@ -171,6 +221,8 @@ def test_given_starts_belong_to_the_first_and_vary_around():
         ({"weight": 2.5}, "weight: 2.5 is not allowed; give a number from 0 to 2"),
         ({"dither": 0.6}, "dither: 0.6 is not allowed; give a number from 0 to 0.5"),
         ({"crossover": np.nan}, "crossover: nan is not allowed"),
+        ({"trials": 61}, "trials: 61 is not allowed; give a whole number from 0 to 60"),
+        ({"bounds": "clip"}, "bounds: 'clip' is not allowed; choose one of reflect, random"),
         ({"start": {"z": 1.0}}, "start: z not free to change"),
         ({"start": {"x3": 0.5}}, "x3: 0.5 is not allowed; give a whole number"),
     ],

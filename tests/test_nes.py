@@ -115,6 +115,40 @@ def test_reflecting_the_mean_changes_no_probability():
     assert a == pytest.approx(b, abs=0.03)
 
 
+def test_the_mean_may_begin_anywhere():
+    means = np.array([SeparableNES(EVERYTHING, seed=seed, random_mean=True).mean for seed in range(400)])
+    assert np.quantile(means[:, 0], [0.1, 0.5, 0.9]) == pytest.approx([0.1, 0.5, 0.9], abs=0.1)
+    assert np.unique(means[:, 3]).tolist() == [0.0, 1.0]
+    method = SeparableNES(EVERYTHING, start={"x": 6.0}, random_mean=True)
+    assert method.mean[0] == 1.0
+
+
+def test_what_lies_beyond_a_bound_may_be_drawn_between_it_and_the_mean():
+    space = Space((Variable("x", 0.0, 10.0), Variable("a", 0.0, 360.0, "angle")))
+    settings = {"population": 4000, "sigma": 0.2, "start": {"x": 8.0}}
+    reflected, drawn = (SeparableNES(space, **settings, bounds=bounds) for bounds in ("reflect", "random"))
+    above = (0.8 + 0.2 * drawn._deviates()[:, 0]) > 1
+    points, others = drawn.ask(), reflected.ask()
+    assert np.array_equal(points[~above], others[~above]) and np.array_equal(points[:, 1], others[:, 1])
+    assert np.quantile(points[above, 0], [0.0, 0.5, 1.0]) == pytest.approx([8.0, 9.0, 10.0], abs=0.1)
+    method = SeparableNES(space, population=4, sigma=1.0, bounds="random", start={"x": 8.0}, seed=2)
+    while method.generation < 40:  # the mean follows points far outside, and stays inside
+        method.tell(method.ask(), Evaluation(method._deviates()[:, 0]))
+        assert 0.0 <= method.mean[0] <= 1.0
+
+
+def test_the_deviation_grows_to_its_limit_only():
+    def edges(method):
+        while method.generation < 60:
+            method.tell(method.ask(), Evaluation(np.abs(method._deviates()[:, 0])))
+        return method.deviation[0]
+
+    space = continuous_space(2)
+    assert edges(SeparableNES(space, population=6)) == 1.0
+    assert edges(SeparableNES(space, population=6, max_sigma=0.4)) == 0.4
+    assert edges(SeparableNES(space, population=6, max_sigma=1e9, bounds="random")) > 100
+
+
 @pytest.mark.parametrize("count", [1, 5, 40])
 def test_integers_keep_moving(count):
     space = Space(tuple(Variable(f"n{i}", -3, 3, "integer") for i in range(count)))
@@ -137,9 +171,9 @@ def test_only_failures_teach_nothing():
     assert method.deviation == pytest.approx(SeparableNES(EVERYTHING).deviation, rel=1e-12)
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_resumes_exactly_at_every_generation(mirrored):
-    settings = {"population": 7, "seed": 3, "mirrored": mirrored}
+@pytest.mark.parametrize("more", [{}, {"mirrored": True}, {"random_mean": True, "bounds": "random", "max_sigma": 9.0}])
+def test_resumes_exactly_at_every_generation(more):
+    settings = {"population": 7, "seed": 3, **more}
     judge = lambda p: np.where(p[:, 0] > 4, np.nan, -np.abs(p @ [1.0, 0.01, 1.0, 2.0] - 3))  # noqa: E731
     whole = SeparableNES(EVERYTHING, **settings)
     states = [whole.state()]
@@ -158,6 +192,9 @@ def test_resumes_exactly_at_every_generation(mirrored):
         ({"population": 3}, "population: 3 is not allowed; give a whole number, at least 4"),
         ({"sigma": 2.0}, "sigma: 2.0 is not allowed; give a number from 0.001 to 1"),
         ({"mirrored": 1}, "mirrored: 1 is not allowed; give true or false"),
+        ({"random_mean": "yes"}, "random_mean: 'yes' is not allowed; give true or false"),
+        ({"max_sigma": 0.1}, r"max_sigma: 0.1 is not allowed; give a number from 0.3 to 1e\+300"),
+        ({"bounds": "clip"}, "bounds: 'clip' is not allowed; choose one of reflect, random"),
         ({"start": {"x": 7.0}}, "x: 7 is not allowed; give a number from -2 to 6"),
     ],
 )

@@ -6,7 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from optim.measures.statistics import bootstrap_means, cohens_d, effect, holm, mann_whitney, mean_band, superiority
+from optim.measures.statistics import (
+    Correlation,
+    bonferroni,
+    bootstrap_means,
+    cohens_d,
+    effect,
+    holm,
+    mann_whitney,
+    mean_band,
+    pearson,
+    spearman,
+    superiority,
+)
 
 samples = st.lists(st.integers(-5, 5).map(float), min_size=2, max_size=8)
 
@@ -50,3 +62,83 @@ def test_bands_of_the_mean_are_as_wide_as_theory_says():
 def test_holm_by_hand():
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([0.6, 0.9]) == [1.0, 1.0]
+
+
+def test_bonferroni_by_hand():
+    assert bonferroni([0.01, 0.04, 0.5]) == pytest.approx([0.03, 0.12, 1.0])
+    assert bonferroni([]) == []
+
+
+def test_a_correlation_by_hand():
+    """Five ranks of which two pairs are swapped: 1 - 6 * 4 / (5 * 24)."""
+    x, y = [1.0, 2.0, 3.0, 4.0, 5.0], [2.0, 1.0, 4.0, 3.0, 5.0]
+    for found, spread in ((pearson(x, y, "two-sided"), 1.0), (spearman(x, y, "two-sided"), np.sqrt(1.06))):
+        assert found.n == 5 and found.r == pytest.approx(0.8)
+        half = 1.959964 * spread / np.sqrt(2)
+        assert found.low == pytest.approx(np.tanh(np.log(3) - half))  # artanh 0.8 = ln 3
+        assert found.high == pytest.approx(np.tanh(np.log(3) + half))
+        assert found.p == pytest.approx(0.104088, abs=1e-6)  # t = 0.8 sqrt(3 / 0.36), 3 degrees of freedom
+    assert pearson(x, y, "greater").p == pytest.approx(0.052044, abs=1e-6)
+    assert pearson(x, y, "less").p == pytest.approx(1 - 0.052044, abs=1e-6)
+
+
+@pytest.mark.parametrize("alternative", ["two-sided", "less", "greater"])
+@pytest.mark.parametrize("n", [3, 4, 7, 30, 500])
+def test_correlations_are_those_of_scipy(n, alternative):
+    rng = np.random.default_rng(n)
+    for slope in (-1.0, 0.0, 0.3):
+        x = rng.integers(0, 2 * n, n).astype(float)  # with ties
+        y = slope * x + n * rng.standard_normal(n) ** 3
+        expected = stats.pearsonr(x, y, alternative=alternative)
+        found = pearson(x, y, alternative)
+        assert (found.r, found.p) == pytest.approx((expected.statistic, expected.pvalue), rel=1e-9, abs=1e-14)
+        if n > 3:
+            interval = stats.pearsonr(x, y).confidence_interval(0.95)
+            assert (found.low, found.high) == pytest.approx((interval.low, interval.high), rel=1e-9)
+        expected = stats.spearmanr(x, y, alternative=alternative)
+        found = spearman(x, y, alternative)
+        assert (found.r, found.p) == pytest.approx((expected.statistic, expected.pvalue), rel=1e-9, abs=1e-14)
+
+
+def test_ranks_know_no_scale():
+    x = np.random.default_rng(0).standard_normal(20)
+    assert spearman(x, np.exp(3 * x), "greater") == spearman(x, x, "greater")
+    assert spearman(x, -(x**3), "less").r == pytest.approx(-1.0)
+    for scale in (1e300, 1e-300):
+        assert pearson(scale * x, np.exp(x), "two-sided").r == pytest.approx(pearson(x, np.exp(x), "two-sided").r)
+
+
+def test_without_variation_there_is_no_correlation():
+    for constant in ([3.0, 3.0, 3.0], [0.0, 0.0, 0.0]):
+        for correlate in (pearson, spearman):
+            assert correlate(constant, [1.0, 2.0, 4.0], "less") == Correlation(3, None, None, None, 1.0)
+            assert correlate([1.0, 2.0, 4.0], constant, "two-sided") == Correlation(3, None, None, None, 1.0)
+    assert pearson([], [], "less") == Correlation(0, None, None, None, 1.0)
+
+
+def test_few_pairs_say_little_and_perfect_ones_all():
+    assert pearson([1.0, 2.0], [5.0, 4.0], "less") == Correlation(2, -1.0, -1.0, 1.0, 1.0)
+    three = pearson([1.0, 2.0, 3.0], [1.0, 2.0, 4.0], "two-sided")
+    assert (three.low, three.high) == (-1.0, 1.0) and 0.05 < three.p < 0.5
+    perfect = pearson(np.arange(5.0), -np.arange(5.0), "less")
+    assert (perfect.r, perfect.low, perfect.high) == pytest.approx((-1.0, -1.0, -1.0)) and perfect.p < 1e-9
+    assert pearson(np.arange(5.0), -np.arange(5.0), "greater").p == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("correlate", "true"), [(pearson, 0.6), (spearman, 6 / np.pi * np.arcsin(0.3))])
+def test_intervals_hold_the_true_correlation_95_times_in_100(correlate, true):
+    rng = np.random.default_rng(1)
+    held = 0
+    for _ in range(1000):
+        x, noise = rng.standard_normal((2, 25))
+        found = correlate(x, 0.6 * x + 0.8 * noise, "two-sided")
+        held += found.low <= true <= found.high
+    assert held / 1000 == pytest.approx(0.95, abs=0.02)
+
+
+@pytest.mark.parametrize("correlate", [pearson, spearman])
+def test_samples_that_are_no_pairs_of_numbers_are_refused(correlate):
+    with pytest.raises(ValueError, match=r"y: shape \(2,\) beside \(3,\) is not allowed; give two samples of the same"):
+        correlate([1.0, 2.0, 3.0], [1.0, 2.0], "less")
+    with pytest.raises(ValueError, match="y: nan is not allowed; give finite numbers"):
+        correlate([1.0, 2.0, 3.0], [1.0, np.nan, 2.0], "less")

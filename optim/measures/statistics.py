@@ -2,17 +2,20 @@
 
 Sources: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical Power
 Analysis, 2nd ed. 1988 (d); Mann & Whitney, Annals of Mathematical Statistics 18, 1947; Efron & Tibshirani, An
-Introduction to the Bootstrap, 1993, ch. 13 (percentile intervals); Holm, Scandinavian J. of Statistics 6, 1979.
+Introduction to the Bootstrap, 1993, ch. 13 (percentile intervals); Holm, Scandinavian J. of Statistics 6, 1979;
+Fisher, Metron 1, 1921 (interval of a correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+Alternative = Literal["two-sided", "less", "greater"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,26 @@ class Effect:
     p: float
 
 
+@dataclass(frozen=True)
+class Correlation:
+    """How two quantities of n things go together.
+
+    Attributes:
+        n: pairs.
+        r: the coefficient, from -1 to 1; None where one of the two does not vary.
+        low: lower end of its two-sided 95 % interval by Fisher's transformation; -1 with less than 4 pairs, None
+            without a coefficient.
+        high: upper end; 1 with less than 4 pairs.
+        p: of the t-test of no correlation, against the alternative asked for; 1 where r is None, or with 2 pairs.
+    """
+
+    n: int
+    r: float | None
+    low: float | None
+    high: float | None
+    p: float
+
+
 def superiority(a: ArrayLike, b: ArrayLike) -> float:
     """A12: the probability that a value of b exceeds one of a, ties counted half."""
     pairs = np.asarray(b, float)[:, None] - np.asarray(a, float)[None, :]
@@ -53,13 +76,84 @@ def cohens_d(a: ArrayLike, b: ArrayLike) -> float | None:
 def mann_whitney(
     a: ArrayLike,
     b: ArrayLike,
-    alternative: Literal["two-sided", "less", "greater"],
+    alternative: Alternative,
     method: Literal["exact", "asymptotic"],
 ) -> float:
     """p of the Mann-Whitney U test; ``"less"``: a tends to be less than b."""
     from scipy.stats import mannwhitneyu  # slow to import
 
     return float(mannwhitneyu(a, b, alternative=alternative, method=method).pvalue)
+
+
+def pearson(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:
+    """Product-moment correlation of pairs, both of shape (n,); ``"less"``: it is negative.
+
+    Raises:
+        ValueError: in one line, if the shapes differ, or a value is not finite.
+    """
+    x, y = _pairs(x, y)
+    return _correlation(x, y, alternative, variance=1.0)
+
+
+def spearman(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:
+    """Rank correlation of pairs, both of shape (n,): that of their ranks, which equals share; else as ``pearson``.
+
+    The interval uses the wider variance 1.06 / (n - 3) of the transformed coefficient (Fieller et al. 1957); it is
+    good for n of 10 or more.
+    """
+    from scipy.stats import rankdata  # slow to import
+
+    x, y = _pairs(x, y)
+    return _correlation(rankdata(x), rankdata(y), alternative, variance=1.06)
+
+
+def _pairs(x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    if x.ndim != 1 or x.shape != y.shape:
+        raise ValueError(f"y: shape {y.shape} beside {x.shape} is not allowed; give two samples of the same length")
+    for name, sample in (("x", x), ("y", y)):
+        if not np.isfinite(sample).all():
+            raise ValueError(f"{name}: {sample[~np.isfinite(sample)][0]} is not allowed; give finite numbers")
+    return x, y
+
+
+def _correlation(x: Floats, y: Floats, alternative: Alternative, variance: float) -> Correlation:
+    """The correlation of two samples; ``variance``: that of the transformed coefficient, times n - 3."""
+    n = len(x)
+    if n < 2 or not (np.ptp(x) and np.ptp(y)):
+        return Correlation(n, None, None, None, 1.0)
+    u, v = _centred(x), _centred(y)
+    r = float(np.clip(u @ v / np.sqrt((u @ u) * (v @ v)), -1.0, 1.0))
+    low, high = _fisher_interval(r, n, variance)
+    return Correlation(n, r, low, high, _p_of_correlation(r, n, alternative))
+
+
+def _centred(sample: Floats) -> Floats:
+    """With mean 0, and scaled so that no square is too large or too small."""
+    scaled = sample / np.abs(sample).max()
+    away = scaled - scaled.mean()
+    return away / np.abs(away).max()
+
+
+def _fisher_interval(r: float, n: int, variance: float) -> tuple[float, float]:
+    if n < 4:
+        return -1.0, 1.0
+    with np.errstate(divide="ignore"):  # a perfect correlation is infinite there, and its interval a point
+        centre = np.arctanh(r)
+    half = NormalDist().inv_cdf(0.975) * np.sqrt(variance / (n - 3))
+    return float(np.tanh(centre - half)), float(np.tanh(centre + half))
+
+
+def _p_of_correlation(r: float, n: int, alternative: Alternative) -> float:
+    """Of the t-test with n - 2 degrees of freedom."""
+    from scipy.stats import t
+
+    if n < 3:
+        return 1.0
+    with np.errstate(divide="ignore"):
+        statistic = r * np.sqrt((n - 2) / np.float64(1 - r * r))
+    signed = {"less": -statistic, "greater": statistic, "two-sided": abs(statistic)}[alternative]
+    return float(t.sf(signed, n - 2)) * (2 if alternative == "two-sided" else 1)
 
 
 def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> Floats:
@@ -86,6 +180,11 @@ def effect(a: ArrayLike, b: ArrayLike) -> Effect:
     low, high = np.percentile(bootstrap_means(b, seed=1) - bootstrap_means(a, seed=0), [2.5, 97.5])
     p = mann_whitney(a, b, "two-sided", "exact" if exact else "asymptotic") if np.ptp(np.concatenate([a, b])) else 1.0
     return Effect(float(b.mean() - a.mean()), float(low), float(high), superiority(a, b), cohens_d(a, b), p)
+
+
+def bonferroni(p_values: Sequence[float]) -> list[float]:
+    """p-values multiplied by their number, at most 1, in the order given."""
+    return [min(1.0, float(p) * len(p_values)) for p in p_values]
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -9,6 +9,7 @@ from optim.search.borg import Borg
 from optim.search.cma import CMAESWithMargin
 from optim.search.cma_gradient import CMAGradient
 from optim.search.differential_evolution import DifferentialEvolution
+from optim.search.generating_set import GeneratingSetSearch
 from optim.search.genetic import GeneticSearch
 from optim.search.gradient import GradientAscent
 from optim.search.hill_climb import HillClimb
@@ -29,6 +30,7 @@ __all__ = [
     "CMAESWithMargin",
     "CMAGradient",
     "DifferentialEvolution",
+    "GeneratingSetSearch",
     "GeneticSearch",
     "GradientAscent",
     "HillClimb",
@@ -48,6 +50,7 @@ METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
     "cma": CMAESWithMargin,
     "cma-gradient": CMAGradient,
     "de": DifferentialEvolution,
+    "generating-set": GeneratingSetSearch,
     "genetic": GeneticSearch,
     "gradient": GradientAscent,
     "hill-climb": HillClimb,

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import check_number, check_whole
+from optim.search.method import check_choice, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
-from optim.search.variation import around_start, ranking
+from optim.search.variation import Bounds, around_start, draw_inside, ranking
 from optim.space import Space, Vector
 
 Strategy = Literal["rand/1/bin", "rand/2/bin", "best/1/bin", "current-to-pbest/1/bin"]
@@ -32,7 +32,10 @@ class DifferentialEvolution(PopulationSearch):
     between members then do not die out as soon as their whole numbers agree. Differences of angles are taken the
     short way round. Trials are reflected at the bounds.
 
-    The published vehicle experiments used ``"rand/2/bin"``; the default is greedier, and needs fewer evaluations.
+    The default strategy is greedier than ``"rand/2/bin"``, and needs fewer evaluations.
+
+    With ``trials`` the population is not replaced by generations: T members, drawn anew every time, get a trial each.
+    Then no generation judges all starts; a start is judged beside every trial of it, until one replaces it.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("values",)
@@ -48,6 +51,8 @@ class DifferentialEvolution(PopulationSearch):
         weight: float = 0.5,
         dither: float = 0.3,
         crossover: float = 0.5,
+        trials: int = 0,
+        bounds: Bounds = "reflect",
     ) -> None:
         """Set up the population.
 
@@ -61,28 +66,50 @@ class DifferentialEvolution(PopulationSearch):
             weight: F, of the differences.
             dither: F of a trial is drawn evenly from ``weight - dither`` to ``weight + dither``.
             crossover: CR, the probability that a variable of the trial comes from the mutant; one always does.
+            trials: T, of a generation, at most N; 0: generation 0 judges the starts, then all members get one.
+            bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between member and bound.
         """
-        if strategy not in get_args(Strategy):
-            raise ValueError(f"strategy: {strategy!r} is not allowed; choose one of {', '.join(get_args(Strategy))}")
+        check_choice("strategy", strategy, get_args(Strategy))
+        check_choice("bounds", bounds, get_args(Bounds))
         check_whole("population", population, OTHERS[strategy] + 1)
         check_number("weight", weight, 0.0, 2.0)
         check_number("dither", dither, 0.0, weight)
         check_number("crossover", crossover, 0.0, 1.0)
+        check_whole("trials", trials, 0)
+        if trials > population:
+            raise ValueError(f"trials: {trials} is not allowed; give a whole number from 0 to {population}")
         self.strategy, self.weight, self.dither, self.crossover = strategy, weight, dither, crossover
+        self.trials, self.bounds = trials, bounds
         self.inner = _widened(space)
         super().__init__(space, population=population, seed=seed, start=start)
         self.values = np.full(self.points.shape, np.nan)
+        if trials:
+            self.values, self.points = self._first_values(), self._starts()
 
     def ask(self) -> Vector:
-        """The starts, then a trial for each member, shape (N, D)."""
-        return self._rounded(self._trials())
+        """The starts, then a trial for each member, shape (N, D); or T trials, and members not yet judged."""
+        targets = self._targets()
+        return np.concatenate([self._rounded(self._trials(targets)), self.points[targets[self._unjudged(targets)]]])
 
     def _take(self, points: Vector, evaluation: Evaluation) -> None:
         """Replace the members whose trials are at least as good."""
-        taken = below_all(evaluation.objectives) >= below_all(self.objectives)
-        self.values = np.where(taken, self._trials(), self.values)
-        self.points = np.where(taken, points, self.points)
-        self.objectives = np.where(taken, evaluation.objectives, self.objectives)
+        targets = self._targets()
+        trials, rivals = self._trials(targets), self.objectives[targets]
+        scores, rivals[self._unjudged(targets)] = np.split(evaluation.objectives, [len(targets)])
+        taken = (below_all(scores) >= below_all(rivals))[:, 0]
+        members = targets[taken]
+        self.values, self.points, self.objectives = self.values.copy(), self.points.copy(), self.objectives.copy()
+        self.values[members], self.points[members] = trials[taken], points[: len(trials)][taken]
+        self.objectives[members] = scores[taken]
+
+    def _targets(self) -> NDArray[np.intp]:
+        """The members that get a trial, shape (N,) or (T,)."""
+        everyone = np.arange(self.population)
+        return self._generator(1).choice(everyone, self.trials, replace=False) if self.trials else everyone
+
+    def _unjudged(self, targets: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Which of these have no score yet to compare their trials with, shape (N,) or (T,)."""
+        return np.isnan(self.objectives[targets, 0]) & (self.trials > 0)  # in generations only what failed has none
 
     def _starts(self) -> Vector:
         return self._rounded(self._first_values())
@@ -95,19 +122,22 @@ class DifferentialEvolution(PopulationSearch):
     def _rounded(self, values: Vector) -> Vector:
         return self.space.clip(self.space.round(values))
 
-    def _trials(self) -> Vector:
-        """Real values of the points to evaluate next, shape (N, D)."""
-        if self.generation == 0:
+    def _trials(self, targets: NDArray[np.intp]) -> Vector:
+        """Real values of the starts, shape (N, D), or of a trial for each target, shape (N, D) or (T, D)."""
+        if self.generation == 0 and not self.trials:
             return self._first_values()
         rng = self._generator()
-        weights = self.weight + self.dither * rng.uniform(-1, 1, (self.population, 1))
-        mutants = self._mutants(rng, weights)
+        weights = self.weight + self.dither * rng.uniform(-1, 1, (len(targets), 1))
+        mutants = self._mutants(rng, weights, targets)
         crossed = rng.random(mutants.shape) < self.crossover
-        crossed[np.arange(self.population), rng.integers(0, self.space.size, self.population)] = True
-        return self.inner.reflect(np.where(crossed, mutants, self.values))
+        crossed[np.arange(len(targets)), rng.integers(0, self.space.size, len(targets))] = True
+        trials = np.where(crossed, mutants, self.values[targets])
+        if self.bounds == "reflect":
+            return self.inner.reflect(trials)
+        return draw_inside(self.inner, trials, self.values[targets], rng)
 
-    def _mutants(self, rng: np.random.Generator, weights: Vector) -> Vector:
-        """Base + F (difference), shape (N, D), not yet brought into the bounds.
+    def _mutants(self, rng: np.random.Generator, weights: Vector, targets: NDArray[np.intp]) -> Vector:
+        """Base + F (difference), shape (T, D), not yet brought into the bounds.
 
         With r1 to r5 others than the member x and each other, all drawn evenly:
 
@@ -116,7 +146,7 @@ class DifferentialEvolution(PopulationSearch):
         - best/1: best + F (r2 - r3)
         - current-to-pbest/1: x + F (p - x) + F (r2 - r3), p drawn from the best tenth
         """
-        others = self.values[distinct_others(rng, self.population, OTHERS[self.strategy])]
+        others = self.values[distinct_others(rng, targets, self.population, OTHERS[self.strategy])]
         base, difference = others[0], self._difference(others[1], others[2])
         if self.strategy == "rand/2/bin":
             difference = difference + self._difference(others[3], others[4])
@@ -124,19 +154,21 @@ class DifferentialEvolution(PopulationSearch):
             base = self.values[ranking(self.objectives[:, 0])[:1]]
         elif self.strategy == "current-to-pbest/1/bin":
             elite = ranking(self.objectives[:, 0])[: max(1, round(PBEST * self.population))]
-            base = self.values
-            difference = difference + self._difference(self.values[rng.choice(elite, self.population)], base)
+            base = self.values[targets]
+            difference = difference + self._difference(self.values[rng.choice(elite, len(targets))], base)
         return base + weights * difference
 
     def _difference(self, values: Vector, origin: Vector) -> Vector:
         return self.inner.offset(values, origin) * self.inner.span
 
 
-def distinct_others(rng: np.random.Generator, population: int, count: int) -> NDArray[np.int64]:
-    """For every member others than itself that differ from each other, shape (count, N), drawn evenly."""
-    taken = np.arange(population)[None]
+def distinct_others(
+    rng: np.random.Generator, members: NDArray[np.intp], population: int, count: int
+) -> NDArray[np.intp]:
+    """For each of T members others than itself that differ from each other, shape (count, T), drawn evenly."""
+    taken = members[None]
     for _ in range(count):
-        drawn = rng.integers(0, population - len(taken), population)  # among those that are not taken
+        drawn = rng.integers(0, population - len(taken), len(members))  # among those that are not taken
         for before in np.sort(taken, axis=0):
             drawn = drawn + (drawn >= before)
         taken = np.concatenate([taken, drawn[None]])

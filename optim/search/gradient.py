@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import Wants, check_whole, generator, single_objective, slopes_per_range
+from optim.search.method import Wants, check_choice, check_whole, generator, single_objective, slopes_per_range
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from optim.space import Space, Vector
 
@@ -75,8 +75,7 @@ class GradientAscent(IndependentSearches):
             if variable.kind == "integer":
                 raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
         for name, value, allowed in (("rule", rule, ("adam", "l-bfgs")), ("gradient", gradient, ("exact", "smoothed"))):
-            if value not in allowed:
-                raise ValueError(f"{name}: {value!r} is not allowed; choose one of {', '.join(allowed)}")
+            check_choice(name, value, allowed)
         for name, number in (("learning_rate", learning_rate), ("clip", clip), ("smoothing", smoothing)):
             if not 0 < number < np.inf:
                 raise ValueError(f"{name}: {number!r} is not allowed; give a positive number")

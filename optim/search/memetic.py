@@ -111,8 +111,8 @@ class MemeticSearch(DifferentialEvolution):
         self.scale = np.where(tried, scale, self.scale)
         self.refined = np.full(self.points.shape, np.nan)
 
-    def _trials(self) -> Vector:
-        return np.where(np.isnan(self.refined), super()._trials(), self.refined)
+    def _trials(self, targets: NDArray[np.intp]) -> Vector:
+        return np.where(np.isnan(self.refined), super()._trials(targets), self.refined)
 
     def _best_members(self) -> NDArray[np.intp]:
         return ranking(self.objectives[:, 0])[: self.refine]

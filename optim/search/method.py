@@ -1,6 +1,6 @@
 """What every search method offers, and where its random numbers come from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
@@ -105,6 +105,12 @@ def check_number(name: str, value: object, low: float, high: float) -> None:
     """Raise a one-line ValueError if a setting is no number from ``low`` to ``high``, both included."""
     if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
         raise ValueError(f"{name}: {value!r} is not allowed; give a number from {low:g} to {high:g}")
+
+
+def check_choice(name: str, value: object, allowed: Sequence[str]) -> None:
+    """Raise a one-line ValueError if a setting is none of the names allowed."""
+    if value not in allowed:
+        raise ValueError(f"{name}: {value!r} is not allowed; choose one of {', '.join(allowed)}")
 
 
 def single_objective(evaluation: Evaluation, count: int) -> Vector:

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Mapping
 from statistics import NormalDist
-from typing import ClassVar
+from typing import ClassVar, get_args
 
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.method import check_number
+from optim.search.method import check_choice, check_number
 from optim.search.population import PopulationSearch, below_all
+from optim.search.variation import Bounds, draw_inside
 from optim.space import Space, Vector
 
 OFF = 0.2  # share of the points in which some integer at rest still differs from its mean
@@ -21,8 +22,8 @@ class SeparableNES(PopulationSearch):
     Source: Wierstra et al., "Natural evolution strategies", JMLR 15, 2014, algorithm 6 (SNES), with its utilities and
     learning rates (table 1). Coordinates are ranges of the variables. What lies beyond a bound is evaluated where
     :meth:`Space.reflect` brings it, angles so too, and the mean is reflected likewise, which changes no
-    probability. Integers are rounded for evaluation. Their standard deviation has a floor, at which, with all integer
-    means at whole numbers, one in five points has one that differs.
+    probability (with ``bounds="random"`` it does). Integers are rounded for evaluation. Their standard deviation has a
+    floor, at which, with all integer means at whole numbers, one in five points has one that differs.
 
     Equal scores share their utilities, failures those of the last ranks. Nothing restarts it.
     """
@@ -38,6 +39,9 @@ class SeparableNES(PopulationSearch):
         start: Mapping[str, float] | None = None,
         sigma: float = 0.3,
         mirrored: bool = False,
+        random_mean: bool = False,
+        max_sigma: float = 1.0,
+        bounds: Bounds = "reflect",
     ) -> None:
         """Set up the distribution.
 
@@ -45,18 +49,25 @@ class SeparableNES(PopulationSearch):
             space: what may be changed.
             population: N, points a generation, at least 4.
             seed: of all random numbers.
-            start: values by name where the mean first is; of the other variables it is in the middle.
+            start: values by name where the mean first is; of the other variables it is in the middle, or at random.
             sigma: first standard deviation of every variable [ranges].
             mirrored: draw every other point opposite to the one before, seen from the mean.
+            random_mean: begin at a random point, not in the middle.
+            max_sigma: the largest standard deviation [ranges]; wider than its range says no more.
+            bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between mean and bound.
         """
         check_number("sigma", sigma, 1e-3, 1.0)
-        if not isinstance(mirrored, bool):
-            raise ValueError(f"mirrored: {mirrored!r} is not allowed; give true or false")
+        check_number("max_sigma", max_sigma, sigma, 1e300)
+        check_choice("bounds", bounds, get_args(Bounds))
+        for name, value in (("mirrored", mirrored), ("random_mean", random_mean)):
+            if not isinstance(value, bool):
+                raise ValueError(f"{name}: {value!r} is not allowed; give true or false")
         super().__init__(space, population=population, seed=seed, start=start)
-        self.mirrored = mirrored
-        given = np.array([name in self.start for name in space.names])
+        self.mirrored, self.bounds = mirrored, bounds
+        given = np.array([random_mean or name in self.start for name in space.names])
         self.mean = np.where(given, (self._starts()[0] - space.low) / space.span, 0.5)
         self.floor = _floor(space)
+        self.ceiling = np.maximum(max_sigma, self.floor)
         self.deviation = np.maximum(sigma, self.floor)
 
     @classmethod
@@ -65,18 +76,18 @@ class SeparableNES(PopulationSearch):
 
     def ask(self) -> Vector:
         """N points drawn from the distribution."""
-        return self.space.round(self._reflect(self.mean + self.deviation * self._deviates()))
+        return self.space.round(self._inside(self.mean + self.deviation * self._deviates(), 1))
 
     def _take(self, points: Vector, evaluation: Evaluation) -> None:
         """Algorithm 6: both gradients in the coordinates of the distribution itself."""
         self.points, self.objectives = points.copy(), evaluation.objectives.copy()
         deviates, size = self._deviates(), self.space.size
         utilities = _utilities(below_all(evaluation.objectives[:, 0]))
-        self.mean = self.mean + self.deviation * (utilities @ deviates)  # learning rate 1
-        self.mean = (self._reflect(self.mean) - self.space.low) / self.space.span
+        moved = self.mean + self.deviation * (utilities @ deviates)  # learning rate 1
+        self.mean = (self._inside(moved, 2) - self.space.low) / self.space.span
         rate = (3 + math.log(size)) / (5 * math.sqrt(size))
         self.deviation = self.deviation * np.exp(rate / 2 * (utilities @ (deviates**2 - 1)))
-        self.deviation = np.clip(self.deviation, self.floor, 1.0)  # wider than its range says no more
+        self.deviation = np.clip(self.deviation, self.floor, self.ceiling)
 
     def _deviates(self) -> Vector:
         """Standard normal, shape (N, D), the same as often as asked in a generation."""
@@ -85,8 +96,12 @@ class SeparableNES(PopulationSearch):
         half = self._generator().standard_normal(((self.population + 1) // 2, self.space.size))
         return np.stack([half, -half], axis=1).reshape(-1, self.space.size)[: self.population]
 
-    def _reflect(self, places: Vector) -> Vector:
-        return self.space.reflect(self.space.low + places * self.space.span)
+    def _inside(self, places: Vector, stream: int) -> Vector:
+        """Places [ranges] as values, shape (..., D), within the bounds."""
+        points, mean = (self.space.low + values * self.space.span for values in (places, self.mean))
+        if self.bounds == "reflect":
+            return self.space.reflect(points)
+        return draw_inside(self.space, points, mean, self._generator(stream))
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """Geometric mean of the standard deviations [ranges]."""

@@ -1,6 +1,7 @@
-"""What evolutionary methods share: who is best, how far a variable mutates, and starts around given values."""
+"""What evolutionary methods share: who is best, how far a variable mutates, starts around given values, bounds."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from optim.search.method import with_values
 from optim.search.population import below_all
 from optim.space import Space, Vector
 
+Bounds = Literal["reflect", "random"]  # what becomes of values beyond a bound: Space.reflect, or draw_inside
 DEFAULT_STEP = 0.1  # of a range, for a variable that names no step
 
 
@@ -27,6 +29,17 @@ def around_start(space: Space, points: Vector, start: Mapping[str, float], rng: 
     given = np.array([name in start for name in space.names])
     centre = with_values(space, space.low[None], start)
     return np.where(given, centre + away, points)
+
+
+def draw_inside(space: Space, points: Vector, origin: Vector, rng: np.random.Generator) -> Vector:
+    """The points, shape (..., D), brought into the bounds, without rounding; angles wrap round.
+
+    A value beyond a bound is drawn evenly between that of ``origin``, which lies inside, and the bound. Unlike
+    :meth:`Space.clip` this leaves no points at the bounds themselves.
+    """
+    bound = space.clip(points)
+    drawn = bound + rng.random(points.shape) * (origin - bound)
+    return np.where(space.angles, space.reflect(points), np.where(points == bound, points, space.clip(drawn)))
 
 
 def ranking(scores: Vector) -> NDArray[np.intp]:

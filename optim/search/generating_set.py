@@ -1,0 +1,184 @@
+"""Generating set search: steps along directions, longer after a success, shorter when none of them helps.
+
+Source: Kolda, Lewis & Torczon, "Optimization by direct search: new perspectives on some classical and modern methods",
+SIAM Review 45, 2003 (generating sets; expansion and contraction of the step; bounds).
+"""
+
+from collections.abc import Mapping
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.independent import IndependentSearches, random_starts
+from optim.search.method import check_choice, check_number, check_whole, generator, single_objective
+from optim.search.population import below_all
+from optim.search.variation import draw_inside
+from optim.space import Space, Vector
+
+Directions = Literal["axes", "rotated"]
+LONGEST = 1e300  # step [ranges] that is as good as none at all, and still a number
+# State of the searches, beside what independent searches have.
+ARRAYS = ("centres", "centre_scores", "steps", "barren", "begun", "judged", "waiting")
+
+
+class GeneratingSetSearch(IndependentSearches):
+    """C searches, each of which polls around its centre.
+
+    The first centre is a random start. A poll judges the points one step away from the centre, up and down every
+    direction, in random order. It ends with the first that is better: this becomes the centre, and the step expands.
+    If none is, the step contracts. With a step below the tolerance, the search begins anew, at a random point, and so
+    it does where a start has failed.
+
+    Steps are in ranges of the variables. Those of whole numbers are rounded and never less than 1; what they lead to
+    is not judged a second time while only the steps of the others contract. What lies beyond a bound is drawn evenly
+    between the centre and that bound, angles wrap round.
+
+    A generation judges one point a search, so with one climber it is strictly sequential. With ``polled`` points at
+    once, the best of them that is better than the centre ends the poll.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        climbers: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        directions: Directions = "axes",
+        step: float = 0.5,
+        expansion: float = 2.0,
+        contraction: float = 0.5,
+        tolerance: float = 1e-10,
+        max_step: float = 1.0,
+        polled: int = 1,
+    ) -> None:
+        """Set up the searches.
+
+        Args:
+            space: what may be changed.
+            climbers: C.
+            seed: of all random numbers.
+            start: values by name with which every search starts, again and again; the others are random.
+            directions: ``"axes"``: one variable at a time; ``"rotated"``: a random orthonormal basis for every poll,
+                of all but the whole numbers, which keep their axes.
+            step: the first [ranges].
+            expansion: factor of the step after a success.
+            contraction: factor of the step after a poll without one.
+            tolerance: step [ranges] below which a search begins anew.
+            max_step: the longest [ranges]. What is longer than 1 leads beyond a bound, so that a poll draws points on
+                lines through the centre; a search may then take long to contract.
+            polled: points of a poll that are judged at once; 2 D is all of them.
+        """
+        check_choice("directions", directions, get_args(Directions))
+        check_number("step", step, 1e-12, 1.0)
+        check_number("expansion", expansion, 1.0, 10.0)
+        check_number("contraction", contraction, 0.01, 0.99)
+        check_number("tolerance", tolerance, 1e-15, step)
+        check_number("max_step", max_step, step, LONGEST)
+        check_whole("polled", polled, 1)
+        super().__init__(space, climbers=climbers, seed=seed)
+        self.start, self.directions, self.polled = dict(start or {}), directions, polled
+        self.step, self.expansion, self.contraction = step, expansion, contraction
+        self.tolerance, self.max_step = tolerance, max_step
+        self.integer = np.array([variable.is_integer for variable in space.variables])
+        self.centres = np.full((climbers, space.size), np.nan)
+        self.centre_scores, self.steps = np.full(climbers, np.nan), np.full(climbers, step)
+        self.barren = np.full(climbers, np.nan)  # step of the last poll around this centre, which found nothing better
+        self.begun, self.judged = np.zeros(climbers, int), np.zeros(climbers, int)  # of the poll: when, how many points
+        self.waiting = np.ones(climbers, bool)  # for a start
+        self.polls = [self.points[:0]] * climbers  # what follows from the state: the points of each poll
+        self._starts()
+
+    def ask(self) -> Vector:
+        """The next points of every search: a start, or ``polled`` of its poll (fewer at its end), shape (N, D)."""
+        return np.concatenate(self._asked())
+
+    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+        """Keep what is better; go on with the polls, or to the next."""
+        counts = [len(asked) for asked in self._asked()]
+        scores = single_objective(evaluation, sum(counts))
+        ends = np.cumsum(counts)
+        best = [a + int(np.argmax(below_all(scores[a:b]))) for a, b in zip(ends - counts, ends, strict=True)]
+        self._keep(points[best], scores[best])
+        self.generation += 1
+        for climber, (index, count) in enumerate(zip(best, counts, strict=True)):
+            self._move(climber, points[index], scores[index], count)
+
+    def _asked(self) -> list[Vector]:
+        """The points asked for, of each search."""
+        starts = iter(self._starts())
+        return [
+            next(starts)[None] if waiting else poll[judged : judged + self.polled]
+            for waiting, poll, judged in zip(self.waiting, self.polls, self.judged, strict=True)
+        ]
+
+    def _starts(self) -> Vector:
+        """A random point for every search that waits for one."""
+        which = np.flatnonzero(self.waiting).tolist()
+        return random_starts(self.space, self.seed, self.generation, which, self.start) if which else self.points[:0]
+
+    def _move(self, climber: int, point: Vector, score: float, count: int) -> None:
+        """What a search does after ``count`` points, of which this was the best."""
+        if self.waiting[climber]:
+            if not np.isnan(score):
+                self._set_centre(climber, point, score, self.step)
+        elif score > self.centre_scores[climber]:
+            self._set_centre(climber, point, score, min(self.expansion * self.steps[climber], self.max_step))
+        else:
+            self.judged[climber] += count
+            if self.judged[climber] == len(self.polls[climber]):
+                self._contract(climber)
+                self._begin_poll(climber)
+
+    def _set_centre(self, climber: int, point: Vector, score: float, step: float) -> None:
+        self.centres[climber], self.centre_scores[climber] = point, score
+        self.steps[climber], self.barren[climber], self.waiting[climber] = step, np.nan, False
+        self._begin_poll(climber)
+
+    def _contract(self, climber: int) -> None:
+        self.barren[climber] = self.steps[climber]
+        self.steps[climber] *= self.contraction
+        self.waiting[climber] = self.steps[climber] < self.tolerance
+
+    def _begin_poll(self, climber: int) -> None:
+        """Begin a poll, of a step at which there is anything new."""
+        self.begun[climber], self.judged[climber] = self.generation, 0
+        self.polls[climber] = self._poll(climber)
+        while not (len(self.polls[climber]) or self.waiting[climber]):
+            self._contract(climber)
+            self.polls[climber] = self._poll(climber)
+
+    def _poll(self, climber: int) -> Vector:
+        """The points of the poll under way, in the order in which they are judged, shape (M, D), M <= 2 D."""
+        rng = generator(self.seed, int(self.begun[climber]), climber, 1)
+        centre, directions = self.centres[climber], self._directions(rng)
+        lengths = self._lengths(self.steps[climber])
+        points = self.space.round(draw_inside(self.space, centre + directions * lengths, centre, rng))
+        judged = np.all(directions * (lengths - self._lengths(self.barren[climber])) == 0, axis=1)
+        return points[rng.permutation(np.flatnonzero((points != centre).any(axis=1) & ~judged))]
+
+    def _directions(self, rng: np.random.Generator) -> Vector:
+        """A generating set, shape (2 D, D): a basis and its opposite."""
+        basis = np.eye(self.space.size)
+        if self.directions == "rotated":
+            free = np.flatnonzero(~self.integer)
+            basis[np.ix_(free, free)] = np.linalg.qr(rng.standard_normal((len(free), len(free))))[0]
+        return np.concatenate([basis, -basis])
+
+    def _lengths(self, step: float) -> Vector:
+        """A step in the units of the variables, shape (D,)."""
+        lengths = step * self.space.span
+        return np.where(self.integer, np.maximum(1.0, np.rint(lengths)), lengths)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Generation, best points and scores; where the searches are, and how far in their polls."""
+        return super().state() | {name: getattr(self, name).copy() for name in ARRAYS}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        super().restore(state)
+        for name in ARRAYS:
+            setattr(self, name, state[name].copy())
+        self.polls = [self.points[:0] if self.waiting[n] else self._poll(n) for n in range(self.climbers)]
