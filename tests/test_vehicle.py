@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robots.braitenberg import STARTS, VehicleBody, contralateral
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, differentiate, equations, rollout, trace
+from taichi_sim.vehicle import rollout_kernel as kernel
 
 REFERENCE = np.load(Path(__file__).parent / "data/vehicle_sweep.npz")
 TASK = VehicleTask(STARTS, steps=400)
@@ -129,6 +130,15 @@ def test_many_rollouts_fill_lanes_again_and_lose_none():
     whole = rollout(some, TASK, until="closest")
     some_again = VehicleBatch(some.sites[[1]], some.controllers[[1]][:, 400:420])
     assert np.array_equal(rollout(some_again, TASK).closest[0], whole.closest[1, 400:420])
+
+
+def test_vehicles_without_any_connection_stay_where_they_are():
+    """Their weights need no memory, and write none: the last slot of the last block is followed by others' data."""
+    still = VehicleBatch(np.full((40, 2, 2), 0.1), np.zeros((1, 1, 2, 2)))
+    assert kernel.slot_count(2, still.wiring) == kernel.slot_count(2, ((0,), ())) and still.weights.shape == (1, 1)
+    done = rollout(still, TASK, until="end")
+    assert np.allclose(done.final, 4.0) and not done.reached.any()
+    assert not differentiate(still, TASK).final_by_sites.any()
 
 
 def test_controllers_may_be_shared():

@@ -28,8 +28,8 @@ NEVER = 1e30
 
 
 def slot_count(sensors: int, wiring: Wiring) -> int:
-    """Reals of a block's memory."""
-    return SITES + 2 * sensors + sum(map(len, wiring))
+    """Reals of a block's memory; there is room for one weight where nothing is connected."""
+    return SITES + 2 * sensors + max(1, sum(map(len, wiring)))
 
 
 @ti.func
@@ -99,7 +99,7 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
     width = real.width
     slots = slot_count(sensors, wiring)
     at_sites = tuple(range(SITES, SITES + 2 * sensors))
-    at_weights = tuple(range(SITES + 2 * sensors, slots))
+    at_weights = tuple(range(SITES + 2 * sensors, SITES + 2 * sensors + sum(map(len, wiring))))
     reals = ti.types.ndarray(dtype=real.type, ndim=1)
     ints1, ints2 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2))
     scalars1, scalars2 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (1, 2))
