@@ -85,7 +85,7 @@ def _lanes_last(rows: Floats, blocks: int) -> Floats:
 def _parameters(batch: VehicleBatch, task: VehicleTask, connections: int) -> tuple[Floats, Floats]:
     """Starts, shape (rollouts, 2), and sites and weights, shape (rollouts, 2 S + connections)."""
     bodies, each, environments = batch.bodies, batch.controllers_each, len(task.starts)
-    weights = batch.weights[:, :connections].reshape(-1, each, connections)
+    weights = batch.weights[:, :connections].reshape(len(batch.weights) // each, each, connections)
     rows = np.concatenate(
         [
             np.broadcast_to(batch.sites.reshape(bodies, 1, -1), (bodies, each, 2 * batch.sensors)),
