@@ -12,10 +12,11 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
+from robots import vehicle_bench
 from robots.inflatable import INCHING, PUBLISHED
 from robots.inflatable_program import build_program
 from robots.terrain import Terrain
@@ -162,11 +163,23 @@ def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int
 
 
 def main(args: Namespace) -> dict[str, Any]:
-    """Measure and print a table (to stderr with ``--json``); returns the figures."""
-    precisions = [args.precision] if args.precision else ["f32", "f64"]
+    """Measure and print tables (to stderr with ``--json``); returns the figures."""
     out = sys.stderr if args.json else sys.stdout
     figures: dict[str, Any] = {"cpu": _cpu_name(), "cores": os.cpu_count()}
-    print(f"{figures['cpu']}, {figures['cores']} cores; published robot, 1428 voxels, full physics", file=out)
+    if args.robot in ("all", "inflatable"):
+        print(f"{figures['cpu']}, {figures['cores']} cores; published robot, 1428 voxels, full physics", file=out)
+        figures |= _inflatable(args, out)
+    if args.robot in ("all", "vehicle"):
+        print(f"{figures['cpu']}, {figures['cores']} cores; vehicle, all controllers of design 162", file=out)
+        figures["vehicle"] = vehicle_bench.measure(args.quick, args.vehicle_prototype)
+        print("\n".join(vehicle_bench.lines(figures["vehicle"])), file=out)
+    return figures
+
+
+def _inflatable(args: Namespace, out: TextIO) -> dict[str, Any]:
+    """Measure the lattice; print and return the figures of each precision."""
+    precisions = [args.precision] if args.precision else ["f32", "f64"]
+    figures: dict[str, Any] = {}
     for precision in precisions:
         f = figures[precision] = measure(precision, args.quick, args.prototype)
         batch = f["robot_steps_per_core_second"]

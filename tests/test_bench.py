@@ -18,8 +18,21 @@ def test_all_figures(tmp_path, capsys):
     """With a prototype that claims a million robot-steps per second."""
     prototype = tmp_path / "prototype.py"
     prototype.write_text("print('f32: 1000000 robot-steps per CPU second')")
-    figures = bench.main(Namespace(precision="f32", quick=True, prototype=prototype, json=False))["f32"]
+    args = Namespace(robot="inflatable", precision="f32", quick=True, prototype=prototype, json=False)
+    figures = bench.main(args)["f32"]
     assert figures["ratio_to_prototype"] == figures["robot_steps_per_core_second"]["median"] / 1e6
     assert 0 < figures["part_of_peak"] < 1
     assert figures["kilobytes_per_robot"] < 800
     assert "robot-steps/s" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_figures_of_the_vehicle(tmp_path, capsys):
+    """With a prototype that claims ten thousand rollouts per second."""
+    prototype = tmp_path / "prototype.py"
+    prototype.write_text("print('F f64: 10000 traj/s; done')")
+    args = Namespace(robot="vehicle", quick=True, vehicle_prototype=prototype, json=False)
+    figures = bench.main(args)["vehicle"]
+    assert figures["ratio_to_prototype"] == figures["rollouts_per_core_second"]["f64"]["median"] / 1e4
+    assert figures["gradients_per_core_second"] > 0 and figures["warping_distances_per_core_second"] > 0
+    assert "rollouts/s" in capsys.readouterr().out

@@ -14,10 +14,16 @@ def add_parser(commands: Any) -> None:
         help="measure the simulator",
         description="Measure how fast the simulator is on this machine.",
     )
-    parser.add_argument("--quick", action="store_true", help="shorter, less exact")
-    parser.add_argument("--precision", choices=("f32", "f64"), help="(default: both)")
     parser.add_argument(
-        "--prototype", type=Path, metavar="PATH", help="a program to compare with, in the same run"
+        "robot", nargs="?", choices=("all", "inflatable", "vehicle"), default="all", help="which (default: all)"
+    )
+    parser.add_argument("--quick", action="store_true", help="shorter, less exact")
+    parser.add_argument("--precision", choices=("f32", "f64"), help="of the inflatable robot (default: both)")
+    parser.add_argument(
+        "--prototype", type=Path, metavar="PATH", help="a program to compare the inflatable robot with, in the same run"
+    )
+    parser.add_argument(
+        "--vehicle-prototype", type=Path, metavar="PATH", help="a program to compare the vehicle with, in the same run"
     )
     options.add_json(parser)
     parser.set_defaults(run=run)

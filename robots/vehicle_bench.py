@@ -1,0 +1,102 @@
+"""How fast vehicles are on this machine: rollouts of 10,000 steps per second and core.
+
+All 58,564 rollouts of the best published body count, also those that end early, as in a sweep. Times are wall times on
+one thread, the best of several rounds being the machine undisturbed; with a reference program the rounds alternate, and
+the ratio is that of the medians.
+"""
+
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots.braitenberg import VehicleBody, contralateral, sweep
+from robots.braitenberg.experiment import PUBLISHED, batch_of
+from taichi_sim.signals import warping_distances
+from taichi_sim.vehicle import VehicleBatch, differentiate
+
+DESIGN = VehicleBody.published(162)
+ROUNDS = 5
+SAMPLES = 10_001  # of a whole trace
+
+
+def prototype_rate(path: Path) -> float:
+    """What a reference program reports: the number before "traj/s"."""
+    command = [sys.executable, path.name, "F", "f64", "nofast", "32"]
+    run = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, check=True)
+    found = re.search(r"([0-9.]+) traj/s", run.stdout)
+    if not found:
+        raise ValueError(f"vehicle-prototype: {path} prints no number before traj/s")
+    return float(found[1])
+
+
+def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
+    """All figures."""
+    rates = {"f64": list[float](), "f32": list[float](), "prototype": list[float]()}
+    for precision in ("f64", "f32"):
+        sweep([DESIGN], weights=11, steps=100, precision=precision, threads=1)  # compiles
+    for _ in range(2 if quick else ROUNDS):
+        for precision in ("f64", "f32"):
+            rates[precision].append(_sweep_rate(precision))
+        if prototype:
+            rates["prototype"].append(prototype_rate(prototype))
+    found: dict[str, Any] = {
+        "rollouts_per_core_second": {
+            name: {"best": max(each), "median": float(np.median(each))} for name, each in rates.items() if each
+        },
+        "gradients_per_core_second": _gradient_rate(256 if quick else 1024),
+        "warping_distances_per_core_second": _warping_rate(2001 if quick else SAMPLES),
+    }
+    if prototype:
+        found["ratio_to_prototype"] = float(np.median(rates["f64"]) / np.median(rates["prototype"]))
+    return found
+
+
+def _sweep_rate(precision: str) -> float:
+    begun = time.perf_counter()
+    overlap = sweep([DESIGN], precision=precision, threads=1)
+    return overlap.size * len(PUBLISHED.starts) / (time.perf_counter() - begun)
+
+
+def _some(count: int) -> VehicleBatch:
+    """Controllers of the body, drawn evenly."""
+    weights = np.random.default_rng(0).uniform(-1, 1, (1, count // len(PUBLISHED.starts), 2))
+    return batch_of([DESIGN], contralateral(weights))
+
+
+def _gradient_rate(count: int) -> float:
+    """Rollouts with derivatives a second."""
+    differentiate(_some(8), PUBLISHED, threads=1)
+    begun = time.perf_counter()
+    differentiate(_some(count), PUBLISHED, threads=1)
+    return count / (time.perf_counter() - begun)
+
+
+def _warping_rate(samples: int) -> float:
+    """Pairs of whole traces a second, from pairs of so many samples."""
+    signals = np.random.default_rng(0).random((16, samples))
+    warping_distances(signals[:, :9], signals[:, :9], threads=1)
+    begun = time.perf_counter()
+    warping_distances(signals[:8], signals[8:], threads=1)
+    return 8 / (time.perf_counter() - begun) * (samples / SAMPLES) ** 2
+
+
+def lines(figures: dict[str, Any]) -> list[str]:
+    """The figures as a table."""
+    rates = figures["rollouts_per_core_second"]
+    found = [
+        f"{precision}  rollouts, one core       {rates[precision]['median']:>8.0f} of 10,000 steps/s "
+        f"(best {rates[precision]['best']:.0f})"
+        for precision in ("f64", "f32")
+    ]
+    if "ratio_to_prototype" in figures:
+        found.insert(1, f"f64  ratio to the prototype   {figures['ratio_to_prototype']:>8.2f}")
+    return [
+        *found,
+        f"f64  gradients, one core      {figures['gradients_per_core_second']:>8.0f} rollouts/s",
+        f"f64  time warping, one core   {figures['warping_distances_per_core_second']:>8.1f} pairs of whole traces/s",
+    ]
