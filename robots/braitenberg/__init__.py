@@ -8,10 +8,11 @@ from robots.braitenberg.experiment import (
     TEXT_OF_CHAPTER_4,
     contralateral,
     simulate,
+    trace,
     weight_grid,
 )
 from robots.braitenberg.sweeps import Sweep, sweep
-from taichi_sim.vehicle import Rollouts, VehicleTask
+from taichi_sim.vehicle import Rollouts, Traces, VehicleTask
 
 __all__ = [
     "BASELINE",
@@ -22,10 +23,12 @@ __all__ = [
     "TEXT_OF_CHAPTER_4",
     "Rollouts",
     "Sweep",
+    "Traces",
     "VehicleBody",
     "VehicleTask",
     "contralateral",
     "simulate",
     "sweep",
+    "trace",
     "weight_grid",
 ]

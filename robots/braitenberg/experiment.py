@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.braitenberg.body import VehicleBody
 from robots.checks import whole_number
-from taichi_sim.vehicle import Rollouts, VehicleBatch, VehicleTask, rollout
+from taichi_sim import vehicle
+from taichi_sim.vehicle import Rollouts, Traces, VehicleBatch, VehicleTask, rollout
 from taichi_sim.vehicle.rollout import Until
 
 DISTANCE = 4.0  # m, from the light at the origin to every start
@@ -105,3 +106,24 @@ def simulate(
     """
     batch = batch_of(bodies, controllers)
     return rollout(batch, task, until=until, precision=precision, device=device, threads=threads, progress=progress)
+
+
+def trace(
+    bodies: Sequence[VehicleBody],
+    controllers: ArrayLike,
+    task: VehicleTask = PUBLISHED,
+    *,
+    every: int = 1,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+) -> Traces:
+    """Motion and sensor readings over time, as in :func:`simulate`.
+
+    Args:
+        bodies, controllers, task: see :func:`simulate`.
+        every: steps from one sample to the next.
+        precision, device, threads: see :func:`taichi_sim.vehicle.rollout`.
+    """
+    batch = batch_of(bodies, controllers)
+    return vehicle.trace(batch, task, every=every, precision=precision, device=device, threads=threads)
