@@ -7,7 +7,7 @@ next one, so that long rollouts do not hold up short ones. Neither neighbours no
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.lanes import Real, any_lane, load, load_all, store
+from taichi_sim.lanes import Real, any_lane
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import select, sqrt
 from taichi_sim.vehicle import equations
@@ -20,6 +20,8 @@ UNTIL = {"success": UNTIL_SUCCESS, "closest": UNTIL_CLOSEST, "end": UNTIL_END}
 # Slots of a block: where the light is seen, the smallest squared distance so far, steps before success, steps left,
 # the fall of rho^3 in a step, the largest |l|, whether the rollout has ended; then sites and weights.
 PX, PY, CLOSEST, WAITED, LEFT, BOUND, REACH, ENDED, SITES = range(9)
+STATE = (PX, PY, CLOSEST, WAITED, LEFT, BOUND, REACH)
+CHANGING = STATE[:5]
 
 NOTHING = -1  # no rollout
 STEPS_BETWEEN_CHECKS = 40
@@ -30,6 +32,23 @@ NEVER = 1e30
 def slot_count(sensors: int, wiring: Wiring) -> int:
     """Reals of a block's memory; there is room for one weight where nothing is connected."""
     return SITES + 2 * sensors + max(1, sum(map(len, wiring)))
+
+
+@ti.func
+def load_all(m: ti.template(), ms: ti.template(), k, slots: ti.template(), single: ti.template()):
+    """Read reals. Where they are scalars their memory has one name only: a GPU gets a copy of every argument."""
+    return ti.static(tuple([ms[k + slot, 0] if single else m[k + slot] for slot in slots]))
+
+
+@ti.func
+def store_all(m: ti.template(), ms: ti.template(), k, slots: ti.template(), single: ti.template(),
+              values: ti.template()):  # fmt: skip
+    """Write reals."""
+    for i in ti.static(range(len(slots))):
+        if ti.static(single):
+            ms[k + slots[i], 0] = values[i]
+        else:
+            m[k + slots[i]] = values[i]
 
 
 @ti.func
@@ -96,7 +115,7 @@ def fill_lane(ms: ti.template(), k, lane, job, end, first, slots: ti.template(),
 @lru_cache
 def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: int) -> Any:
     """The kernel for one kind of real, number of sensors and wiring; a block gets ``grain`` iterations of its loop."""
-    width = real.width
+    width, single = real.width, real.width == 1
     slots = slot_count(sensors, wiring)
     at_sites = tuple(range(SITES, SITES + 2 * sensors))
     at_weights = tuple(range(SITES + 2 * sensors, SITES + 2 * sensors + sum(map(len, wiring))))
@@ -124,32 +143,26 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
                 soonest = steps
                 while active > 0:
                     count = ti.min(soonest, STEPS_BETWEEN_CHECKS)
-                    px, py, closest = load(m, k, PX), load(m, k, PY), load(m, k, CLOSEST)
-                    waited = load(m, k, WAITED)
-                    l = ti.static(load_all(m, k, at_sites))
-                    w = ti.static(load_all(m, k, at_weights))
+                    px, py, closest, waited, left, fall, outermost = load_all(m, ms, k, STATE, single)
+                    l = ti.static(load_all(m, ms, k, at_sites, single))
+                    w = ti.static(load_all(m, ms, k, at_weights, single))
                     for _ in range(count):
                         if ti.static(until != UNTIL_SUCCESS):
                             waited = waited + select(closest >= radius * radius, 1.0, 0.0)
                         px, py, _turn = equations.advance(px, py, l, w, wiring, time_step)
                         distance = px * px + py * py
                         closest = select(distance < closest, distance, closest)
-                    left = load(m, k, LEFT) - ti.cast(count, real.scalar)
+                    left = left - ti.cast(count, real.scalar)
                     ended = (left < 0.5) | ((px + py) * 0.0 != 0.0)
                     if ti.static(until == UNTIL_SUCCESS):
-                        ended = ended | (closest < radius * radius) | equations.hopeless(
-                            px, py, load(m, k, REACH), radius, load(m, k, BOUND) * left)  # fmt: skip
+                        ended = ended | (closest < radius * radius)
+                        ended = ended | equations.hopeless(px, py, outermost, radius, fall * left)
                     if ti.static(until == UNTIL_CLOSEST):
-                        ended = ended | equations.hopeless(
-                            px, py, load(m, k, REACH), sqrt(closest), load(m, k, BOUND) * left)  # fmt: skip
-                    store(m, k, PX, px)
-                    store(m, k, PY, py)
-                    store(m, k, CLOSEST, closest)
-                    store(m, k, WAITED, waited)
-                    store(m, k, LEFT, left)
+                        ended = ended | equations.hopeless(px, py, outermost, sqrt(closest), fall * left)
+                    store_all(m, ms, k, CHANGING, single, (px, py, closest, waited, left))
                     soonest -= count
                     if any_lane(ended):
-                        store(m, k, ENDED, select(ended, 1.0, 0.0))
+                        store_all(m, ms, k, (ENDED,), single, (select(ended, 1.0, 0.0),))
                         soonest = steps
                         for lane in range(width):
                             if lanes[block, lane] != NOTHING:
