@@ -18,9 +18,12 @@ from optim.commands import (
     compare,
     export,
     gradient_check,
+    reproduce,
     simulate,
     status,
     stopped_by,
+    sweep,
+    train,
 )
 
 
@@ -35,7 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
     parser = _Parser(prog="morpholab", description="Simulate soft robots and design their bodies and gaits.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, codesign, status, compare, gradient_check, export, bench):
+    for command in (simulate, codesign, status, compare, gradient_check, export, sweep, train, reproduce, bench):
         command.add_parser(commands)
     return parser
 

@@ -95,6 +95,22 @@ def test_it_continues_exactly_from_any_generation_and_across_restarts():
         assert same(run(rest, mixed, 30 - stop), method)
 
 
+def test_children_can_be_bred_one_at_a_time_and_resume_exactly():
+    judge = lambda points: Evaluation(np.stack([-points[:, 0], points[:, 0] - points[:, 1]], axis=1))  # noqa: E731
+    space = Space((Variable("x", -1, 1), Variable("y", -1, 1)))
+    method = Borg(space, population=8, children=1, epsilons=0.1)
+    sizes = []
+    for _ in range(30):
+        points = method.ask()
+        sizes.append(len(points))
+        method.tell(points, judge(points))
+        again = Borg(space, population=8, children=1, epsilons=0.1)
+        again.restore(method.state())
+        assert np.array_equal(again.ask(), method.ask())
+    assert sizes == [8] + [1] * 29
+    assert len(method.members) == 8 and len(method.result().points) > 1
+
+
 def test_a_restart_begins_with_the_archive_and_mutants_of_it():
     space = Space(tuple(Variable(f"x{i}", 0.0, 1.0) for i in range(5)))
     method = Borg(space, population=8, seed=1, window=8, epsilons=0.5)
@@ -157,13 +173,14 @@ def test_tournaments_keep_the_dominated_from_breeding():
     method.tell(method.ask(), Evaluation([[1.0, 1.0], [0.0, 0.0]]))
     parents = method._parents(3, 4000, np.random.default_rng(0))
     assert (parents[0] == method.archive.points[0]).all()
-    losers = (parents[1:] == method.points[1]).mean()
+    losers = (parents[1:] == method.members[1]).mean()
     assert losers == pytest.approx(0.25, abs=0.02)  # only where it met itself
 
 
 def test_settings_without_sense_are_refused():
     for settings, message in (
         ({"epsilons": 0.0}, "epsilons: 0.0 is not allowed; give a number from 1e-12"),
+        ({"children": 0}, "children: 0 is not allowed; give a whole number, at least 1"),
         ({"epsilons": [0.1, "a"]}, "epsilons: 'a' is not allowed"),
         ({"window": 0}, "window: 0 is not allowed; give a whole number, at least 1"),
         ({"operators": {"sbx": 1}}, "operators: 'sbx' is unknown; its parameters are parents, sbx_index"),

@@ -241,7 +241,40 @@ def test_a_climber_without_progress_restarts_with_what_was_given():
     assert (np.array(starts)[:, 1, 1] == 2.5).all()
 
 
-@pytest.mark.parametrize("settings", [{"rule": "l-bfgs"}, {"rule": "adam"}, {"gradient": "smoothed", "samples": 2}])
+def test_climbers_start_at_the_best_of_their_candidates_again_and_again():
+    method = GradientAscent(SQUARE, climbers=2, candidates=5, patience=2, learning_rate=1e-3, start={"y": 2.5})
+    seen = []
+    for _ in range(2):
+        points = method.ask()
+        assert method.wants == "relaxed" and points.shape == (10, 2) and (points[:, 1] == 2.5).all()
+        scores = -abs(points[:, 0])
+        scores[scores.argmax()] = np.nan
+        method.tell(points, Evaluation(scores))
+        best = [points[:5][np.nanargmax(scores[:5])], points[5:][np.nanargmax(scores[5:])]]
+        assert method.wants == "gradients" and np.array_equal(method.ask(), best)
+        assert method.result().score >= np.nanmax(scores)
+        seen.append(points)
+        while method.wants == "gradients":
+            method.tell(method.ask(), Evaluation([-5.0, -5.0], gradients=np.ones((2, 2))))
+    assert not np.isin(seen[0][:, 0], seen[1][:, 0]).any()
+
+
+def test_only_climbers_that_restart_take_candidates_and_the_others_wait():
+    method = GradientAscent(SQUARE, climbers=2, candidates=3)
+    points = method.ask()
+    method.tell(points, Evaluation(np.arange(6.0)))
+    method.tell(method.ask(), Evaluation([1.0, 1.0], gradients=[[1.0, 1.0], [0.0, 0.0]]))  # a plateau below the second
+    waiting = method.here[0].copy()
+    starts = method.ask()
+    assert starts.shape == (3, 2)
+    method.tell(starts, Evaluation([np.nan, np.nan, np.nan]))
+    assert np.array_equal(method.ask(), [waiting, starts[0]])
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"rule": "l-bfgs"}, {"rule": "adam"}, {"gradient": "smoothed", "samples": 2}, {"candidates": 4}],
+)
 @pytest.mark.parametrize("stop", [1, 4, 7])
 def test_resumes_exactly_whatever_it_does(settings, stop):
     settings = {"climbers": 3, "stage": 2, "patience": 3, **settings}
@@ -287,6 +320,7 @@ def test_no_number_leads_out_of_the_bounds(numbers, rule):
         ({"sharpest": 0.5}, "sharpest: 0.5 is not allowed"),
         ({"samples": 0}, "samples: 0 is not allowed; give a whole number, at least 1"),
         ({"patience": 1.5}, "patience: 1.5 is not allowed"),
+        ({"candidates": 0}, "candidates: 0 is not allowed; give a whole number, at least 1"),
         ({"start": {"z": 1.0}}, "start: z not free to change"),
         ({"start": {"x": 3.0}}, "x: 3 is not allowed"),
     ],

@@ -32,11 +32,11 @@ class Borg(PopulationSearch):
     population that it dominates, or, where nothing dominates it, any. The population restarts, from the archive and
     mutants of it, if no new box was reached in a while, or if it is not about four times as large as the archive.
 
-    Differs from the paper: the N points of a generation are bred from the same population and archive, and then taken
-    in one after the other; an operator gives one child; restarts are considered between generations, once ``window``
-    evaluations have passed since the last time or since the mutants of a restart are judged; at least one variable is
-    drawn anew by uniform mutation; failures are left out of everything, and while the population is short of members,
-    every success joins it; the population never becomes smaller than N.
+    Differs from the paper: all children of a generation (N, unless set) are bred from the same population and archive,
+    and then taken in one after the other; an operator gives one child; restarts are considered between generations,
+    once ``window`` evaluations have passed since the last time or since the mutants of a restart are judged; at least
+    one variable is drawn anew by uniform mutation; failures are left out of everything, and while the population is
+    short of members, every success joins it; the population never becomes smaller than N.
     """
 
     several_objectives: ClassVar[bool] = True
@@ -60,21 +60,25 @@ class Borg(PopulationSearch):
         start: Mapping[str, float] | None = None,
         epsilons: float | Sequence[float] = 0.01,
         window: int = 200,
+        children: int | None = None,
         operators: Mapping[str, float] | None = None,
     ) -> None:
         """Set up the search.
 
         Args:
             space: what may be changed.
-            population: N, the first size of the population and its smallest; N points are asked for at a time.
+            population: N, the first size of the population and its smallest.
             seed: of all random numbers.
             start: values by name with which the search begins; the other variables start at random.
             epsilons: sides of the boxes, one for all objectives or one for each, in their units: differences smaller
                 than that do not matter.
             window: evaluations after which the search restarts if no new box was reached.
+            children: points asked for at a time after the starts; N if None. The paper breeds one at a time.
             operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published.
         """
         check_whole("window", window, 1)
+        if children is not None:
+            check_whole("children", children, 1)
         for epsilon in epsilons if isinstance(epsilons, Sequence) else [epsilons]:
             check_number("epsilons", epsilon, 1e-12, 1e12)
         known = OperatorParameters.__dataclass_fields__
@@ -84,6 +88,7 @@ class Borg(PopulationSearch):
         self.window, self.epsilons = window, np.array(epsilons, float)
         self.parameters = OperatorParameters(**dict(operators or {}))  # type: ignore[arg-type]
         super().__init__(space, population=population, seed=seed, start=start)
+        self.children = children or population
         self._begin(max(self.epsilons.size, 1))
 
     def _begin(self, count: int) -> None:
@@ -97,13 +102,13 @@ class Borg(PopulationSearch):
         self.restarts, self.progress, self.passed = np.array(0), np.array(0), np.array(0)
 
     def ask(self) -> Vector:
-        """The starts, then mutants of a restart, if any are missing, and children, shape (N, D)."""
+        """The starts, shape (N, D); then mutants of a restart, if any are missing, and children."""
         if self.generation == 0:
             return self._starts()
         if not len(self.archive.points):
-            return self.space.sample(self._generator(), self.population)
+            return self.space.sample(self._generator(), self.children)
         makers = self._makers()
-        points = np.empty((self.population, self.space.size))
+        points = np.empty((self.children, self.space.size))
         mutants = int((makers == NOBODY).sum())
         rng = self._generator(1)
         chosen = self.archive.points[rng.integers(len(self.archive.points), size=mutants)]
@@ -122,8 +127,9 @@ class Borg(PopulationSearch):
         return counts / counts.sum()
 
     def _makers(self) -> NDArray[np.int64]:
-        """Which operator makes each point of this generation, shape (N,); first come those that none makes."""
-        makers = self._generator(3).choice(len(OPERATORS), self.population, p=self.probabilities())
+        """Which operator makes each point of this generation, shape (M,); first come those that none makes."""
+        count = self.population if self.generation == 0 else self.children
+        makers = self._generator(3).choice(len(OPERATORS), count, p=self.probabilities())
         nobody = len(makers) if not len(self.archive.points) else int(self.missing)
         return np.where(np.arange(len(makers)) < nobody, NOBODY, makers)
 
@@ -141,7 +147,6 @@ class Borg(PopulationSearch):
         """Offer the successes to the archive and the population, one after the other; then restart if need be."""
         if self.generation == 0:
             self._begin(evaluation.objectives.shape[1])
-        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
         makers, rng = self._makers(), self._generator(4)
         for point, objectives, maker in zip(points, evaluation.objectives, makers.tolist(), strict=True):
             if not np.isnan(objectives).any():
@@ -185,7 +190,7 @@ class Borg(PopulationSearch):
         return sizes | dict(zip(OPERATORS, self.probabilities().tolist(), strict=True))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """What changes: the last generation's points, the population, counters, and the archive."""
+        """What changes: the population, counters, and the archive."""
         archive = {name: getattr(self.archive, name).copy() for name in ("points", "objectives", "labels")}
         return super().state() | {f"archive_{name}": values for name, values in archive.items()}
 

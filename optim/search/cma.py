@@ -43,6 +43,7 @@ class CMAESWithMargin(PopulationSearch):
         start: Mapping[str, float] | None = None,
         sigma: float = 0.3,
         patience: int = 100,
+        random_mean: bool = False,
     ) -> None:
         """Set up the distribution.
 
@@ -53,13 +54,17 @@ class CMAESWithMargin(PopulationSearch):
             start: values by name where the mean first is; of the other variables it is in the middle.
             sigma: first standard deviation of every variable [ranges].
             patience: generations without a better point before a restart.
+            random_mean: whether the mean is first at random where ``start`` says nothing, as after a restart: for
+                problems whose middle is no good place, such as a plateau.
         """
         check_number("sigma", sigma, 1e-3, 1.0)
         check_whole("patience", patience, 1)
+        if not isinstance(random_mean, bool):
+            raise ValueError(f"random_mean: {random_mean!r} is not allowed; give true or false")
         super().__init__(space, population=population, seed=seed, start=start)
         self.sigma, self.patience = sigma, patience
         self.discrete = np.array([variable.is_integer for variable in space.variables])
-        given = np.array([name in self.start for name in space.names])
+        given = np.array([random_mean or name in self.start for name in space.names])
         self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
         # Of this restart: its best score, and generations since it rose.
         self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(0)

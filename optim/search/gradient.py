@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import Wants, check_choice, check_whole, generator, single_objective, slopes_per_range
+from optim.search.method import (
+    Wants,
+    check_choice,
+    check_whole,
+    generator,
+    single_objective,
+    slopes_per_range,
+    with_values,
+)
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from optim.space import Space, Vector
 
@@ -16,7 +24,7 @@ PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
 LIMIT = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
 ENOUGH = 1e-4  # of the gain that the gradient promised, for a monotone rule (Armijo)
 # State of the climbers, beside what independent searches have.
-ARRAYS = ("here", "anchor", "value", "slope", "step", "scale", "record", "stalled")
+ARRAYS = ("here", "anchor", "value", "slope", "step", "scale", "record", "stalled", "seeking")
 
 
 class GradientAscent(IndependentSearches):
@@ -49,6 +57,7 @@ class GradientAscent(IndependentSearches):
         sharpest: float = 8.0,
         stage: int = 20,
         patience: int = 20,
+        candidates: int = 1,
         verify: bool = False,
     ) -> None:
         """Set up the climbers.
@@ -67,6 +76,8 @@ class GradientAscent(IndependentSearches):
             sharpest: the last sharpness.
             stage: moves between two doublings.
             patience: moves without progress before a climber restarts.
+            candidates: random points of which a climber starts at the best, judged in a generation of their own
+                unless it is a single one.
             verify: evaluate true points in their own generations even if no variable is binary, for a problem
                 that judges relaxed points differently.
         """
@@ -81,13 +92,14 @@ class GradientAscent(IndependentSearches):
                 raise ValueError(f"{name}: {number!r} is not allowed; give a positive number")
         if not 1 <= sharpest < np.inf:
             raise ValueError(f"sharpest: {sharpest!r} is not allowed; give a number of at least 1")
-        for name, whole in (("samples", samples), ("stage", stage), ("patience", patience)):
+        wholes = {"samples": samples, "stage": stage, "patience": patience, "candidates": candidates}
+        for name, whole in wholes.items():
             check_whole(name, whole, 1)
         if rule == "l-bfgs" and gradient == "smoothed":
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
         self.start, self.exact = dict(start or {}), gradient == "exact"
         self.samples, self.smoothing = samples, smoothing
-        self.sharpest, self.stage, self.patience = sharpest, stage, patience
+        self.sharpest, self.stage, self.patience, self.candidates = sharpest, stage, patience, candidates
         self.relaxed = space.relaxed()
         self.binary = self.relaxed != space
         self.alternates = verify or self.binary
@@ -97,11 +109,14 @@ class GradientAscent(IndependentSearches):
         self.value, self.slope = np.empty(climbers), np.empty(shape)  # of the anchor; objective per range
         self.step, self.scale = np.empty(shape), np.empty(climbers)  # from the anchor, and how much of it to go
         self.record, self.stalled = np.empty(climbers), np.empty(climbers)  # best value, moves since it rose
+        self.seeking = np.zeros(climbers, bool)  # whose starts are to be chosen
         self._restart(np.ones(climbers, bool))
 
     @property
     def wants(self) -> Wants:
         """Points of the space and relaxed ones in turns; all are relaxed where that is the same."""
+        if self.seeking.any():
+            return "relaxed"
         if self.alternates and self.generation % 2 == 0:
             return "points"
         return "gradients" if self.exact else "relaxed"
@@ -113,7 +128,9 @@ class GradientAscent(IndependentSearches):
         return min(2.0**doublings, self.sharpest) if self.binary else 0.0
 
     def ask(self) -> Vector:
-        """One point per climber, shape (C, D), or all points of a smoothed gradient, shape (C * 2 * samples, D)."""
+        """A point per climber, shape (C, D); or all of a smoothed gradient, shape (C * 2 * samples, D); or starts."""
+        if self.seeking.any():
+            return self._starts()
         if self.wants == "points":
             return self.space.round(self.here)
         if self.exact:
@@ -124,7 +141,10 @@ class GradientAscent(IndependentSearches):
         return self.relaxed.bound(points).reshape(-1, self.space.size)
 
     def tell(self, points: Vector, evaluation: Evaluation) -> None:
-        """Keep true points that are better; move after relaxed ones."""
+        """Keep true points that are better; move after relaxed ones, unless they are starts to choose from."""
+        if self.seeking.any():
+            self._choose(points, single_objective(evaluation, int(self.seeking.sum()) * self.candidates))
+            return
         scores = single_objective(evaluation, self.climbers * (2 * self.samples if self.wants == "relaxed" else 1))
         if self.wants == "points":
             self.stalled[self._keep(points, scores)] = 0
@@ -138,6 +158,20 @@ class GradientAscent(IndependentSearches):
             values, slopes = self._smoothed(scores)
         self._advance()  # the streams of restarts are those of the generation to come
         self._move(values, slopes)
+
+    def _starts(self) -> Vector:
+        """Random points, ``candidates`` for each climber that seeks a start."""
+        rngs = [generator(self.seed, self.generation, climber, 2) for climber in np.flatnonzero(self.seeking).tolist()]
+        points = np.concatenate([self.relaxed.sample(rng, self.candidates) for rng in rngs])
+        return with_values(self.relaxed, points, self.start)
+
+    def _choose(self, points: Vector, scores: Vector) -> None:
+        """Let each climber that seeks a start have its best; the generation goes on with these."""
+        best = np.full(self.climbers, np.nan)
+        self.here[self.seeking], best[self.seeking] = _best_of_each(points, scores, int(self.seeking.sum()))
+        if not self.alternates:
+            self._keep(self.here, best)
+        self.seeking = np.zeros(self.climbers, bool)
 
     def _advance(self) -> None:
         """On to the next generation; values from before a doubling cannot be compared with those after it."""
@@ -192,6 +226,7 @@ class GradientAscent(IndependentSearches):
     def _restart(self, climbers: NDArray[np.bool_]) -> None:
         """Let some climbers begin anew, at a random point of the relaxed space."""
         which = np.flatnonzero(climbers).tolist()
+        self.seeking = climbers & (self.candidates > 1)
         if which:
             self.here[climbers] = random_starts(self.relaxed, self.seed, self.generation, which, self.start)
         for values, first in (

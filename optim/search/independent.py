@@ -58,7 +58,7 @@ class IndependentSearches(ABC):
     def _keep(self, points: Vector, scores: Vector) -> NDArray[np.bool_]:
         """Take over the points, one a search, that are better; which those are, shape (C,)."""
         better = (scores > self.scores) | (np.isnan(self.scores) & ~np.isnan(scores))
-        taken = better | (self.generation == 0)
+        taken = better | np.isnan(self.points).any(axis=1)  # the first always is
         self.points = np.where(taken[:, None], points, self.points)
         self.scores = np.where(taken, scores, self.scores)
         return better

@@ -11,7 +11,7 @@ from robots.braitenberg.experiment import (
     trace,
     weight_grid,
 )
-from robots.braitenberg.sweeps import Sweep, sweep
+from robots.braitenberg.sweeps import Sweep, read_sweep, sweep
 from taichi_sim.vehicle import Rollouts, Traces, VehicleTask
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "VehicleBody",
     "VehicleTask",
     "contralateral",
+    "read_sweep",
     "simulate",
     "sweep",
     "trace",

@@ -5,11 +5,6 @@ exchanged, and driven backwards, a vehicle meets the same four environments in a
 a sweep.
 """
 
-import hashlib
-import io
-import json
-import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -20,11 +15,11 @@ from numpy.typing import NDArray
 from robots.braitenberg.body import VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral, weight_grid
 from robots.checks import whole_number
-from robots.files import read_text, write_bytes, write_text
+from robots.results_folder import ResultsFolder, read_settings
 from taichi_sim.vehicle import VehicleTask, rollout
 
 Overlap = NDArray[np.uint8]
-SETTINGS = "sweep.json"
+KIND, OVERLAPS = "sweep", "overlaps"  # of folders and files
 BODIES_PER_FILE = 32  # a file each half a minute or so
 
 
@@ -93,8 +88,8 @@ def sweep(
     """
     settings = Sweep(weights, r, dt, steps, precision)
     orbits = _orbits(bodies)
-    store = _Store(None if out is None else Path(out), settings)
-    known = store.load()
+    folder = None if out is None else ResultsFolder(Path(out), KIND, asdict(settings))
+    known = _load(folder) if folder else {}
     missing = [body for body in orbits if body not in known]
     grid = weight_grid(settings.weights)
     controllers = contralateral(np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(1, -1, 2))
@@ -107,13 +102,36 @@ def sweep(
             if progress:
                 progress((len(orbits) - len(missing) + first + len(fresh)) / len(orbits))
         known |= fresh
-        store.add(fresh)
+        if folder:
+            _add(folder, fresh)
     found = np.empty((len(bodies), len(grid), len(grid)), np.uint8)
     for body, members in orbits.items():
         for index, flipped, transposed in members:
             seen = known[body][::-1, ::-1] if flipped else known[body]
             found[index] = seen.T if transposed else seen
     return found
+
+
+def read_sweep(folder: Path | str) -> tuple[Sweep, list[VehicleBody]]:
+    """The settings of a sweep on disk, and the bodies of which :func:`sweep` finds the results there, in order.
+
+    Raises:
+        ValueError: in one line, if the folder holds no sweep.
+    """
+    settings = Sweep(**read_settings(Path(folder), KIND))
+    known = _load(ResultsFolder(Path(folder), KIND, asdict(settings)))
+    images = {image for body in known for image in _images(body)}
+    return settings, sorted(images, key=lambda body: body.sensors)
+
+
+def _images(body: VehicleBody) -> dict[VehicleBody, tuple[bool, bool]]:
+    """The bodies that are as good as this one: whether its weights change sign there, and places."""
+    return {
+        body: (False, False),
+        body.mirrored: (False, True),
+        body.reversed: (True, True),
+        body.mirrored.reversed: (True, False),
+    }
 
 
 def _orbits(bodies: Sequence[VehicleBody]) -> dict[VehicleBody, list[tuple[int, bool, bool]]]:
@@ -124,59 +142,22 @@ def _orbits(bodies: Sequence[VehicleBody]) -> dict[VehicleBody, list[tuple[int, 
     for index, body in enumerate(bodies):
         if len(body.sensors) != 2:
             raise ValueError(f"bodies: {len(body.sensors)} sensors are not allowed in a sweep; give bodies with 2")
-        images = {
-            body: (False, False),
-            body.mirrored: (False, True),
-            body.reversed: (True, True),
-            body.mirrored.reversed: (True, False),
-        }
+        images = _images(body)
         first = min(images, key=lambda b: b.sensors)
         found.setdefault(first, []).append((index, *images[first]))
     return found
 
 
-class _Store:
-    """Overlap matrices on disk: compressed files of some bodies each, written whole or not at all."""
+def _load(folder: ResultsFolder) -> dict[VehicleBody, Overlap]:
+    known: dict[VehicleBody, Overlap] = {}
+    for arrays in folder.load(OVERLAPS):
+        known |= {_body(s): o for s, o in zip(arrays["sites"].tolist(), arrays["overlaps"], strict=True)}
+    return known
 
-    def __init__(self, folder: Path | None, settings: Sweep) -> None:
-        """Make the folder, or check that it is of the same settings."""
-        self.folder, self.settings = folder, settings
-        if folder is None:
-            return
-        text = json.dumps({"format": "morpholab-sweep-1", **asdict(settings)}, indent=2) + "\n"
-        if (folder / SETTINGS).exists():
-            if read_text(folder / SETTINGS) != text:
-                raise ValueError(f"out: {folder} holds a sweep of other settings; name another folder")
-            return
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise ValueError(f"out: {folder} holds something else; name a new folder")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(f"out: {folder} cannot be made ({error.strerror})") from None
-        write_text(folder / SETTINGS, text)
 
-    def load(self) -> dict[VehicleBody, Overlap]:
-        """All that is known; what is damaged is as good as missing."""
-        known: dict[VehicleBody, Overlap] = {}
-        for path in sorted(self.folder.glob("overlaps-*.npz")) if self.folder else ():
-            try:
-                with np.load(path) as file:  # checks its own checksums
-                    sites, overlaps = file["sites"].tolist(), file["overlaps"]
-            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-                continue
-            known |= {_body(places): overlap for places, overlap in zip(sites, overlaps, strict=True)}
-        return known
-
-    def add(self, fresh: dict[VehicleBody, Overlap]) -> None:
-        """Write a file of some bodies, named by them."""
-        if self.folder is None:
-            return
-        sites = np.array([body.sensors for body in fresh])
-        content = io.BytesIO()
-        np.savez_compressed(content, sites=sites, overlaps=np.stack(list(fresh.values())))
-        name = hashlib.sha256(sites.tobytes()).hexdigest()[:16]
-        write_bytes(self.folder / f"overlaps-{name}.npz", content.getvalue())
+def _add(folder: ResultsFolder, fresh: dict[VehicleBody, Overlap]) -> None:
+    sites = np.array([body.sensors for body in fresh])
+    folder.add(OVERLAPS, sites.tobytes(), sites=sites, overlaps=np.stack(list(fresh.values())))
 
 
 def _body(places: list[list[float]]) -> VehicleBody:

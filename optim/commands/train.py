@@ -1,0 +1,132 @@
+"""``morpholab train``: how many evaluations search methods need in bodies of Braitenberg vehicles."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optim.commands import Report, options, stopped_by
+from optim.commands.progress import shown_progress
+from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
+
+if TYPE_CHECKING:
+    from optim.measures.statistics import Correlation
+    from optim.studies.sweep_table import SweepTable
+    from optim.studies.training import Training
+    from optim.studies.training_table import TrainingTable
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "train",
+        help="train controllers of Braitenberg vehicles",
+        description="Count the evaluations that search methods need to find a controller that solves all four "
+        "environments, in each of many bodies, and how these go with what a sweep says of the bodies. The same command "
+        "goes on where an earlier one was, also with other bodies and methods.",
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
+        "--designs", type=options.checked(design_numbers), metavar="NUMBERS",
+        help="bodies of the published grid, from 1 to 6561: 162,6553 or 1-100, or all",
+    )  # fmt: skip
+    which.add_argument("--sample", type=options.whole(1), metavar="N", help="of them, at random (default: 500)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study")
+    parser.add_argument("--methods", metavar="NAMES", help="(default: random,generating-set,nes,de)")
+    parser.add_argument(
+        "--repetitions", type=options.whole(1), default=5, metavar="R", help="of each method, a body (default: 5)"
+    )
+    parser.add_argument(
+        "--budget-evaluations", type=options.whole(1), default=500, metavar="N", help="of a run (default: 500)"
+    )
+    parser.add_argument("--seed", type=options.whole(0), default=1, metavar="N", help="of runs and sample (default: 1)")
+    parser.add_argument(
+        "--sweep", type=Path, metavar="PATH", help="its folder or table, with these bodies, to compare with"
+    )
+    parser.add_argument("--figures", action="store_true", help="also draw evaluations against metrics; needs --sweep")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    options.add_json(parser)
+    add_vehicle_task(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Train, then write the table of these runs."""
+    from optim.studies.training import TRAINERS, Training, sample_designs, train
+    from robots.braitenberg import PUBLISHED
+
+    task = dataclasses.replace(PUBLISHED, **task_settings(args))
+    settings = Training(args.repetitions, args.budget_evaluations, args.seed, task, args.precision)
+    designs = args.designs or sample_designs(args.sample or 500, args.seed)
+    methods = TRAINERS if args.methods is None else [name.strip() for name in args.methods.split(",")]
+    sweep = _sweep(args, settings, designs)
+    try:
+        with shown_progress(f"{len(designs)} bodies, {len(methods)} methods", 1.0, args.quiet) as update:
+            table = train(
+                designs, methods, settings, threads=args.threads, out=args.out, progress=lambda done: update(done, None)
+            )
+    except KeyboardInterrupt as interrupt:
+        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
+        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+    table.write(args.out / "runs.csv")
+    files = ["runs.csv"]
+    if sweep and args.figures:
+        from optim.studies.training_figures import save_training
+
+        save_training(table, sweep, args.out / "training.png")
+        files += ["training.png"]
+    return _report(table, sweep, args.out, files)
+
+
+def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -> "SweepTable | None":
+    """The rows of these bodies in the table of a sweep; what is wrong with it is said before any work."""
+    from optim.studies.sweep_table import read_sweep_table
+
+    if args.sweep is None:
+        if args.figures:
+            raise ValueError("figures: they need metrics; give --sweep")
+        return None
+    table = read_sweep_table(args.sweep)
+    for name in ("radius", "time_step", "steps"):
+        swept, trained = getattr(table.settings, name), getattr(settings.task, name)
+        if swept != trained:
+            raise ValueError(f"sweep: {args.sweep} is of another {name.replace('_', ' ')}, {swept:g}, not {trained:g}")
+    return table.rows(designs)
+
+
+def _report(table: "TrainingTable", sweep: "SweepTable | None", out: Path, files: list[str]) -> Report:
+    from optim.studies.sensor_placement import correlation_of_metrics
+    from optim.studies.training_table import metric_correlations
+
+    methods = [
+        {"method": method, "runs": solved.size, "solved": int(solved.sum()), "mean_evaluations": float(spent.mean())}
+        for method, spent, solved in zip(table.methods, table.evaluations, table.solved, strict=True)
+    ]
+    found = metric_correlations(table, sweep) if sweep else []
+    metrics = correlation_of_metrics(sweep) if sweep else None
+    lines = [f"{len(table.designs)} bodies"]
+    for row in methods:
+        lines.append(
+            f"  {row['method']}: {row['solved']} of {row['runs']} runs solve all environments, "
+            f"on average {row['mean_evaluations']:.1f} evaluations"
+        )
+    if metrics:
+        lines.append("Pearson's r with its 95 % interval, of evaluations and metrics (of runs; of bodies, their means)")
+        lines += [f"  {one.method}, {one.metric}, {one.over}: {_text(one.found)}" for one in found]
+        lines.append(f"  M_L and M_CI, bodies: {_text(metrics)}")
+    document = {
+        "folder": str(out),
+        "bodies": len(table.designs),
+        "methods": methods,
+        "correlations": [dataclasses.asdict(one) for one in found],
+        "metrics": dataclasses.asdict(metrics) if metrics else None,
+        "files": files,
+    }
+    return Report(document, "\n".join([*lines, f"{out}: {', '.join(files)}"]))
+
+
+def _text(found: "Correlation") -> str:
+    if found.r is None:
+        return f"none, as nothing varies (n {found.n})"
+    p = f"p {found.p:.2g}" if found.p > 1e-300 else "p < 1e-300"
+    return f"{found.r:+.3f} [{found.low:+.3f}, {found.high:+.3f}], {p}, n {found.n}"

@@ -1,0 +1,99 @@
+"""What can be reproduced, by name: items of the dissertation's chapters, each a function and what it writes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Item:
+    """A study that repeats or extends something published.
+
+    Attributes:
+        source: where in the dissertation.
+        title: in a line.
+        module: of ``optim.studies``; its ``run(folder, budget, progress)`` does the study.
+        writes: files in the folder, beside raw results.
+        sweep: whether ``run`` also takes ``sweep_folder``, a sweep to read bodies from.
+    """
+
+    source: str
+    title: str
+    module: str
+    writes: tuple[str, ...]
+    sweep: bool = False
+
+    def run(
+        self, folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None, **given: Any
+    ) -> None:
+        """Do the study; it goes on where its folder left off.
+
+        Args:
+            folder: new, or that of the same study.
+            budget: ``"small"``, to see that it works, or ``"full"``.
+            progress: called with the fraction done.
+            given: ``sweep_folder``, where the study takes it.
+        """
+        import_module(f"optim.studies.{self.module}").run(folder, budget, progress, **given)
+
+
+CATALOGUE: Mapping[str, Item] = MappingProxyType(
+    {
+        "sensor-placement": Item(
+            "chapters 3 and 4, figures of designs, metrics and their correlation",
+            "all controllers in bodies of the published grid: learnability and resistance to interference",
+            "sweep_study",
+            ("table.csv", "distributions.png", "correlation.png", "examples.png"),
+            sweep=True,
+        ),
+        "training": Item(
+            "chapter 4, figure of sample efficiency",
+            "evaluations that four trainers need, against what a sweep says of the bodies",
+            "training_study",
+            ("summary.json", "runs.csv", "training.png"),
+            sweep=True,
+        ),
+        "co-optimisation": Item(
+            "chapter 4, figure neurips_cooptimization",
+            "body and controller together beside the controller alone, and how homeostatic their solutions become",
+            "co_optimisation",
+            (
+                "summary.json",
+                "environments-solved.csv",
+                "evaluations-until-all-solved.csv",
+                "homeostasis.csv.gz",
+                "homeostasis-at-the-end.csv",
+                "co-optimisation.png",
+            ),
+        ),
+        "search-comparison": Item(
+            "beyond chapter 4",
+            "gradients beside gradient-free searches: evaluations until all environments are solved",
+            "search_comparison",
+            ("summary.json", "evaluations-until-all-solved.csv", "search-comparison.png"),
+        ),
+        "homeostasis-of-bodies": Item(
+            "chapters 4 and 6",
+            "whether bodies in which controllers are easily found are homeostatic",
+            "homeostasis_of_bodies",
+            ("summary.json", "bodies.csv", "homeostasis-of-bodies.png"),
+            sweep=True,
+        ),
+        "reality-gap": Item(
+            "chapter 6, figure of weight manifolds",
+            "controllers that still succeed when vehicle or world are changed",
+            "reality_gap",
+            ("summary.json", "survival.csv", "reality-gap.png"),
+            sweep=True,
+        ),
+        "homeostasis-objective": Item(
+            "chapter 6",
+            "whether homeostasis as an objective helps",
+            "homeostasis_objective",
+            ("summary.json", "reported.csv", "homeostasis-objective.png"),
+        ),
+    }
+)

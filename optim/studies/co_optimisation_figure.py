@@ -1,0 +1,39 @@
+"""The figure of co-optimisation, from its tables: environments solved, and homeostasis, against evaluations.
+
+Source: dissertation, chapter 4, figure "neurips_cooptimization".
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from optim.studies.co_optimisation import ARMS
+from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.tables import read_table
+
+
+def draw(folder: Path) -> None:
+    """Write ``co-optimisation.png`` beside the tables."""
+    _, solved = read_table(folder / "environments-solved.csv")
+    _, distances = read_table(folder / "homeostasis.csv.gz")
+    with figure(folder / "co-optimisation.png", PAGE, 2.6, ncols=3) as (_, panels):
+        for number, (arm, (label, _)) in enumerate(ARMS.items()):
+            colour = COLOURS[number]
+            rows = np.array([row[1:] for row in solved if row[0] == arm], float)
+            panels[0, 0].plot(rows[:, 0], rows[:, 1], color=colour, label=label)
+            panels[0, 0].fill_between(*rows[:, [0, 2, 3]].T, color=colour, alpha=0.25, linewidth=0)
+            for axes, signals in zip(panels[0, 1:], ("raw", "normalised"), strict=True):
+                for solutions, style in (("solved", "-"), ("all", ":")):
+                    chosen = [row[3:] for row in distances if row[:3] == [arm, signals, solutions]]
+                    if not chosen:
+                        continue
+                    values = np.array(chosen, float)
+                    axes.plot(values[:, 0], values[:, 5], style, color=colour)
+        panels[0, 0].set(xlabel="evaluations", ylabel="environments solved", ylim=(0, 4.05))
+        panels[0, 0].legend(loc="lower right")
+        panels[0, 1].set(xlabel="evaluations", ylabel="median DTW distance [1/m$^2$]", yscale="log")
+        panels[0, 2].set(xlabel="evaluations", ylabel="median DTW distance, normalised", yscale="log")
+        panels[0, 1].plot([], [], "k-", label="solving all")
+        panels[0, 1].plot([], [], "k:", label="all reported")
+        panels[0, 1].legend()
+        letter(panels)

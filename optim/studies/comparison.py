@@ -1,0 +1,69 @@
+"""How two samples of trials differ, with everything that a reader needs to check the test."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.measures.statistics import Alternative, bonferroni, bootstrap_means, mann_whitney, superiority
+
+
+def compare(
+    samples: Mapping[str, ArrayLike], pairs: Sequence[tuple[str, str]], alternative: Alternative
+) -> list[dict[str, Any]]:
+    """Mann-Whitney tests of pairs of samples, corrected for their number (Bonferroni).
+
+    The normal approximation with corrections for ties and continuity is used, as ties are common.
+
+    Args:
+        samples: by name, each of shape (n,).
+        pairs: names; with ``"less"`` the first of a pair tends to be less than the second.
+        alternative: of the test.
+
+    Returns:
+        For each pair: names and sizes, medians, U of the first (pairs of values in which it is the larger, ties
+        counted half), p, p times the number of pairs, A12 (the probability that the second is larger), and the
+        difference of the means, second less first, with its 95 % bootstrap interval.
+    """
+    found: list[dict[str, Any]] = []
+    for first, second in pairs:
+        a, b = (np.asarray(samples[name], float) for name in (first, second))
+        larger = superiority(a, b)
+        differences = bootstrap_means(b, seed=1) - bootstrap_means(a, seed=0)
+        low, high = np.percentile(differences, [2.5, 97.5]).tolist()
+        found.append(
+            {
+                "first": first, "second": second, "n": [len(a), len(b)],
+                "medians": [float(np.median(a)), float(np.median(b))],
+                "U": (1 - larger) * len(a) * len(b), "alternative": alternative, "method": "asymptotic",
+                "p": mann_whitney(a, b, alternative, "asymptotic") if np.ptp(np.concatenate([a, b])) else 1.0,
+                "A12": larger, "difference": float(b.mean() - a.mean()), "interval": [low, high],
+            }
+        )  # fmt: skip
+    for row, p in zip(found, bonferroni([row["p"] for row in found]), strict=True):
+        row["p_bonferroni"] = p
+    return found
+
+
+def describe_times(times: ArrayLike, budget: int) -> dict[str, Any]:
+    """Evaluations until success, -1 where there was none within a budget, in numbers.
+
+    Medians are of all trials, those without success above every other; null if that is half of them or more.
+    """
+    values = np.asarray(times)
+    done = values > 0
+    median = float(np.median(np.where(done, values, np.inf)))
+    return {
+        "trials": len(values),
+        "solved": int(done.sum()),
+        "median": median if np.isfinite(median) else None,
+        "mean_with_failures_at_budget": float(np.where(done, values, budget).mean()),
+        "quartiles_of_solved": np.percentile(values[done], [25, 75]).tolist() if done.any() else None,
+    }
+
+
+def ranked(times: ArrayLike, budget: int) -> Any:
+    """Evaluations until success for tests of ranks: trials without success come after every other."""
+    values = np.asarray(times)
+    return np.where(values > 0, values, budget + 1)

@@ -1,0 +1,82 @@
+"""Folders that take the results of long work as they come."""
+
+import hashlib
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.files import read_text, write_bytes, write_text
+
+
+class ResultsFolder:
+    """Settings as JSON, and results as compressed files of arrays, each whole or not there.
+
+    Work of the same settings that finds its folder goes on from there, whatever part of it is there; killed at any
+    moment, it loses what it has not yet added.
+    """
+
+    def __init__(self, path: Path, kind: str, settings: Mapping[str, Any]) -> None:
+        """Make the folder, or check that it is of the same settings.
+
+        Args:
+            path: of the folder, which may be new, empty, or of the same work.
+            kind: what the work is, such as ``"sweep"``; also the name of the file of settings.
+            settings: all that results depend on; fits JSON.
+
+        Raises:
+            ValueError: in one line, for a folder of other settings, or of anything else, or that cannot be made.
+        """
+        self.path = path
+        text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
+        if file.exists():
+            if read_text(file) != text:
+                raise ValueError(f"out: {path} holds a {kind} of other settings; name another folder")
+            return
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise ValueError(f"out: {path} holds something else; name a new folder")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ValueError(f"out: {path} cannot be made ({error.strerror})") from None
+        write_text(file, text)
+
+    def add(self, name: str, of: bytes, **arrays: NDArray[Any]) -> None:
+        """Write a file of arrays, named by what they are of."""
+        content = io.BytesIO()
+        np.savez_compressed(content, allow_pickle=False, **arrays)
+        write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
+
+    def load(self, name: str) -> Iterator[dict[str, NDArray[Any]]]:
+        """The arrays of every file of that name; what is damaged is as good as missing."""
+        for path in sorted(self.path.glob(f"{name}-*.npz")):
+            try:
+                with np.load(path) as file:  # checks its own checksums, and refuses pickles
+                    yield dict(file)
+            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+                continue
+
+
+def read_settings(path: Path, kind: str) -> dict[str, Any]:
+    """The settings of the work whose results a folder holds.
+
+    Raises:
+        ValueError: in one line, if it holds none.
+    """
+    try:
+        record = json.loads(read_text(path / f"{kind}.json"))
+        if record.pop("format") != _form(kind):
+            raise ValueError
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ValueError(f"{path}: holds no {kind}") from None
+    return record
+
+
+def _form(kind: str) -> str:
+    return f"morpholab-{kind}-1"

@@ -1,0 +1,49 @@
+"""``morpholab reproduce``: every study in its catalogue exists, one runs whole, and mistakes are one line."""
+
+import json
+from importlib import import_module
+from inspect import signature
+
+import pytest
+
+from optim.studies.catalogue import CATALOGUE
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_study_is_there_and_takes_what_it_says(name):
+    item = CATALOGUE[name]
+    run = import_module(f"optim.studies.{item.module}").run
+    assert list(signature(run).parameters)[:3] == ["folder", "budget", "progress"]
+    assert ("sweep_folder" in signature(run).parameters) == item.sweep
+    assert item.source and item.title and item.writes
+
+
+def test_studies_are_listed(morpholab):
+    code, out, _ = morpholab("reproduce")
+    assert code == 0 and all(f"{name}: " in out for name in CATALOGUE)
+    assert list(json.loads(morpholab("reproduce --json")[1])) == list(CATALOGUE)
+
+
+def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
+    monkeypatch.setattr("optim.studies.sweep_study.Sweep", lambda weights: Sweep(weights=7, steps=800))
+    monkeypatch.setattr("optim.studies.sweep_study.sample_designs", lambda count: [80, 200])
+    from robots.braitenberg import Sweep
+
+    code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")
+    assert code == 0 and all((tmp_path / "a" / name).is_file() for name in CATALOGUE["sensor-placement"].writes)
+    assert "table.csv" in out
+    table = (tmp_path / "a/table.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in table] == ["design", "80", "162", "200", "6553"]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("reproduce trainings --out a", "study: 'trainings' is unknown; choose one of sensor-placement, training"),
+        ("reproduce training", "out: none given; name a folder for the results"),
+        ("reproduce co-optimisation --out a --sweep b", "sweep: study co-optimisation reads none; leave it out"),
+    ],
+)
+def test_mistakes_are_one_line(morpholab, line, message):
+    code, _, error = morpholab(line)
+    assert code == 2 and message in error and error.count("\n") == 1
