@@ -248,6 +248,14 @@ def test_a_run_continues_with_its_own_settings_only(morpholab, tmp_path, options
     assert products(tmp_path / "a") == before
 
 
+def test_a_run_that_continues_takes_no_part_of_its_start(morpholab, tmp_path):
+    start = "--start-orientation 10 --start-pressure 5000"
+    morpholab(f"codesign --terrain flat --out a {SHORT} {start}")
+    code, _, error = morpholab("codesign --out a --resume --quiet --start-orientation 10")
+    assert code == 2 and "error: method.start: {'orientation': 10" in error and error.count("\n") == 1
+    assert morpholab(f"codesign --out a --resume --quiet {start}")[0] == 0
+
+
 def test_an_existing_run_is_not_overwritten(morpholab, tmp_path):
     morpholab(f"codesign --terrain flat --out a {SHORT}")
     before = products(tmp_path / "a")

@@ -361,6 +361,15 @@ def test_other_settings_are_named(whole, change, message):
     assert products(whole) == before
 
 
+def test_a_table_among_the_settings_is_given_whole_or_not_at_all(tmp_path):
+    method = {**CONFIG["method"], "start": {"x": 1.0, "n": 2}}
+    run(tmp_path / "a", method=method)
+    message = r"^method.start: {'x': 1.0} is not what the run in .* has, {'x': 1.0, 'n': 2}; leave it out$"
+    with pytest.raises(ValueError, match=message):
+        run(tmp_path / "a", resume=True, method={**method, "start": {"x": 1.0}})
+    run(tmp_path / "a", resume=True, method=method)
+
+
 def test_settings_may_be_left_out_when_a_run_continues(whole):
     with open_run(whole, {}, resume=True) as folder:
         assert folder.config == {**CONFIG, "generations": GENERATIONS}
