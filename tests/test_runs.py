@@ -16,6 +16,7 @@ import pytest
 from optim.problem import Evaluation
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config
+from optim.runs.failures import save_failed
 from optim.runs.files import pack, unpack
 from optim.search import build_method
 from optim.space import Space, Variable
@@ -323,11 +324,19 @@ def test_a_run_that_ended_before_its_first_generation_may_begin_again_otherwise(
     assert read_config(tmp_path / "a") == {**CONFIG, "generations": 2}
 
 
+def test_designs_that_killed_are_never_overwritten(tmp_path):
+    points = Sphere.space.sample(np.random.default_rng(0), 3)
+    with open_run(tmp_path / "a", {**CONFIG, "generations": 2}) as folder:
+        first, second = (save_failed(folder, Sphere.space, points[[i]], "killed its worker") for i in (0, 1))
+        first.unlink()
+        kept = second.read_bytes()
+        assert save_failed(folder, Sphere.space, points[[2]], "killed its worker").name == "failed-3.json"
+    assert second.read_bytes() == kept
+
+
 def test_nothing_is_overwritten(tmp_path, whole):
     before = {path.name: path.read_bytes() for path in whole.iterdir()}
-    with pytest.raises(
-        ValueError, match="whole holds a run already; continue it with --resume or name another"
-    ):
+    with pytest.raises(ValueError, match="whole holds a run already; continue it with --resume or name another"):
         run(whole)
     assert {path.name: path.read_bytes() for path in whole.iterdir()} == before
     (tmp_path / "other").mkdir()
@@ -375,9 +384,7 @@ def test_settings_may_be_left_out_when_a_run_continues(whole):
         assert folder.config == {**CONFIG, "generations": GENERATIONS}
 
 
-@pytest.mark.parametrize(
-    "content", ["generations = ", "generations = 4", 'problem = 1\nmethod = 2\ngenerations = "x"']
-)
+@pytest.mark.parametrize("content", ["generations = ", "generations = 4", 'problem = 1\nmethod = 2\ngenerations = "x"'])
 def test_unreadable_settings_are_one_line(whole, content):
     (whole / "config.toml").write_text(content)
     with pytest.raises(ValueError, match=r"config\.toml") as error:
