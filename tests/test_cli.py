@@ -331,6 +331,26 @@ def full(*_):
     raise OSError(28, "No space left on device")
 
 
+@pytest.mark.parametrize("name", ["gait.csv", "robot_flat.png"])
+def test_a_disk_that_is_full_after_the_search_is_one_line_too(morpholab, monkeypatch, tmp_path, name):
+    line, replace = f"codesign --terrain flat --quiet {SHORT}", os.replace
+
+    def fills(source, target):
+        if name in str(target):
+            full()
+        replace(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", fills)
+        code, _, error = morpholab(f"{line} --out a")
+    assert code == 1 and re.fullmatch(
+        r"morpholab codesign: failed: a: cannot be written \(.*No space left on device\)+; "
+        r"its 4 complete generations are kept, go on with --resume\n",
+        error,
+    )
+    assert morpholab("codesign --resume --quiet --out a")[0] == 0 and (tmp_path / "a" / name).exists()
+
+
 def test_a_full_disk_is_one_line_and_loses_nothing(morpholab, simulator, monkeypatch, tmp_path):
     line = f"codesign --terrain flat --quiet {SHORT}"
     assert morpholab(f"{line} --out whole")[0] == 0

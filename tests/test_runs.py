@@ -20,6 +20,7 @@ from optim.runs.failures import save_failed
 from optim.runs.files import pack, unpack
 from optim.search import build_method
 from optim.space import Space, Variable
+from robots.files import write_text
 
 GENERATIONS = 4
 CONFIG = {"problem": {"size": 2}, "method": {"name": "hill-climb", "climbers": 3, "seed": 5}}
@@ -332,6 +333,20 @@ def test_designs_that_killed_are_never_overwritten(tmp_path):
         kept = second.read_bytes()
         assert save_failed(folder, Sphere.space, points[[2]], "killed its worker").name == "failed-3.json"
     assert second.read_bytes() == kept
+
+
+def test_what_a_kill_left_of_any_file_is_cleared_away(tmp_path, whole, monkeypatch):
+    def killed(_):
+        raise Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", killed)
+        for name in ("gait.csv", ".aside-best.json"):
+            with pytest.raises(Killed):
+                write_text(whole / name, "half")
+    assert len([path for path in whole.iterdir() if path.name.startswith(".")]) == 3
+    run(whole, resume=True)
+    assert [path.name for path in whole.iterdir() if path.name.startswith(".")] == [".lock"]
 
 
 def test_nothing_is_overwritten(tmp_path, whole):
