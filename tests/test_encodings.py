@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from optim.cli import main
 from optim.gait_encoding import ACTUATORS
 from optim.gait_encoding import ENCODINGS as GAIT_ENCODINGS
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
+from optim.runs import open_run
 from optim.space import Space, Variable
 from optim.walker_encoding import ENCODINGS as BODY_ENCODINGS
 from optim.walker_problem import WalkerProblem
@@ -169,6 +171,18 @@ def test_descriptions_of_no_walker_are_refused_in_one_line(change, message):
     with pytest.raises(ValueError, match=f"^{message}") as error:
         WalkerProblem.from_description({**WalkerProblem().describe(), **change})
     assert "\n" not in str(error.value)
+
+
+def test_a_run_of_walkers_is_refused_as_such(tmp_path, capsys):
+    config = {"problem": WalkerProblem().describe(), "method": {"name": "random", "seed": 0}, "generations": 1}
+    with open_run(tmp_path / "a", config):
+        pass
+    for line in (["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")],
+                 ["codesign", "--resume", "--out", str(tmp_path / "a")]):  # fmt: skip
+        assert main(line) == 2
+        assert capsys.readouterr().err.endswith(": error: problem: it is a walker, but a gait is needed here\n")
+    with pytest.raises(ValueError, match=r"^problem: it is a gait, but a walker is needed here$"):
+        WalkerProblem.from_description(GaitProblem((Terrain(),)).describe())
 
 
 # comparisons at equal cost
