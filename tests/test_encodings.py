@@ -1,5 +1,6 @@
 """Genomes of gaits and of walkers' bodies: what they can say, and what searches make of them."""
 
+import importlib
 import json
 import sys
 from pathlib import Path
@@ -238,3 +239,44 @@ def test_comparisons_continue_where_they_stopped(equal_cost, tmp_path, capsys):
     whole.save_plot(tmp_path / "curves.png", "height")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
     assert "climbing-1: 40 evaluations" in capsys.readouterr().out
+
+
+def test_what_a_kill_left_of_the_booked_cost_is_completed(equal_cost, tmp_path, monkeypatch):
+    contest = equal_cost.Contest(
+        {"climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}, "evaluations", 20, tmp_path
+    )
+    contest.run([0])
+    clock = tmp_path / "climbing-0" / "cpu.jsonl"
+    lines = clock.read_text().splitlines(keepends=True)
+    monkeypatch.setattr("optim.runs.history._read_timing", lambda *_: ((1.0, 2.0, 3.0, 4.0, 5.0), None))
+    for left in ("".join(lines[:3]), "".join(lines[:3]) + lines[3][:9]):  # before, and within, the line of generation 3
+        clock.write_text(left)
+        contest.run([0])
+        curve = contest.curve("climbing", 0)
+        assert [point["evaluations"] for point in curve] == [4, 8, 12, 16, 20]
+        assert [point["best"] for point in curve] == [json.loads(line)["best"] for line in lines]
+        assert curve[3]["cpu"] == curve[2]["cpu"] + 4.0 and curve[4]["cpu"] == curve[3]["cpu"] + 5.0
+
+
+def test_the_status_of_a_comparison_knows_how_far_its_runs_shall_go(equal_cost, tmp_path, capsys):
+    entries = {"climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}
+    equal_cost.Contest(entries, "evaluations", 12, tmp_path).run([0])
+    assert main(["status", str(tmp_path)]) == 0
+    assert "finished, hill-climb, generation 2/2," in capsys.readouterr().out
+
+
+def test_curves_are_drawn_into_a_new_folder(equal_cost, tmp_path):
+    contest = equal_cost.Contest(
+        {"climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}, "evaluations", 4, tmp_path
+    )
+    contest.run([0, 1])
+    contest.save_plot(tmp_path / "curves" / "gaits.png", "height")
+    assert (tmp_path / "curves" / "gaits.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["hybrids", "gradient_codesign"])
+def test_comparisons_by_cpu_time_share_their_command_line(equal_cost, name, tmp_path, monkeypatch, capsys):
+    benchmark = importlib.import_module(name)
+    monkeypatch.setattr(sys, "argv", [name, "--out", str(tmp_path), "--budget", "0", "--seeds", ""])
+    equal_cost.compare_at_equal_cpu_time(benchmark.__doc__, benchmark.ENTRIES)
+    assert capsys.readouterr().out == "" and not list(tmp_path.iterdir())
