@@ -4,6 +4,7 @@ Runs are ordinary run folders; what each generation cost in CPU time is kept bes
 budget continues them.
 """
 
+import argparse
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -14,11 +15,14 @@ from typing import Any, Literal
 import numpy as np
 
 from optim.problem import Problem
-from optim.runs import open_run, run_search
+from optim.runs import Generation, files, open_run, run_search
+from optim.runs.config import has_run
 from optim.runs.environment import environment
+from optim.runs.history import read_history
 from optim.search import build_method
 
 SEEDS = range(5)
+CLOCK = "cpu.jsonl"
 UNITS = {"cpu": "CPU time [s]", "evaluations": "evaluations"}
 Point = dict[str, Any]
 
@@ -64,28 +68,34 @@ class Contest:
         entry, folder = self.entries[name], self._folder(name, seed)
         designed, settings = entry.problem(), {**entry.settings, "seed": seed}
         described = designed.describe()
-        config = {"problem": described, "method": {"name": entry.method, **settings}, "generations": 0}
+        config = {"problem": described, "method": {"name": entry.method, **settings}}
         about = environment(device="cpu", precision=described["precision"], threads=1, seed=seed)
-        known = self.curve(name, seed)
-        with open_run(folder, config, resume=True, environment=about) as opened:
-            while not known or known[-1][self.cost] < self.budget:
+        known = self._complete_curve(name, seed)
+        while not known or known[-1][self.cost] < self.budget:
+            with open_run(folder, {**config, "generations": len(known)}, resume=True, environment=about) as opened:
                 begun = time.process_time()
                 last = run_search(designed, build_method(entry.method, designed.space, settings), opened, len(known))
-                cpu = time.process_time() - begun + (known[-1]["cpu"] if known else 0.0)
-                known.append({"cpu": cpu, "best": last.best, "mean": last.mean, "evaluations": last.evaluations})
-                with (folder / "cpu.jsonl").open("a") as file:
-                    file.write(json.dumps(known[-1]) + "\n")
+                _book(folder, known, last, time.process_time() - begun)
         end = known[-1]
         best = f"best {_number(end['best']):.4f}"
         print(f"{folder.name}: {end['evaluations']} evaluations, {end['cpu']:.0f} s, {best}", flush=True)
+
+    def _complete_curve(self, name: str, seed: int) -> list[Point]:
+        """The curve, with a generation booked whose cost a kill cut off: by its wall time, as there is one thread."""
+        folder, known = self._folder(name, seed), self.curve(name, seed)
+        if has_run(folder):
+            files.keep_lines(folder / CLOCK, len(known))
+            history = read_history(folder)
+            for last in history.generations[len(known) :]:
+                _book(folder, known, last, float(np.nan_to_num(history.seconds[last.generation])))
+        return known
 
     def _folder(self, name: str, seed: int) -> Path:
         return self.out / f"{name.replace(' ', '-')}-{seed}"
 
     def curve(self, name: str, seed: int) -> list[Point]:
         """Generations of a run: CPU time [s] and evaluations so far, best and mean score of what it keeps."""
-        clock = self._folder(name, seed) / "cpu.jsonl"
-        return [json.loads(line) for line in clock.read_text().splitlines()] if clock.exists() else []
+        return [json.loads(line) for line in files.complete_lines(self._folder(name, seed) / CLOCK)]
 
     @property
     def complete(self) -> bool:
@@ -137,7 +147,31 @@ class Contest:
             axes.spines[["top", "right"]].set_visible(False)
         figure.axes[0].set_ylabel(label)
         figure.axes[1].legend(frameon=False)
+        path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
+
+
+def compare_at_equal_cpu_time(description: str | None, entries: Mapping[str, Entry]) -> None:
+    """The command line of a comparison of gait searches: run what is missing; print the table once all is complete."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
+    parser.add_argument("--budget", type=float, default=300.0, help="CPU time of each run [s] (default: 300)")
+    parser.add_argument("--seeds", default=",".join(map(str, SEEDS)), help="which to run (default: all)")
+    parser.add_argument("--plot", type=Path, help="file for the curves")
+    args = parser.parse_args()
+    contest = Contest(entries, "cpu", args.budget, args.out)
+    contest.run([int(seed) for seed in args.seeds.split(",") if seed])
+    if contest.complete:
+        print(contest.table())
+        if args.plot:
+            contest.save_plot(args.plot, "speed [body lengths/s]")
+
+
+def _book(folder: Path, known: list[Point], last: Generation, cpu: float) -> None:
+    """Add a generation and its CPU time [s] to the curve, here and on disk."""
+    before = known[-1]["cpu"] if known else 0.0
+    known.append({"cpu": before + cpu, "best": last.best, "mean": last.mean, "evaluations": last.evaluations})
+    files.append_line(folder / CLOCK, json.dumps(known[-1]))
 
 
 def _number(value: float | None) -> float:

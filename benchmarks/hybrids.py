@@ -7,10 +7,7 @@ gaits count. One thread, five seeds. The runs are ordinary run folders and resum
     python benchmarks/hybrids.py --out runs/hybrids [--budget 300] [--seeds 0,1] [--plot curves.png]
 """
 
-import argparse
-from pathlib import Path
-
-from equal_cost import SEEDS, Contest, Entry
+from equal_cost import Entry, compare_at_equal_cpu_time
 
 from optim.gait_problem import GaitProblem
 from robots.terrain import Terrain
@@ -31,21 +28,5 @@ ENTRIES = {
 }
 
 
-def main() -> None:
-    """Run what is missing; then print the table, once all seeds are complete."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
-    parser.add_argument("--budget", type=float, default=300.0, help="CPU time of each run [s] (default: 300)")
-    parser.add_argument("--seeds", default=",".join(map(str, SEEDS)), help="which to run (default: all)")
-    parser.add_argument("--plot", type=Path, help="file for the curves")
-    args = parser.parse_args()
-    contest = Contest(ENTRIES, "cpu", args.budget, args.out)
-    contest.run([int(seed) for seed in args.seeds.split(",") if seed])
-    if contest.complete:
-        print(contest.table())
-        if args.plot:
-            contest.save_plot(args.plot, "speed [body lengths/s]")
-
-
 if __name__ == "__main__":
-    main()
+    compare_at_equal_cpu_time(__doc__, ENTRIES)

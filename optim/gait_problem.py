@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding
-from optim.problem import OK, Evaluation
+from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Variable, Vector
 from robots import inflatable
 from robots.checks import whole_number
@@ -83,13 +83,9 @@ class GaitProblem:
     def __post_init__(self) -> None:
         names = [terrain.name for terrain in self.terrains]
         if not names or len(set(names)) < len(names):
-            raise ValueError(
-                f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice"
-            )
+            raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
         if self.geometry not in NAMED_GEOMETRIES:
-            raise ValueError(
-                f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}"
-            )
+            raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
         if not self.free:
             raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
         if self.schedule is not None:
@@ -254,7 +250,8 @@ class GaitProblem:
         Raises:
             ValueError: in one line, that names what is missing, unknown or not allowed.
         """
-        settings = {name: value for name, value in description.items() if name != "free"}
+        check_kind(description, GAIT)
+        settings = {name: value for name, value in description.items() if name not in ("free", "kind")}
         try:
             settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
             if "schedule" in settings:

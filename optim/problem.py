@@ -12,6 +12,7 @@ from optim.space import Space
 
 OK = "ok"
 FAILED = "failed"
+GAIT, WALKER = "gait", "walker"  # kinds of problems, as descriptions name them
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +38,10 @@ class Evaluation:
         if objectives.ndim == 1:
             objectives = objectives[:, None]
         if objectives.ndim != 2:
-            raise ValueError(
-                f"objectives: shape {objectives.shape} is not allowed; give (points, objectives)"
-            )
+            raise ValueError(f"objectives: shape {objectives.shape} is not allowed; give (points, objectives)")
         for name, values in {"status": self.status, **self.details}.items():
             if len(values) not in ((0, len(objectives)) if name == "status" else (len(objectives),)):
-                raise ValueError(
-                    f"{name}: {len(values)} given for {len(objectives)} points; give one for each"
-                )
+                raise ValueError(f"{name}: {len(values)} given for {len(objectives)} points; give one for each")
         status = np.array(self.status if len(self.status) else [OK] * len(objectives), dtype=object)
         status[(status == OK) & ~np.isfinite(objectives).all(axis=1)] = FAILED
         objectives[status != OK] = np.nan
@@ -84,6 +81,13 @@ class Problem(Protocol):
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of one point, shape (D,), to a file, the same bytes for the same point."""
+
+
+def check_kind(description: Mapping[str, Any], kind: str) -> None:
+    """Raise a one-line ValueError if a description says that it is of another kind of problem; gaits' say nothing."""
+    found = description.get("kind", GAIT)
+    if found != kind:
+        raise ValueError(f"problem: it is a {found}, but a {kind} is needed here")
 
 
 @runtime_checkable

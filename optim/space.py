@@ -38,21 +38,15 @@ class Variable:
                 f"kind: {self.kind!r} of {self.name} is unknown; choose one of {', '.join(get_args(Kind))}"
             )
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise ValueError(
-                f"{self.name}: bounds {self.low} to {self.high} are not allowed; low must be below high"
-            )
+            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; low must be below high")
         if self.is_integer and (self.low % 1 or self.high % 1):
-            raise ValueError(
-                f"{self.name}: bounds {self.low} to {self.high} are not allowed; give whole numbers"
-            )
+            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; give whole numbers")
         if self.kind == "binary" and (self.low, self.high) != (0, 1):
             raise ValueError(
                 f"{self.name}: bounds {self.low} to {self.high} are not allowed; a binary runs from 0 to 1"
             )
         if not (math.isfinite(self.step) and self.step >= 0):
-            raise ValueError(
-                f"{self.name}: step {self.step} is not allowed; give a finite number, at least 0"
-            )
+            raise ValueError(f"{self.name}: step {self.step} is not allowed; give a finite number, at least 0")
 
     @property
     def is_integer(self) -> bool:
@@ -79,9 +73,7 @@ class Space:
             raise ValueError("variables: a space needs at least one")
         repeated = {name for name in self.names if self.names.count(name) > 1}
         if repeated:
-            raise ValueError(
-                f"variables: {', '.join(sorted(repeated))} given more than once; names must differ"
-            )
+            raise ValueError(f"variables: {', '.join(sorted(repeated))} given more than once; names must differ")
 
     @property
     def size(self) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import Evaluation
+from optim.problem import WALKER, Evaluation, check_kind
 from optim.space import Space
 from optim.walker_encoding import ENCODINGS, WalkerEncoding
 from robots import walker
@@ -96,6 +96,7 @@ class WalkerProblem:
         """All that results depend on; :meth:`from_description` builds the problem again."""
         terrain = {name: value for name, value in dataclasses.asdict(self.terrain).items() if value is not None}
         return {
+            "kind": WALKER,
             "shape": list(self.shape),
             "terrain": terrain,
             "actuation": dataclasses.asdict(self.actuation),
@@ -109,8 +110,10 @@ class WalkerProblem:
         Raises:
             ValueError: in one line, that names what is missing, unknown or not allowed.
         """
+        check_kind(description, WALKER)
+        settings = {name: value for name, value in description.items() if name != "kind"}
         try:
-            settings = {**description, "terrain": Terrain(**description["terrain"])}
+            settings["terrain"] = Terrain(**description["terrain"])
             settings["actuation"] = WalkerActuation(**description["actuation"])
             settings["shape"] = tuple(description["shape"])
             return cls(**settings)

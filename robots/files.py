@@ -1,5 +1,6 @@
 """Files that are whole or not there."""
 
+import contextlib
 import json
 import os
 from collections.abc import Callable, Mapping
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 Design = TypeVar("Design")
+ASIDE = ".aside-"  # how files begin that are not whole yet; run folders clear away what a kill left of them
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
@@ -16,7 +18,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         ValueError: in one line, when the file cannot be written.
     """
     path = Path(path)
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    aside = path.with_name(f"{ASIDE}{path.name}.{os.getpid()}")
     try:
         with aside.open("wb") as file:
             file.write(content)
@@ -24,7 +26,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
             os.fsync(file.fileno())
         os.replace(aside, path)
     except OSError as error:
-        aside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # nor may it be possible to remove
+            aside.unlink(missing_ok=True)
         raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
 
 

@@ -37,9 +37,7 @@ def test_simulate_says_how_fast(morpholab, simulator):
         0,
         0.0,
     )
-    assert (
-        call.geometry is inflatable.NAMED_GEOMETRIES["published"] and call.actuation == inflatable.ACTUATION
-    )
+    assert call.geometry is inflatable.NAMED_GEOMETRIES["published"] and call.actuation == inflatable.ACTUATION
 
 
 def test_simulate_takes_every_option(morpholab, simulator):
@@ -50,9 +48,7 @@ def test_simulate_takes_every_option(morpholab, simulator):
     )
     (call,) = simulator.calls
     schedule = GaitSchedule(INCHING.schedule.bits[:, :3], repeats=1)
-    assert call.designs == [inflatable.InflatableDesign(300.0, 45.0, schedule)] and call.terrain == Terrain(
-        15.0
-    )
+    assert call.designs == [inflatable.InflatableDesign(300.0, 45.0, schedule)] and call.terrain == Terrain(15.0)
     assert (call.precision, call.threads, call.seed, call.perturbation) == ("f32", 2, 4, 1e-6)
     assert call.geometry is inflatable.NAMED_GEOMETRIES["small"] and call.actuation.weight == "physical"
     document = json.loads(out)  # nothing of the chatter
@@ -146,9 +142,7 @@ def test_bad_input_is_one_line(morpholab, simulator, tmp_path, line, message):
 
 
 def test_codesign_end_to_end(morpholab, simulator, tmp_path):
-    code, out, error = morpholab(
-        f"codesign --terrain flat --terrain hill:15 --seed 2 --out runs/a --json {SHORT}"
-    )
+    code, out, error = morpholab(f"codesign --terrain flat --terrain hill:15 --seed 2 --out runs/a --json {SHORT}")
     assert code == 0 and error.count("\n") >= 4
     folder, document, lines = tmp_path / "runs/a", json.loads(out), log(tmp_path / "runs/a")
     assert document["files"] == ["best.json", "gait.csv", "robot_flat.png", "robot_hill_15.png"]
@@ -177,9 +171,7 @@ def test_codesign_end_to_end(morpholab, simulator, tmp_path):
 
 def test_codesign_ends_with_the_speed_on_screen(morpholab):
     code, out, error = morpholab(f"codesign --terrain flat --out a --quiet {SHORT}")
-    assert code == 0 and re.search(
-        r"best gait: -?0\.\d{4} BL/s \(flat -?0\.\d{4}\) after 16 evaluations", out
-    )
+    assert code == 0 and re.search(r"best gait: -?0\.\d{4} BL/s \(flat -?0\.\d{4}\) after 16 evaluations", out)
     assert error == ""
 
 
@@ -248,15 +240,37 @@ def test_a_run_continues_with_its_own_settings_only(morpholab, tmp_path, options
     assert products(tmp_path / "a") == before
 
 
+def test_a_run_that_continues_takes_no_part_of_its_start(morpholab, tmp_path):
+    start = "--start-orientation 10 --start-pressure 5000"
+    morpholab(f"codesign --terrain flat --out a {SHORT} {start}")
+    code, _, error = morpholab("codesign --out a --resume --quiet --start-orientation 10")
+    assert code == 2 and "error: method.start: {'orientation': 10" in error and error.count("\n") == 1
+    assert morpholab(f"codesign --out a --resume --quiet {start}")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--set start=3", "start: 3 is not allowed; give values by name"),
+        ("--set start={'orientation':'x'}", "start: 'x' of orientation is not allowed; give a number"),
+        ("--method genetic --set mutation=null", "mutation: nothing is not allowed; give a value, or leave it out"),
+        ("--method gradient --set sharpest=abc", "sharpest: 'abc' is not allowed; give a number from 1 to 1e+12"),
+        ("--method map-elites --set offset=-1.7e308", "offset: -1.7e+308 is not allowed; give a number from -1e+100"),
+        ("--climbers 100000000000", "climbers: 100000000000 is not allowed; give a whole number, at most 100000"),
+    ],
+)
+def test_a_setting_that_is_not_allowed_is_one_line(morpholab, simulator, tmp_path, options, message):
+    options = options.replace("'", '\\"')
+    code, _, error = morpholab(f"codesign --terrain flat --out a --generations 1 {options}")
+    assert code == 2 and f"error: {message}" in error and error.count("\n") == 1
+    assert simulator.calls == [] and not (tmp_path / "a").exists()
+
+
 def test_an_existing_run_is_not_overwritten(morpholab, tmp_path):
     morpholab(f"codesign --terrain flat --out a {SHORT}")
     before = products(tmp_path / "a")
     code, _, error = morpholab(f"codesign --terrain flat --out a {SHORT}")
-    assert (
-        code == 2
-        and "out: a holds a run already; continue it with --resume" in error
-        and error.count("\n") == 1
-    )
+    assert code == 2 and "out: a holds a run already; continue it with --resume" in error and error.count("\n") == 1
     assert products(tmp_path / "a") == before
 
 
@@ -317,6 +331,26 @@ def full(*_):
     raise OSError(28, "No space left on device")
 
 
+@pytest.mark.parametrize("name", ["gait.csv", "robot_flat.png"])
+def test_a_disk_that_is_full_after_the_search_is_one_line_too(morpholab, monkeypatch, tmp_path, name):
+    line, replace = f"codesign --terrain flat --quiet {SHORT}", os.replace
+
+    def fills(source, target):
+        if name in str(target):
+            full()
+        replace(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", fills)
+        code, _, error = morpholab(f"{line} --out a")
+    assert code == 1 and re.fullmatch(
+        r"morpholab codesign: failed: a: cannot be written \(.*No space left on device\)+; "
+        r"its 4 complete generations are kept, go on with --resume\n",
+        error,
+    )
+    assert morpholab("codesign --resume --quiet --out a")[0] == 0 and (tmp_path / "a" / name).exists()
+
+
 def test_a_full_disk_is_one_line_and_loses_nothing(morpholab, simulator, monkeypatch, tmp_path):
     line = f"codesign --terrain flat --quiet {SHORT}"
     assert morpholab(f"{line} --out whole")[0] == 0
@@ -355,9 +389,7 @@ def test_export_from_a_run_and_from_a_design(morpholab, tmp_path):
     assert code == 0 and json.loads(out)["units"] == "psi" and read_csv(tmp_path / "b.csv").units == "psi"
     (tmp_path / "rig.toml").write_text("shortest_state_s = -1.0\n")
     code, _, error = morpholab("export runs/a --csv c.csv --rig rig.toml")
-    assert (
-        code == 2 and "shortest_state_s: -1.0 is not allowed" in error and not (tmp_path / "c.csv").exists()
-    )
+    assert code == 2 and "shortest_state_s: -1.0 is not allowed" in error and not (tmp_path / "c.csv").exists()
 
 
 def test_any_design_that_a_search_keeps_can_be_exported(morpholab, tmp_path):

@@ -1,5 +1,6 @@
 """Genomes of gaits and of walkers' bodies: what they can say, and what searches make of them."""
 
+import importlib
 import json
 import sys
 from pathlib import Path
@@ -9,10 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from optim.cli import main
 from optim.gait_encoding import ACTUATORS
 from optim.gait_encoding import ENCODINGS as GAIT_ENCODINGS
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
+from optim.runs import open_run
 from optim.space import Space, Variable
 from optim.walker_encoding import ENCODINGS as BODY_ENCODINGS
 from optim.walker_problem import WalkerProblem
@@ -171,6 +174,18 @@ def test_descriptions_of_no_walker_are_refused_in_one_line(change, message):
     assert "\n" not in str(error.value)
 
 
+def test_a_run_of_walkers_is_refused_as_such(tmp_path, capsys):
+    config = {"problem": WalkerProblem().describe(), "method": {"name": "random", "seed": 0}, "generations": 1}
+    with open_run(tmp_path / "a", config):
+        pass
+    for line in (["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")],
+                 ["codesign", "--resume", "--out", str(tmp_path / "a")]):  # fmt: skip
+        assert main(line) == 2
+        assert capsys.readouterr().err.endswith(": error: problem: it is a walker, but a gait is needed here\n")
+    with pytest.raises(ValueError, match=r"^problem: it is a gait, but a walker is needed here$"):
+        WalkerProblem.from_description(GaitProblem((Terrain(),)).describe())
+
+
 # comparisons at equal cost
 
 
@@ -224,3 +239,44 @@ def test_comparisons_continue_where_they_stopped(equal_cost, tmp_path, capsys):
     whole.save_plot(tmp_path / "curves.png", "height")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
     assert "climbing-1: 40 evaluations" in capsys.readouterr().out
+
+
+def test_what_a_kill_left_of_the_booked_cost_is_completed(equal_cost, tmp_path, monkeypatch):
+    contest = equal_cost.Contest(
+        {"climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}, "evaluations", 20, tmp_path
+    )
+    contest.run([0])
+    clock = tmp_path / "climbing-0" / "cpu.jsonl"
+    lines = clock.read_text().splitlines(keepends=True)
+    monkeypatch.setattr("optim.runs.history._read_timing", lambda *_: ((1.0, 2.0, 3.0, 4.0, 5.0), None))
+    for left in ("".join(lines[:3]), "".join(lines[:3]) + lines[3][:9]):  # before, and within, the line of generation 3
+        clock.write_text(left)
+        contest.run([0])
+        curve = contest.curve("climbing", 0)
+        assert [point["evaluations"] for point in curve] == [4, 8, 12, 16, 20]
+        assert [point["best"] for point in curve] == [json.loads(line)["best"] for line in lines]
+        assert curve[3]["cpu"] == curve[2]["cpu"] + 4.0 and curve[4]["cpu"] == curve[3]["cpu"] + 5.0
+
+
+def test_the_status_of_a_comparison_knows_how_far_its_runs_shall_go(equal_cost, tmp_path, capsys):
+    entries = {"climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}
+    equal_cost.Contest(entries, "evaluations", 12, tmp_path).run([0])
+    assert main(["status", str(tmp_path)]) == 0
+    assert "finished, hill-climb, generation 2/2," in capsys.readouterr().out
+
+
+def test_curves_are_drawn_into_a_new_folder(equal_cost, tmp_path):
+    contest = equal_cost.Contest(
+        {"climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}, "evaluations", 4, tmp_path
+    )
+    contest.run([0, 1])
+    contest.save_plot(tmp_path / "curves" / "gaits.png", "height")
+    assert (tmp_path / "curves" / "gaits.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["hybrids", "gradient_codesign"])
+def test_comparisons_by_cpu_time_share_their_command_line(equal_cost, name, tmp_path, monkeypatch, capsys):
+    benchmark = importlib.import_module(name)
+    monkeypatch.setattr(sys, "argv", [name, "--out", str(tmp_path), "--budget", "0", "--seeds", ""])
+    equal_cost.compare_at_equal_cpu_time(benchmark.__doc__, benchmark.ENTRIES)
+    assert capsys.readouterr().out == "" and not list(tmp_path.iterdir())

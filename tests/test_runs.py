@@ -16,9 +16,11 @@ import pytest
 from optim.problem import Evaluation
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config
+from optim.runs.failures import save_failed
 from optim.runs.files import pack, unpack
 from optim.search import build_method
 from optim.space import Space, Variable
+from robots.files import write_text
 
 GENERATIONS = 4
 CONFIG = {"problem": {"size": 2}, "method": {"name": "hill-climb", "climbers": 3, "seed": 5}}
@@ -323,11 +325,33 @@ def test_a_run_that_ended_before_its_first_generation_may_begin_again_otherwise(
     assert read_config(tmp_path / "a") == {**CONFIG, "generations": 2}
 
 
+def test_designs_that_killed_are_never_overwritten(tmp_path):
+    points = Sphere.space.sample(np.random.default_rng(0), 3)
+    with open_run(tmp_path / "a", {**CONFIG, "generations": 2}) as folder:
+        first, second = (save_failed(folder, Sphere.space, points[[i]], "killed its worker") for i in (0, 1))
+        first.unlink()
+        kept = second.read_bytes()
+        assert save_failed(folder, Sphere.space, points[[2]], "killed its worker").name == "failed-3.json"
+    assert second.read_bytes() == kept
+
+
+def test_what_a_kill_left_of_any_file_is_cleared_away(tmp_path, whole, monkeypatch):
+    def killed(_):
+        raise Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", killed)
+        for name in ("gait.csv", ".aside-best.json"):
+            with pytest.raises(Killed):
+                write_text(whole / name, "half")
+    assert len([path for path in whole.iterdir() if path.name.startswith(".")]) == 3
+    run(whole, resume=True)
+    assert [path.name for path in whole.iterdir() if path.name.startswith(".")] == [".lock"]
+
+
 def test_nothing_is_overwritten(tmp_path, whole):
     before = {path.name: path.read_bytes() for path in whole.iterdir()}
-    with pytest.raises(
-        ValueError, match="whole holds a run already; continue it with --resume or name another"
-    ):
+    with pytest.raises(ValueError, match="whole holds a run already; continue it with --resume or name another"):
         run(whole)
     assert {path.name: path.read_bytes() for path in whole.iterdir()} == before
     (tmp_path / "other").mkdir()
@@ -361,14 +385,21 @@ def test_other_settings_are_named(whole, change, message):
     assert products(whole) == before
 
 
+def test_a_table_among_the_settings_is_given_whole_or_not_at_all(tmp_path):
+    method = {**CONFIG["method"], "start": {"x": 1.0, "n": 2}}
+    run(tmp_path / "a", method=method)
+    message = r"^method.start: {'x': 1.0} is not what the run in .* has, {'x': 1.0, 'n': 2}; leave it out$"
+    with pytest.raises(ValueError, match=message):
+        run(tmp_path / "a", resume=True, method={**method, "start": {"x": 1.0}})
+    run(tmp_path / "a", resume=True, method=method)
+
+
 def test_settings_may_be_left_out_when_a_run_continues(whole):
     with open_run(whole, {}, resume=True) as folder:
         assert folder.config == {**CONFIG, "generations": GENERATIONS}
 
 
-@pytest.mark.parametrize(
-    "content", ["generations = ", "generations = 4", 'problem = 1\nmethod = 2\ngenerations = "x"']
-)
+@pytest.mark.parametrize("content", ["generations = ", "generations = 4", 'problem = 1\nmethod = 2\ngenerations = "x"'])
 def test_unreadable_settings_are_one_line(whole, content):
     (whole / "config.toml").write_text(content)
     with pytest.raises(ValueError, match=r"config\.toml") as error:

@@ -1,3 +1,6 @@
+import json
+from inspect import signature
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -143,9 +146,7 @@ def test_wrong_shapes_are_refused(name):
 def test_unknown_names_and_settings_are_listed():
     with pytest.raises(ValueError, match=r"method: 'annealing' is unknown; choose one of .*hill-climb"):
         build_method("annealing", SPACE, {})
-    with pytest.raises(
-        ValueError, match="start: method random does not take it; its settings are climbers, seed"
-    ):
+    with pytest.raises(ValueError, match="start: method random does not take it; its settings are climbers, seed"):
         build_method("random", SPACE, {"start": {}})
 
 
@@ -174,10 +175,7 @@ def test_mutations_have_the_steps_of_the_variables():
     climb.tell(climb.ask(), Evaluation(np.zeros(3000)))
     children = climb.ask()
     assert children.std(axis=0) == pytest.approx(space.step, rel=0.05)
-    assert (
-        np.abs(children.mean(axis=0)) == pytest.approx(0, abs=5)
-        and np.abs(np.corrcoef(children.T)[0, 1]) < 0.06
-    )
+    assert np.abs(children.mean(axis=0)) == pytest.approx(0, abs=5) and np.abs(np.corrcoef(children.T)[0, 1]) < 0.06
 
 
 def test_given_starts_are_kept_and_the_rest_is_random():
@@ -222,3 +220,45 @@ def test_an_evaluation_is_one_judgement_a_point():
         Evaluation([1.0, 2.0], ["ok"])
     with pytest.raises(ValueError, match="speed: 3 given for 2 points"):
         Evaluation([1.0, 2.0], details={"speed": np.zeros(3)})
+
+
+SETTINGS = [(name, setting) for name in METHODS for setting in list(signature(METHODS[name]).parameters)[1:]]
+WRONG = ["abc", 3, 0.5, True, None, -1.7e308, 10**30, 10**400, float("nan"), [1], ["a"], [["a"]], [None], {"a": "b"}]
+WRONG += [{"x": "b"}, {"x": None}, {"x": 10**400}, {"x": [0.0, 1.0]}, {"parents": None}, {"parents": 10**9}]
+
+
+@pytest.mark.parametrize(("name", "setting"), SETTINGS)
+def test_a_setting_of_any_type_is_allowed_or_refused_in_one_line(name, setting):
+    for value in WRONG:
+        settings = {size_of(name): 8, setting: value}
+        if (name, setting) == ("gradient", "samples"):
+            settings["gradient"] = "smoothed"
+        try:
+            method = build(name, **settings)
+        except ValueError as error:
+            fields = (setting, "parents") if setting == "operators" else (setting,)
+            assert str(error).split(": ")[0] in fields and "\n" not in str(error), error
+        else:
+            run(method, 4)
+            json.dumps(dict(method.result().numbers), allow_nan=False)
+
+
+def test_as_many_points_as_no_memory_holds_are_refused():
+    for name in METHODS:
+        with pytest.raises(ValueError, match=f"{size_of(name)}: 100000000000 is not allowed; give .* at most 100000"):
+            build(name, 10**11)
+    with pytest.raises(ValueError, match="samples: 5000 is not allowed; give a whole number, at most 2500"):
+        build("gradient", 20, gradient="smoothed", samples=5000)
+
+
+def test_a_qd_score_beyond_all_numbers_is_none():
+    method = build("map-elites", 8)
+    points = method.ask()
+    method.tell(points, Evaluation(np.full(8, 1e308)))
+    assert method.result().numbers["cells"] > 1 and method.result().numbers["qd_score"] is None
+
+
+def test_sharpness_stays_a_number_however_long_a_search_is():
+    method = build("gradient", 2, stage=1)
+    method.generation = 5000
+    assert method.sharpness == 8.0

@@ -1,6 +1,7 @@
 """Looking at runs, and comparing them, through the command line."""
 
 import json
+import shutil
 import signal
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from run_products import log
 
 from optim.measures.statistics import superiority
+from optim.runs.comparison import Curve
 from optim.runs.folder import locked
 
 pytestmark = pytest.mark.usefixtures("simulator")
@@ -107,6 +109,41 @@ def test_what_cannot_be_compared_is_one_line(morpholab, line, message):
     design(morpholab, "deeper/c/d", generations=0)
     code, _, error = morpholab(line)
     assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_searches_that_never_come_to_the_same_place_are_not_compared(morpholab):
+    design(morpholab, "few", generations=0)
+    design(morpholab, "many", generations=1, more="--climbers 9")
+    code, _, error = morpholab("compare few many")
+    assert code == 2 and error == (
+        "morpholab compare: error: by: few ended at 5 evaluations, before many had a first score, at 9; compare by "
+        "generations, or continue what is short\n"
+    )
+    assert morpholab("compare few many --by generations")[0] == 0
+
+
+def test_before_its_first_place_a_curve_has_no_value():
+    curve = Curve("a", ("a",), "runs", np.array([9.0, 18.0]), np.array([[1.0, 2.0]]))
+    assert curve.at(8.0).size == 0 and curve.at(9.0).tolist() == [1.0]
+
+
+def test_runs_whose_times_do_not_overlap_are_one_line(morpholab, monkeypatch):
+    for seed in (0, 1):
+        design(morpholab, f"runs/{seed}", seed=seed, generations=0)
+    times = {"runs/0": 1.0, "runs/1": 3.0}
+    monkeypatch.setattr("optim.runs.history._read_timing", lambda folder, _: ((times[str(folder)],), None))
+    code, _, error = morpholab("compare runs --by seconds")
+    assert code == 2 and "by: runs/0 ended at 1 seconds, before runs/1 had a first score, at 3; " in error
+    assert error.count("\n") == 1
+
+
+def test_a_copy_of_a_run_is_no_second_sample(morpholab, tmp_path):
+    design(morpholab, "runs/0")
+    shutil.copytree(tmp_path / "runs/0", tmp_path / "runs/copy")
+    design(morpholab, "runs/other", seed=1)
+    code, _, error = morpholab("compare runs")
+    assert code == 2 and "run: runs/copy is the same search as runs/0, seed included; leave one of them" in error
+    assert morpholab("compare runs/0 runs/other")[0] == 0
 
 
 def test_unknown_times_cannot_be_compared(morpholab, tmp_path):

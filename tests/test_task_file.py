@@ -1,5 +1,6 @@
 """Options from a file."""
 
+import shutil
 import tomllib
 
 import pytest
@@ -39,6 +40,33 @@ def test_the_command_line_counts_more(morpholab, tmp_path):
     assert [terrain["slope"] for terrain in config["problem"]["terrains"]] == [3.0]
     method = {"name": "hill-climb", "climbers": 2, "seed": 7, "start": {"pressure": 2000.0}}
     assert config["method"] == method and config["generations"] == 1
+
+
+def method(tmp_path):
+    return tomllib.loads((tmp_path / "a/config.toml").read_text())["method"]
+
+
+def test_settings_of_any_type_can_be_said(morpholab, tmp_path):
+    for name, said in (
+        ("nes", "mirrored = true\nsigma = 0.2"),
+        ("map-elites", 'descriptors = ["orientation"]\nbins = 4\nranges = {orientation = [0.0, 45.0]}'),
+        ("hill-climb", "start = {pressure = 2000.0}"),
+        ("nes", 'bounds = "random"'),
+    ):
+        task = f"terrain = ['flat']\nmethod = '{name}'\ngenerations = 0\ngeometry = 'small'\n[set]\n{said}"
+        (tmp_path / "task.toml").write_text(task)
+        assert morpholab("codesign --task task.toml --quiet --out a")[0] == 0
+        assert tomllib.loads(said).items() <= method(tmp_path).items()
+        shutil.rmtree(tmp_path / "a")
+
+
+def test_settings_of_the_task_and_the_command_line_add_up(morpholab, tmp_path):
+    task = "terrain = ['flat']\nmethod = 'nes'\n[set]\nsigma = 0.2\nmirrored = true\nseed = 7\npopulation = 4\n"
+    (tmp_path / "task.toml").write_text(task)
+    line = "codesign --task task.toml --quiet --out a --generations 0 --set sigma=0.1 --seed 5"
+    assert morpholab(line)[0] == 0
+    expected = {"sigma": 0.1, "mirrored": True, "seed": 5, "population": 4}
+    assert expected.items() <= method(tmp_path).items()
 
 
 @pytest.mark.parametrize(

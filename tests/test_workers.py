@@ -56,7 +56,7 @@ def test_parts_come_in_any_order():
     assert batch.take() is None and not batch.complete
     for part, piece in reversed(taken):
         batch.put(part, judge(Bowl(), piece))
-    assert batch.complete and batch.fraction == 1 and same(batch.joined(), whole)
+    assert batch.complete and batch.fraction == 1 and same(batch.joined(whole), whole)
 
 
 def test_failures_join_with_any_judgement():
@@ -126,6 +126,19 @@ def test_if_every_design_kills_the_fault_is_not_theirs(workers):
     with workers.open(Bowl(poison=-np.inf)) as evaluate, pytest.raises(RuntimeError, match=message):
         evaluate(Request(sample(2)))
     assert np.array_equal(workers.saved[0][0], sample(2))
+
+
+@pytest.mark.parametrize("wants", ["points", "gradients"])
+def test_a_request_that_only_kills_has_failed_if_others_have_been_judged(workers, wants):
+    deadly = Request(np.array([[5.0, 1.0]]), wants)
+    with workers.open(Bowl(poison=4.0), 1) as evaluate:
+        evaluate(Request(np.zeros((3, 2))))
+        judgement = evaluate(deadly)
+    assert judgement.status.tolist() == ["killed its worker"] and np.isnan(judgement.objectives).tolist() == [[True]]
+    assert (judgement.gradients is not None) == (wants == "gradients")
+    assert wants == "points" or np.isnan(judgement.gradients).tolist() == [[True, True]]
+    assert judgement.details.keys() == {"pair", "count"}
+    assert np.array_equal(workers.saved[0][0], deadly.points)
 
 
 def test_workers_that_die_at_start_end_in_one_line(workers):

@@ -28,18 +28,14 @@ def add_parser(commands: Any) -> None:
         description="Search for the orientation, shape and control with which the robot travels fastest.",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
-    parser.add_argument(
-        "--resume", action="store_true", help="continue the run in the folder, with its settings"
-    )
+    parser.add_argument("--resume", action="store_true", help="continue the run in the folder, with its settings")
     add_task(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_json(parser)
 
     search = parser.add_argument_group("search")
     search.add_argument("--method", choices=tuple(METHODS), help="(default: hill-climb)")
-    search.add_argument(
-        "--climbers", type=options.whole(1), metavar="N", help="independent searches (default: 60)"
-    )
+    search.add_argument("--climbers", type=options.whole(1), metavar="N", help="independent searches (default: 60)")
     search.add_argument(
         "--population",
         type=options.whole(1),
@@ -52,9 +48,7 @@ def add_parser(commands: Any) -> None:
         metavar="N",
         help="after the random starts (default: 200); may be raised when a run is continued",
     )
-    search.add_argument(
-        "--seed", type=options.whole(0), metavar="N", help="of all random numbers (default: 0)"
-    )
+    search.add_argument("--seed", type=options.whole(0), metavar="N", help="of all random numbers (default: 0)")
     search.add_argument(
         "--start-orientation",
         type=options.number(0.0, 90.0, "degrees"),
@@ -91,9 +85,7 @@ def add_parser(commands: Any) -> None:
         help="the mean speed over the terrains, or that on each of them (default: mean; terrains with methods for "
         "several objectives)",
     )
-    design.add_argument(
-        "--free", metavar="PARTS", help="what may change (default: orientation,shape,control)"
-    )
+    design.add_argument("--free", metavar="PARTS", help="what may change (default: orientation,shape,control)")
     design.add_argument(
         "--encoding",
         choices=("codes", "bits", "pattern"),
@@ -165,7 +157,7 @@ def run(args: argparse.Namespace) -> Report:
         search = _Search(planned, folder, args)
         try:
             last = search.run(method)
-            written = _write_best(problem, last, folder.path)
+            written = _write_best(problem, last, folder)
         except KeyboardInterrupt as interrupt:
             return _interrupted(search.last, planned.generations, folder.path, stopped_by(interrupt))
     return _report(last, folder.path, written)
@@ -210,7 +202,7 @@ class _Search:
         return f", {spoken_duration(left * pace)} left" if left else ""
 
 
-def _write_best(problem: "GaitProblem", last: "Generation", folder: Path) -> list[str]:
+def _write_best(problem: "GaitProblem", last: "Generation", folder: "RunFolder") -> list[str]:
     """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
     from optim.runs.products import Products
     from robots.hardware import export_csv
@@ -249,9 +241,7 @@ def _interrupted(last: "Generation | None", generations: int, folder: Path, code
     document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(last) if last else {})}
     if last is None:
         return Report(document, f"interrupted before the first generation was complete; {folder}: --resume", code)
-    text = (
-        f"interrupted: {_text(last, generations)}\n{folder} keeps every complete generation, go on with --resume"
-    )
+    text = f"interrupted: {_text(last, generations)}\n{folder} keeps every complete generation, go on with --resume"
     return Report(document, text, code)
 
 

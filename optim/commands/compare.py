@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.out and args.out.suffix not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
     curves = comparison.curves([read_history(path) for path in runs_below(args.runs)], args.by)
-    end = min(float(curve.x[-1]) for curve in curves)
+    end = comparison.shared_end(curves, args.by)
     differences = comparison.differences(curves, end)
     if args.out:
         from optim.plots import save_curves

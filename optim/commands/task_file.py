@@ -1,6 +1,7 @@
 """Options in a file: a TOML document whose keys are the names of a command's options."""
 
 import argparse
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -42,16 +43,24 @@ def take_task(args: argparse.Namespace) -> None:
             raise ValueError(f"task: {args.task} has an unknown key {key!r}{nearest(key, names)}")
         arguments += _arguments(action, value)
     given, _ = parser.parse_known_args(["--out", "", *arguments])
+    _complete_settings(args, given)
     for dest in known:
         if getattr(args, dest) is None:
             setattr(args, dest, getattr(given, dest))
+
+
+def _complete_settings(args: argparse.Namespace, given: argparse.Namespace) -> None:
+    """Add what the task's ``[set]`` says and the command line does not; of equal names the last counts."""
+    names = [text.partition("=")[0].replace("-", "_") for text in given.set or ()]
+    left = [text for text, name in zip(given.set or (), names, strict=True) if getattr(args, name, None) is None]
+    args.set = [*left, *(args.set or ())] or None
 
 
 def _arguments(action: argparse.Action, value: Any) -> list[str]:
     """The words of a command line that say the same."""
     option = action.option_strings[-1]
     if isinstance(value, dict):
-        value = [f"{name}={setting}" for name, setting in value.items()]
+        value = [f"{name}={json.dumps(setting, default=str)}" for name, setting in value.items()]
     if not isinstance(value, list):
         return [f"{option}={value}"]
     if isinstance(action, argparse._AppendAction):

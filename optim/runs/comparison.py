@@ -8,12 +8,14 @@ import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.measures.statistics import Effect, effect, holm, mean_band
+from optim.runs.config import identity
 from optim.runs.history import History
 
 Axis = Literal["evaluations", "generations", "seconds"]
@@ -39,9 +41,9 @@ class Curve:
     scores: Floats
 
     def at(self, x: float) -> Floats:
-        """The best scores of those with any success up to x, shape (at most U,)."""
-        reached = np.searchsorted(self.x, x, side="right") - 1
-        values = self.scores[:, reached]
+        """The best scores of those with any success up to x, shape (at most U,); none before the first place."""
+        reached = int(np.searchsorted(self.x, x, side="right")) - 1
+        values = self.scores[:, reached] if reached >= 0 else np.empty(0)
         return values[~np.isnan(values)]
 
     def band(self) -> tuple[Floats, Floats, Floats]:
@@ -66,7 +68,8 @@ def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
     """One curve for each group of runs that differ in their seed only.
 
     Raises:
-        ValueError: in one line, if a run has no generation yet, or its times are unknown but wanted.
+        ValueError: in one line, if a run has no generation yet, its times are unknown but wanted, two runs of a
+            group are the same search, or have no place on the axis in common.
     """
     for history in histories:
         if not history.generations:
@@ -77,9 +80,20 @@ def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
     for history in histories:
         groups.setdefault(json.dumps(_without_seed(history.config), sort_keys=True), []).append(history)
     members = list(groups.values())
+    for group in members:
+        _check_independent(group)
     single = all(len(group) == 1 for group in members)
     climbers = single and all(group[0].generations[-1].scores is not None for group in members)
     return [_curve(label, group, axis, climbers) for label, group in zip(_labels(members), members, strict=True)]
+
+
+def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
+    """The last place on the axis that every curve has come to.
+
+    Raises:
+        ValueError: in one line, if a curve begins beyond it.
+    """
+    return _overlap({", ".join(curve.folders): curve.x for curve in compared}, axis)[1]
 
 
 def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
@@ -93,6 +107,28 @@ def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
     return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
 
 
+def _overlap(places: Mapping[str, Floats], axis: Axis) -> tuple[float, float]:
+    """Where the last of some runs begins, and where the first of them ends; a one-line ValueError if that is before."""
+    late = max(places, key=lambda name: float(places[name][0]))
+    early = min(places, key=lambda name: float(places[name][-1]))
+    begin, end = float(places[late][0]), float(places[early][-1])
+    if begin > end:
+        raise ValueError(
+            f"by: {early} ended at {end:g} {axis}, before {late} had a first score, at {begin:g}; "
+            "compare by generations, or continue what is short"
+        )
+    return begin, end
+
+
+def _check_independent(group: Sequence[History]) -> None:
+    """Raise a one-line ValueError if two runs have equal seeds too: they are one sample, counted twice."""
+    first: dict[str, Path] = {}
+    for history in group:
+        other = first.setdefault(identity(history.config), history.path)
+        if other != history.path:
+            raise ValueError(f"run: {history.path} is the same search as {other}, seed included; leave one of them out")
+
+
 def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> Curve:
     folders = tuple(str(history.path) for history in group)
     places = [_places(history, axis) for history in group]
@@ -100,8 +136,9 @@ def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> 
         scores = np.array([generation.scores for generation in group[0].generations], float).T
         return Curve(label, folders, "climbers", places[0], scores)
     # Runs of a group are compared up to where the shortest has come.
+    begin, end = _overlap(dict(zip(folders, places, strict=True)), axis)
     x = np.unique(np.concatenate(places))
-    x = x[(x >= max(p[0] for p in places)) & (x <= min(p[-1] for p in places))]
+    x = x[(x >= begin) & (x <= end)]
     best = [np.array([generation.best for generation in history.generations], float) for history in group]
     rows = [values[np.searchsorted(place, x, side="right") - 1] for place, values in zip(places, best, strict=True)]
     return Curve(label, folders, "runs", x, np.array(rows))

@@ -62,11 +62,14 @@ def identity(config: Mapping[str, Any]) -> str:
 
 
 def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path, prefix: str = "") -> None:
-    """Raise a one-line ValueError if settings asked for are not those of the run; ``generations`` may be raised."""
+    """Raise a one-line ValueError if settings asked for are not those of the run; ``generations`` may be raised.
+
+    Settings of the problem and the method may be left out; one that is a table may not be given in part.
+    """
     for name, value in asked.items():
         old = known.get(name)
-        if isinstance(old, Mapping) and isinstance(value, Mapping):
-            check_same(old, value, folder, f"{prefix}{name}.")
+        if not prefix and isinstance(old, Mapping) and isinstance(value, Mapping):
+            check_same(old, value, folder, f"{name}.")
         elif prefix + name == "generations" and value < known[name]:
             raise ValueError(f"generations: {value} is below the {old} of the run in {folder}; it may only be raised")
         elif prefix + name != "generations" and value != old:

@@ -1,6 +1,7 @@
 """Designs that could not be evaluated because they killed what evaluated them, kept for a closer look."""
 
 import json
+import re
 from pathlib import Path
 
 from optim.runs.folder import RunFolder
@@ -8,14 +9,18 @@ from optim.space import Space, Vector
 
 
 def save_failed(folder: RunFolder, space: Space, points: Vector, reason: str) -> Path:
-    """Write points, shape (N, D), to a file of their own, ``failed-1.json`` and so on; its path."""
+    """Write points, shape (N, D), to a file of their own, ``failed-1.json`` and so on; its path.
+
+    Its number is above all that are there, also where some have been deleted.
+    """
     names = space.names
     document = {
         "reason": reason,
         "generation": folder.lines,
         "designs": [dict(zip(names, point, strict=True)) for point in points.tolist()],
     }
-    number = 1 + sum(1 for _ in folder.path.glob("failed-*.json"))
+    taken = (re.fullmatch(r"failed-(\d+)\.json", path.name) for path in folder.path.iterdir())
+    number = 1 + max((int(match[1]) for match in taken if match), default=0)
     path = folder.path / f"failed-{number}.json"
     folder.update_text(path.name, json.dumps(document, indent=1) + "\n")
     return path

@@ -115,7 +115,7 @@ class RunFolder:
         """
         finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         timing = {"generation": self._lines, "seconds": round(seconds, 3), "finished": finished}
-        with self._kept():
+        with self.kept():
             for name, hasher, text in ((LOG, self._log, line), (TIMING, self._timing, json.dumps(timing))):
                 files.append_line(self.path / name, text)
                 hasher.update(text.encode() + b"\n")
@@ -130,7 +130,7 @@ class RunFolder:
         Raises:
             RuntimeError: in one line, if the disk takes no more.
         """
-        with self._kept():
+        with self.kept():
             files.update(self.path / name, write)
 
     def update_text(self, name: str, text: str) -> None:
@@ -142,7 +142,8 @@ class RunFolder:
         self.update(name, write)
 
     @contextlib.contextmanager
-    def _kept(self) -> Iterator[None]:
+    def kept(self) -> Iterator[None]:
+        """While a file of the folder is written: what goes wrong is a RuntimeError in one line."""
         try:
             yield
         except (OSError, ValueError) as error:  # all that can be wrong with a design's file is the disk

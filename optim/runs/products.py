@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from optim.runs import files
+from optim.runs.folder import RunFolder
 
 PRODUCTS = "products.json"
 
@@ -12,17 +13,25 @@ PRODUCTS = "products.json"
 class Products:
     """The files that a run folder holds beside the run itself; ``products.json`` tells of what they were made."""
 
-    def __init__(self, folder: Path, source: str = "best.json") -> None:
+    def __init__(self, run: RunFolder, source: str = "best.json") -> None:
         """Read what is known of the files made of ``source``."""
-        self._folder, self._source = folder, folder / source
+        self._run, self._folder, self._source = run, run.path, run.path / source
         try:
-            known = json.loads((folder / PRODUCTS).read_text(encoding="utf-8"))
+            known = json.loads((self._folder / PRODUCTS).read_text(encoding="utf-8"))
             self._known = known if isinstance(known, dict) else {}
         except (OSError, ValueError):  # lost or damaged: all files are made again
             self._known = {}
 
     def make(self, name: str, write: Callable[[Path], object]) -> None:
-        """Let ``write`` make the file ``name``, unless it is there, whole, and made of the source as it is now."""
+        """Let ``write`` make the file ``name``, unless it is there, whole, and made of the source as it is now.
+
+        Raises:
+            RuntimeError: in one line, if it cannot be written.
+        """
+        with self._run.kept():
+            self._make(name, write)
+
+    def _make(self, name: str, write: Callable[[Path], object]) -> None:
         path, source = self._folder / name, files.sha256(self._source.read_bytes())
         if path.is_file() and self._known.get(name) == [source, files.sha256(path.read_bytes())]:
             return

@@ -16,7 +16,7 @@ from optim.search.hill_climb import HillClimb
 from optim.search.independent import IndependentSearches
 from optim.search.map_elites import MapElites
 from optim.search.memetic import MemeticSearch
-from optim.search.method import Method, SearchResult
+from optim.search.method import Method, SearchResult, check_table
 from optim.search.nes import SeparableNES
 from optim.search.nsga2 import NSGA2
 from optim.search.population import PopulationSearch
@@ -77,10 +77,14 @@ def check_settings(name: str, settings: Mapping[str, Any]) -> None:
     if name not in METHODS:
         raise ValueError(f"method: {name!r} is unknown; choose one of {', '.join(METHODS)}")
     allowed = list(signature(METHODS[name]).parameters)[1:]
-    for setting in settings:
+    for setting, value in settings.items():
         if setting not in allowed:
             settings_of = f"its settings are {', '.join(allowed)}"
             raise ValueError(f"{setting}: method {name} does not take it; {settings_of}{nearest(setting, allowed)}")
+        if value is None:
+            raise ValueError(f"{setting}: nothing is not allowed; give a value, or leave it out")
+        if setting == "start":
+            check_table(setting, value)
 
 
 def default_settings(name: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from optim.measures.pareto import dominates
 from optim.problem import Evaluation
 from optim.search.borg_operators import OPERATORS, OperatorParameters, breed, uniform_mutation
 from optim.search.epsilon_archive import EpsilonArchive
-from optim.search.method import Kept, check_number, check_whole
+from optim.search.method import Kept, check_number, check_table, check_whole
 from optim.search.population import PopulationSearch
 from optim.space import Space, Vector
 
@@ -81,6 +81,7 @@ class Borg(PopulationSearch):
             check_whole("children", children, 1)
         for epsilon in epsilons if isinstance(epsilons, Sequence) else [epsilons]:
             check_number("epsilons", epsilon, 1e-12, 1e12)
+        check_table("operators", {} if operators is None else operators)
         known = OperatorParameters.__dataclass_fields__
         for name in operators or {}:
             if name not in known:

@@ -46,7 +46,7 @@ class OperatorParameters:
     mutation_index: float = 20.0
 
     def __post_init__(self) -> None:
-        check_whole("parents", self.parents, 3)
+        check_whole("parents", self.parents, 3, 1000)
         for field in fields(self)[1:]:
             check_number(field.name, getattr(self, field.name), 0, 1 if field.name == "de_rate" else 1000)
 

@@ -7,14 +7,13 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.search.cma import CMAESWithMargin
-from optim.search.method import Wants, check_number, check_whole, single_objective
+from optim.search.method import LARGEST, MOST_POINTS, Wants, check_number, check_whole, single_objective
 from optim.search.population import below_all
 from optim.search.step_rules import LBFGS
 from optim.space import Space, Vector
 
 LENGTHS = (0.25, 1.0, 2.0)  # of the step: the points that are tried along it
 UNIT = 40.0  # standard deviations in a unit of the quasi-Newton rule, which goes a quarter of one at most
-LIMIT = 1e100  # of slopes: beyond it is failure, whose square would not be finite
 
 
 class CMAGradient(CMAESWithMargin):
@@ -65,7 +64,7 @@ class CMAGradient(CMAESWithMargin):
         """
         super().__init__(space, population=population, seed=seed, start=start, sigma=sigma, patience=patience)
         check_whole("every", every, 1)
-        check_whole("samples", samples, 0)
+        check_whole("samples", samples, 0, MOST_POINTS // 2)
         check_number("rate", rate, 1e-3, UNIT / 4)
         self.every, self.samples, self.rate = every, samples, rate
         self.relaxed = space.relaxed()
@@ -152,7 +151,7 @@ class CMAGradient(CMAESWithMargin):
         turned = (np.mod(self._around(), 2) > 1) & ~self.space.angles & ~self.discrete
         with np.errstate(over="ignore", invalid="ignore"):
             slopes = np.where(self.sloped, gradients, 0.0) * self.space.span * np.where(turned, -1, 1)
-        valid = (abs(slopes) < LIMIT).all(axis=1) & np.isfinite(gradients).all(axis=1)
+        valid = (abs(slopes) < LARGEST).all(axis=1) & np.isfinite(gradients).all(axis=1)
         return slopes[valid].mean(axis=0) if valid.any() else np.full(self.space.size, np.nan)
 
     def _learn(self, slope: Vector) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import check_choice, check_number, check_whole
+from optim.search.method import MOST_POINTS, check_choice, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, around_start, draw_inside, ranking
 from optim.space import Space, Vector
@@ -71,7 +71,7 @@ class DifferentialEvolution(PopulationSearch):
         """
         check_choice("strategy", strategy, get_args(Strategy))
         check_choice("bounds", bounds, get_args(Bounds))
-        check_whole("population", population, OTHERS[strategy] + 1)
+        check_whole("population", population, OTHERS[strategy] + 1, MOST_POINTS)
         check_number("weight", weight, 0.0, 2.0)
         check_number("dither", dither, 0.0, weight)
         check_number("crossover", crossover, 0.0, 1.0)

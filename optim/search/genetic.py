@@ -53,7 +53,7 @@ class GeneticSearch(PopulationSearch):
                 of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
         """
         check_number("crossover", crossover, 0.0, 1.0)
-        check_whole("tournament", tournament, 1)
+        check_whole("tournament", tournament, 1, 1000)
         if mutation is not None:
             check_number("mutation", mutation, 0.0, 1.0)
         super().__init__(space, population=population, seed=seed, start=start)

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 from optim.problem import Evaluation
 from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import (
+    LARGEST,
+    MOST_POINTS,
     Wants,
     check_choice,
+    check_flag,
+    check_number,
+    check_positive,
     check_whole,
     generator,
     single_objective,
@@ -21,7 +26,7 @@ from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from optim.space import Space, Vector
 
 PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
-LIMIT = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
+MOST = 1e12  # that a setting may be
 ENOUGH = 1e-4  # of the gain that the gradient promised, for a monotone rule (Armijo)
 # State of the climbers, beside what independent searches have.
 ARRAYS = ("here", "anchor", "value", "slope", "step", "scale", "record", "stalled", "seeking")
@@ -88,12 +93,12 @@ class GradientAscent(IndependentSearches):
         for name, value, allowed in (("rule", rule, ("adam", "l-bfgs")), ("gradient", gradient, ("exact", "smoothed"))):
             check_choice(name, value, allowed)
         for name, number in (("learning_rate", learning_rate), ("clip", clip), ("smoothing", smoothing)):
-            if not 0 < number < np.inf:
-                raise ValueError(f"{name}: {number!r} is not allowed; give a positive number")
-        if not 1 <= sharpest < np.inf:
-            raise ValueError(f"sharpest: {sharpest!r} is not allowed; give a number of at least 1")
-        wholes = {"samples": samples, "stage": stage, "patience": patience, "candidates": candidates}
-        for name, whole in wholes.items():
+            check_positive(name, number, MOST)
+        check_number("sharpest", sharpest, 1.0, MOST)
+        check_flag("verify", verify)
+        check_whole("samples", samples, 1, MOST_POINTS // (2 * climbers) if gradient == "smoothed" else MOST_POINTS)
+        check_whole("candidates", candidates, 1, MOST_POINTS // climbers)
+        for name, whole in (("stage", stage), ("patience", patience)):
             check_whole(name, whole, 1)
         if rule == "l-bfgs" and gradient == "smoothed":
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
@@ -125,7 +130,7 @@ class GradientAscent(IndependentSearches):
     def sharpness(self) -> float:
         """Doubles every ``stage`` moves; 0 if nothing is binary."""
         doublings = (self.generation // 2) // self.stage
-        return min(2.0**doublings, self.sharpest) if self.binary else 0.0
+        return min(2.0 ** min(doublings, 1000), self.sharpest) if self.binary else 0.0
 
     def ask(self) -> Vector:
         """A point per climber, shape (C, D); or all of a smoothed gradient, shape (C * 2 * samples, D); or starts."""
@@ -185,7 +190,7 @@ class GradientAscent(IndependentSearches):
     def _smoothed(self, scores: Vector) -> tuple[Vector, Vector]:
         """Values and slopes of the mean under normal deviates, from the pairs that did not fail; else NaN."""
         up, down = np.moveaxis(scores.reshape(self.climbers, 2, self.samples), 1, 0)
-        valid = (abs(up) < LIMIT) & (abs(down) < LIMIT)
+        valid = (abs(up) < LARGEST) & (abs(down) < LARGEST)
         count = np.where(valid.any(axis=1), valid.sum(axis=1), np.nan)
         up, down = np.where(valid, up, 0.0), np.where(valid, down, 0.0)
         values = (up + down).sum(axis=1) / (2 * count)
@@ -199,7 +204,7 @@ class GradientAscent(IndependentSearches):
 
     def _move(self, values: Vector, slopes: Vector) -> None:
         """Go on from the points just judged, or half way back; restart what is lost or stalled."""
-        valid = (abs(values) < LIMIT) & (abs(slopes) < LIMIT).all(axis=1)
+        valid = (abs(values) < LARGEST) & (abs(slopes) < LARGEST).all(axis=1)
         values, slopes = np.where(valid, values, -np.inf), np.where(valid[:, None], slopes, 0.0)
         moved = self.relaxed.offset(self.here, self.anchor)
         accepted = valid

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import SearchResult, Wants, check_whole, generator, single_objective, with_values
+from optim.search.method import (
+    MOST_POINTS,
+    SearchResult,
+    Wants,
+    check_whole,
+    generator,
+    single_objective,
+    with_values,
+)
 from optim.space import Space, Vector
 
 
@@ -29,8 +37,8 @@ class IndependentSearches(ABC):
             climbers: C, the number of searches.
             seed: of all random numbers.
         """
-        check_whole("climbers", climbers, 1)
-        check_whole("seed", seed, 0)
+        check_whole("climbers", climbers, 1, MOST_POINTS)
+        check_whole("seed", seed, 0, 2**63 - 1)
         self.space, self.climbers, self.seed = space, climbers, seed
         self.generation = 0
         self.points = np.full((climbers, space.size), np.nan)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import Kept, check_number, check_whole
+from optim.search.method import LARGEST, Kept, check_choice, check_number, check_table, check_whole
 from optim.search.population import PopulationSearch
 from optim.space import Space, Vector
 
@@ -62,14 +62,15 @@ class MapElites(PopulationSearch):
             offset: score from which the QD score counts.
         """
         check_whole("bins", bins, 1)
-        check_number("offset", offset, -np.finfo(float).max, np.finfo(float).max)
-        if variation not in get_args(Variation):
-            raise ValueError(f"variation: {variation!r} is not allowed; choose one of {', '.join(get_args(Variation))}")
+        check_number("offset", offset, -LARGEST, LARGEST)
+        check_choice("variation", variation, get_args(Variation))
+        ranges = {} if ranges is None else ranges
+        check_table("ranges", ranges)
         super().__init__(space, population=population, seed=seed, start=start)
         self.variation, self.bins, self.offset = variation, bins, offset
         self.descriptors = self._names(descriptors)
-        self.ranges = [self._range(name, ranges or {}) for name in self.descriptors]
-        for name in ranges or {}:
+        self.ranges = [self._range(name, ranges) for name in self.descriptors]
+        for name in ranges:
             if name not in self.descriptors:
                 raise ValueError(f"ranges: {name} is no descriptor; these are {', '.join(self.descriptors)}")
         if self.count > MOST_CELLS:
@@ -93,20 +94,17 @@ class MapElites(PopulationSearch):
         names = descriptors
         if names is None:
             names = [v.name for v in self.space.variables if not v.is_integer][:2]
-        if isinstance(names, str) or not names or len(set(names)) < len(names):
+        if not _is_list(names, str) or not names or len(set(names)) < len(names):
             raise ValueError(f"descriptors: {names!r} is not allowed; give a list of names that differ, at least one")
         return tuple(names)
 
     def _range(self, name: str, ranges: Mapping[str, Sequence[float]]) -> tuple[float, float]:
         """Lower and upper end of a descriptor."""
         if name in ranges:
-            try:
-                low, high = (float(end) for end in ranges[name])
-            except (TypeError, ValueError):
-                low, high = np.nan, np.nan
-            if not (np.isfinite([low, high]).all() and low < high):
-                raise ValueError(f"ranges: {ranges[name]!r} of {name} is not allowed; give [low, high]")
-            return low, high
+            ends = ranges[name]
+            if not _is_list(ends, float, int) or len(ends) != 2 or not -LARGEST <= ends[0] < ends[1] <= LARGEST:
+                raise ValueError(f"ranges: {ends!r} of {name} is not allowed; give [low, high]")
+            return float(ends[0]), float(ends[1])
         if name not in self.space.names:
             raise ValueError(
                 f"descriptors: {name} is no variable ({', '.join(self.space.names)}); give its [low, high] in ranges"
@@ -169,5 +167,12 @@ class MapElites(PopulationSearch):
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """Cells that have an elite, their share of all cells, and the sum of scores above the offset (QD score)."""
-        above = np.maximum(self.elite_objectives[:, 0] - self.offset, 0)
-        return {"cells": len(self.cells), "coverage": len(self.cells) / self.count, "qd_score": float(above.sum())}
+        with np.errstate(over="ignore"):
+            total = float(np.maximum(self.elite_objectives[:, 0] - self.offset, 0).sum())
+        score = total if np.isfinite(total) else None
+        return {"cells": len(self.cells), "coverage": len(self.cells) / self.count, "qd_score": score}
+
+
+def _is_list(value: object, *kinds: type) -> bool:
+    """Whether a setting is a list of such values."""
+    return isinstance(value, list | tuple) and all(type(item) in kinds for item in value)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.differential_evolution import DifferentialEvolution, Strategy
-from optim.search.gradient import LIMIT
-from optim.search.method import Wants, check_number, check_whole, single_objective, slopes_per_range
+from optim.search.method import LARGEST, Wants, check_number, check_whole, single_objective, slopes_per_range
 from optim.search.step_rules import LBFGS, free_variables
 from optim.search.variation import ranking
 from optim.space import Space, Vector
@@ -99,7 +98,7 @@ class MemeticSearch(DifferentialEvolution):
         single_objective(evaluation, self.refine)
         known = slopes_per_range(evaluation, self.space, self.refine)
         slopes = np.full(self.points.shape, np.nan)
-        slopes[self._best_members()] = np.where(abs(known) < LIMIT, known, np.nan)
+        slopes[self._best_members()] = np.where(abs(known) < LARGEST, known, np.nan)
         self._follow(slopes)
         self.generation += 1
 

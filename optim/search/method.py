@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from optim.problem import Evaluation
 from optim.space import Space, Vector
 
+MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
+LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
 Wants = Literal["points", "relaxed", "gradients"]
 Kept = Literal["climbers", "population", "front", "elites"]
 
@@ -95,16 +97,36 @@ def generator(seed: int, *stream: int) -> np.random.Generator:
     return np.random.default_rng((seed, *stream))
 
 
-def check_whole(name: str, value: object, low: int) -> None:
-    """Raise a one-line ValueError if a setting is no whole number of at least ``low``."""
+def check_whole(name: str, value: object, low: int, high: int = 2**31 - 1) -> None:
+    """Raise a one-line ValueError if a setting is no whole number from ``low`` to ``high``, both included."""
     if not isinstance(value, int) or isinstance(value, bool) or value < low:
         raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least {low}")
+    if value > high:
+        raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at most {high}")
 
 
 def check_number(name: str, value: object, low: float, high: float) -> None:
     """Raise a one-line ValueError if a setting is no number from ``low`` to ``high``, both included."""
     if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
         raise ValueError(f"{name}: {value!r} is not allowed; give a number from {low:g} to {high:g}")
+
+
+def check_positive(name: str, value: object, high: float) -> None:
+    """Raise a one-line ValueError if a setting is no number above 0, up to ``high``."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value <= high:
+        raise ValueError(f"{name}: {value!r} is not allowed; give a positive number, at most {high:g}")
+
+
+def check_flag(name: str, value: object) -> None:
+    """Raise a one-line ValueError if a setting is neither true nor false."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{name}: {value!r} is not allowed; give true or false")
+
+
+def check_table(name: str, value: object) -> None:
+    """Raise a one-line ValueError if a setting is no table of values by name."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{name}: {value!r} is not allowed; give values by name")
 
 
 def check_choice(name: str, value: object, allowed: Sequence[str]) -> None:
@@ -132,8 +154,12 @@ def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Vector
 
 def with_values(space: Space, points: Vector, values: Mapping[str, float]) -> Vector:
     """The points, shape (N, D), with the values of some variables given by name."""
+    check_table("start", values)
     space.check_names("start", values)
     points = points.copy()
     for name, value in values.items():
+        number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+        if not number or not abs(value) <= LARGEST:
+            raise ValueError(f"start: {value!r} of {name} is not allowed; give a number")
         points[:, space.names.index(name)] = value
     return space.validate(points)

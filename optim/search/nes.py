@@ -8,7 +8,7 @@ from typing import ClassVar, get_args
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.method import check_choice, check_number
+from optim.search.method import check_choice, check_flag, check_number
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, draw_inside
 from optim.space import Space, Vector
@@ -60,8 +60,7 @@ class SeparableNES(PopulationSearch):
         check_number("max_sigma", max_sigma, sigma, 1e300)
         check_choice("bounds", bounds, get_args(Bounds))
         for name, value in (("mirrored", mirrored), ("random_mean", random_mean)):
-            if not isinstance(value, bool):
-                raise ValueError(f"{name}: {value!r} is not allowed; give true or false")
+            check_flag(name, value)
         super().__init__(space, population=population, seed=seed, start=start)
         self.mirrored, self.bounds = mirrored, bounds
         given = np.array([random_mean or name in self.start for name in space.names])

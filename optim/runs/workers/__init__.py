@@ -49,7 +49,7 @@ def open_workers(
 
     Yields:
         A function that judges a request. It raises RuntimeError, in one line, if no worker can be started, or if
-        every design of a request kills its worker: then the fault is not with the designs.
+        every design of a request kills its worker and none was ever judged: then the fault is not with the designs.
 
     Raises:
         ValueError: in one line, for settings that are not allowed, a problem that cannot be pickled, a cluster

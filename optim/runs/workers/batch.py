@@ -1,7 +1,10 @@
 """One request cut into parts: which are still to be judged, which again, and what they come to."""
 
+import dataclasses
 from collections import deque
 from dataclasses import dataclass
+
+import numpy as np
 
 from optim.problem import Evaluation
 from optim.runs.requests import Request, failures, join
@@ -89,8 +92,10 @@ class Batch:
         self._waiting.extendleft((Part(middle, part.end), Part(part.begin, middle)))
         return "judged in halves, this was the second time"
 
-    def joined(self) -> Evaluation:
-        """The judgement of all points; at least one part must have been judged."""
-        like = next(iter(self._judged.values()))
-        parts = self._judged | {part: failures(like, 1, KILLER) for part in self._killers}
+    def joined(self, like: Evaluation) -> Evaluation:
+        """The judgement of all points; those that killed have details as ``like``, any judgement by the problem."""
+        wanted = self._request.wants == "gradients"
+        slopes = np.full((1, self._request.points.shape[1]), np.nan) if wanted else None
+        failed = dataclasses.replace(failures(like, 1, KILLER), gradients=slopes)
+        parts = self._judged | dict.fromkeys(self._killers, failed)
         return join([parts[part] for part in sorted(parts, key=lambda part: part.begin)])

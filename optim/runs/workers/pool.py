@@ -78,6 +78,7 @@ class Pool(Generic[W]):
         self._idle: list[W] = []
         self._busy: dict[W, Part] = {}
         self._start_deaths = 0
+        self._known: Evaluation | None = None  # the last judgement of any part
 
     def fill(self) -> None:
         """Start workers where some are missing."""
@@ -105,8 +106,7 @@ class Pool(Generic[W]):
                 worker.kill()
             self._busy.clear()
             raise
-        self._save(batch.killers, len(request.points))
-        return batch.joined()
+        return batch.joined(self._save(batch.killers, len(request.points)))
 
     def _bury_idle(self) -> None:
         for worker in self._backend.ready(self._idle, wait=False):  # they owe nothing, so they must be dead
@@ -147,6 +147,7 @@ class Pool(Generic[W]):
         if part is None:
             self._start_deaths = 0
         elif answer is not None:
+            self._known = answer
             batch.put(part, answer)
             if self._progress:
                 self._progress(batch.fraction)
@@ -161,17 +162,17 @@ class Pool(Generic[W]):
             raise RuntimeError(f"workers: {STARTS} died one after the other before they were ready ({death})")
         self._note(f"note: a worker died ({death}) before it was ready; another one is started")
 
-    def _save(self, killers: Vector, count: int) -> None:
-        """Save what killed its workers.
+    def _save(self, killers: Vector, count: int) -> Evaluation:
+        """Save what killed its workers; a judgement of other points, of this request or one before.
 
         Raises:
-            RuntimeError: in one line, if that is all there is.
+            RuntimeError: in one line, if there has never been one.
         """
-        if not len(killers):
-            return
-        path = self._save_failed(killers, KILLER)
-        if len(killers) == count:
+        path = self._save_failed(killers, KILLER) if len(killers) else None
+        if self._known is None:
             raise RuntimeError(
                 f"workers: every design killed its worker twice, so the fault is hardly theirs; see {path}"
             )
-        self._note(f"note: {len(killers)} of {count} designs killed their workers and failed; saved in {path}")
+        if path:
+            self._note(f"note: {len(killers)} of {count} designs killed their workers and failed; saved in {path}")
+        return self._known
