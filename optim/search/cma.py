@@ -58,7 +58,7 @@ class CMAESWithMargin(PopulationSearch):
         check_whole("patience", patience, 1)
         super().__init__(space, population=population, seed=seed, start=start)
         self.sigma, self.patience = sigma, patience
-        self.discrete = np.array([variable.is_integer for variable in space.variables])
+        self.discrete = space.integers
         given = np.array([name in self.start for name in space.names])
         self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
         # Of this restart: its best score, and generations since it rose.
