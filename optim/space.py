@@ -111,7 +111,8 @@ class Space:
         return np.array([variable.kind == "angle" for variable in self.variables])
 
     @cached_property
-    def _integers(self) -> NDArray[np.bool_]:
+    def integers(self) -> NDArray[np.bool_]:
+        """Which variables have whole numbers only, shape (D,)."""
         return np.array([variable.is_integer for variable in self.variables])
 
     def relaxed(self) -> "Space":
@@ -145,7 +146,7 @@ class Space:
     def round(self, points: ArrayLike) -> Vector:
         """Integers and binaries rounded to the nearest whole number, the rest unchanged."""
         points = np.asarray(points, float)
-        return np.where(self._integers, np.rint(points), points)
+        return np.where(self.integers, np.rint(points), points)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each coordinate lies within its bounds, shape (..., D); NaN does not."""
@@ -156,7 +157,7 @@ class Space:
         """Points drawn uniformly, shape (count, D); every whole number of an integer is equally likely."""
         unit = rng.random((count, self.size))
         whole = np.floor(self.low + unit * (self.high - self.low + 1))
-        return self.clip(np.where(self._integers, whole, self.low + unit * (self.high - self.low)))
+        return self.clip(np.where(self.integers, whole, self.low + unit * (self.high - self.low)))
 
     def validate(self, points: ArrayLike) -> Vector:
         """The points as float64, if all of them are points of this space.

@@ -236,6 +236,20 @@ def test_every_option_of_the_search_arrives(morpholab, simulator, tmp_path):
     assert [len(call.designs) for call in simulator.calls] == [3, 12] * 3 + [3]
 
 
+@pytest.mark.parametrize("method", ["memetic", "cma-gradient"])
+def test_codes_alone_have_no_gradient(morpholab, simulator, method):
+    line = "--terrain flat --free control --encoding codes --gait rolling --quiet --out a"
+    code, _, error = morpholab(f"codesign --method {method} {line}")
+    assert code == 2 and "an integer has no gradient" in error and error.count("\n") == 1
+
+
+def test_the_help_of_samples_tells_every_default(morpholab, simulator, tmp_path):
+    code, out, _ = morpholab("codesign --help")
+    assert code == 0 and "around the mean of cma-gradient (default: 0)" in " ".join(out.split())
+    line = "--terrain flat --geometry small --columns 1 --method cma-gradient --samples 0 --set every=9 --quiet"
+    assert morpholab(f"codesign {line} --generations 1 --out a")[0] == 0
+
+
 @pytest.mark.parametrize("options", ["", "--rule l-bfgs", "--gradient smoothed --samples 2", "--free orientation"])
 def test_interrupted_gradient_searches_continue_exactly(morpholab, simulator, tmp_path, options):
     line = f"codesign --terrain flat --seed 7 --method gradient {SHORT} {options}"
@@ -266,7 +280,7 @@ def test_bits_are_for_every_method_and_codes_the_default(morpholab, simulator, t
         ("--method gradient --learning-rate 0", "learning_rate: 0.0 is not allowed; give a positive number"),
         ("--rule adam", "rule: method hill-climb does not take it; its settings are climbers, seed, start"),
         ("--method random --samples 4", "samples: method random does not take it"),
-        ("--method gradient --samples 0", "argument --samples: 0 is not allowed"),
+        ("--method gradient --samples 0", "samples: 0 is not allowed; give a whole number, at least 1"),
         ("--encoding text", "argument --encoding: invalid choice: 'text'"),
     ],
 )

@@ -5,16 +5,19 @@ import json
 import re
 import shlex
 import tomllib
+from inspect import signature
 from pathlib import Path
 
 import pytest
 
 from optim.cli import build_parser
+from optim.search import METHODS
 from robots import inflatable
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
+DOCUMENTS = ["README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 QUICK = inflatable.InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
 
@@ -41,13 +44,36 @@ def test_every_option_named_exists():
         assert any(option in text for text in helps), option
 
 
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_what_documents_say_to_type_exists(name):
+    parsers = build_parser()._actions[-1].choices
+    helps = {command: parser.format_help() for command, parser in parsers.items()}
+    for said in re.findall(r"`([^`\n]+)`", (ROOT / name).read_text()):
+        words = said.split()
+        options = [word for word in words if word.startswith("--")]
+        if words[0] == "python":
+            script = (ROOT / words[1]).read_text()
+            assert all(f'"{option}"' in script for option in options), said
+        elif words[0] in ("morpholab", *helps) and len(words) > 1:
+            command = words[1] if words[0] == "morpholab" else words[0]
+            assert all(option in helps[command] for option in options), said
+        elif words[0].startswith("--") and words[0] != "--help":
+            assert any(words[0] in text for text in helps.values()), said
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_what_documents_set_is_a_setting_of_some_method(name):
+    settings = {name for method in METHODS.values() for name in signature(method).parameters}
+    assert set(re.findall(r"`--set (\w+)=", (ROOT / name).read_text())) <= settings | {"NAME"}
+
+
 def test_every_target_of_make_exists():
     makefile = (ROOT / "Makefile").read_text()
     for target in set(re.findall(r"(?:`|^)make ([a-z]+)", README, re.MULTILINE)):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/architecture.md"])
+@pytest.mark.parametrize("name", DOCUMENTS)
 def test_every_link_leads_somewhere(name):
     document = ROOT / name
     for link in re.findall(r"\]\(([^)]+)\)", document.read_text()):

@@ -9,7 +9,7 @@ SMALL = "codesign --terrain flat --geometry small --columns 1 --repeats 1 --clim
     ("options", "message"),
     [
         ("--ray 127.0.0.1:1", "ray: no cluster answers at 127.0.0.1:1"),
-        ("--ray moon", "ray: 'moon' is not an address; give HOST:PORT"),
+        ("--ray moon", "ray: 'moon' is not an address; give HOST:PORT, ray://HOST:PORT, auto, or local for one here"),
         ("--workers 0", "argument --workers: 0 is not allowed; give a whole number, at least 1"),
     ],
 )

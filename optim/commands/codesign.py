@@ -32,8 +32,15 @@ def add_parser(commands: Any) -> None:
     add_task(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_json(parser)
+    _add_search(parser.add_argument_group("search"))
+    _add_gradients(parser.add_argument_group("search by gradients (gradient, memetic and cma-gradient)"))
+    _add_design(parser.add_argument_group("what is designed"))
+    options.add_robot(parser, precision="f32")
+    add_workers(parser)
+    parser.set_defaults(run=run, parser=parser)
 
-    search = parser.add_argument_group("search")
+
+def _add_search(search: Any) -> None:
     search.add_argument("--method", choices=tuple(METHODS), help="(default: hill-climb)")
     search.add_argument("--climbers", type=options.whole(1), metavar="N", help="independent searches (default: 60)")
     search.add_argument(
@@ -61,7 +68,6 @@ def add_parser(commands: Any) -> None:
         metavar="PA",
         help="with which every climber starts (default: random)",
     )
-
     search.add_argument(
         "--set",
         action="append",
@@ -69,9 +75,8 @@ def add_parser(commands: Any) -> None:
         help="any other setting of the method; a wrong name lists them; may be repeated",
     )
 
-    _add_gradient_options(parser.add_argument_group("search by --method gradient"))
 
-    design = parser.add_argument_group("what is designed")
+def _add_design(design: Any) -> None:
     design.add_argument(
         "--terrain",
         type=options.terrain,
@@ -110,18 +115,15 @@ def add_parser(commands: Any) -> None:
         metavar="PA",
         help="if shape is not free (default: the gait's own)",
     )
-    options.add_robot(parser, precision="f32")
-    add_workers(parser)
-    parser.set_defaults(run=run, parser=parser)
 
 
-def _add_gradient_options(group: Any) -> None:
+def _add_gradients(group: Any) -> None:
     group.add_argument("--rule", choices=("adam", "l-bfgs"), help="of the steps (default: adam)")
     group.add_argument(
         "--learning-rate",
         type=options.number(0.0),
         metavar="RATE",
-        help="typical step, in ranges of the variables (default: 0.05)",
+        help="typical step, in ranges of the variables (default: 0.05; of memetic 0.3)",
     )
     group.add_argument(
         "--gradient",
@@ -129,7 +131,10 @@ def _add_gradient_options(group: Any) -> None:
         help="of the simulation, or estimated from perturbed points (default: exact)",
     )
     group.add_argument(
-        "--samples", type=options.whole(1), metavar="N", help="pairs of perturbed points a climber (default: 8)"
+        "--samples",
+        type=options.whole(0),
+        metavar="N",
+        help="pairs of perturbed points a climber (default: 8), or around the mean of cma-gradient (default: 0)",
     )
     group.add_argument(
         "--smoothing",

@@ -9,7 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("morpholab", "numpy", "taichi")
+JUDGING = ("morpholab", "numpy", "taichi")  # packages that judgements depend on
+SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 
 
 def environment(**more: Any) -> dict[str, Any]:
@@ -26,16 +27,19 @@ def environment(**more: Any) -> dict[str, Any]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Where two environments differ in what results can depend on, such as ``numpy 2.4.6, now 2.5.0``."""
+    """Where two environments differ in what results can depend on, such as ``numpy 2.4.6, now 2.5.0``.
+
+    What the first does not tell of is unknown, not different.
+    """
     known, found = before.get("versions", {}), now.get("versions", {})
-    pairs = [(name, known.get(name), found.get(name)) for name in (*known, *(set(found) - set(known)))]
+    pairs = [(name, known.get(name), found.get(name)) for name in known]
     pairs += [(name, before.get(name), now.get(name)) for name in ("machine", "processor")]
     return [f"{name} {old}, now {new}" for name, old, new in pairs if old != new]
 
 
 def versions() -> dict[str, str | None]:
     """Of Python and the packages that results depend on; None of a package that is not installed."""
-    return {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
+    return {"python": platform.python_version(), **{name: _version(name) for name in (*JUDGING, *SEARCHING)}}
 
 
 def cpu_model() -> str:

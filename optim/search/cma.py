@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
-from optim.search.method import check_number, check_whole
+from optim.search.method import check_flag, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
 from optim.space import Space, Vector
 
@@ -59,11 +59,10 @@ class CMAESWithMargin(PopulationSearch):
         """
         check_number("sigma", sigma, 1e-3, 1.0)
         check_whole("patience", patience, 1)
-        if not isinstance(random_mean, bool):
-            raise ValueError(f"random_mean: {random_mean!r} is not allowed; give true or false")
+        check_flag("random_mean", random_mean)
         super().__init__(space, population=population, seed=seed, start=start)
         self.sigma, self.patience = sigma, patience
-        self.discrete = np.array([variable.is_integer for variable in space.variables])
+        self.discrete = space.integers
         given = np.array([random_mean or name in self.start for name in space.names])
         self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
         # Of this restart: its best score, and generations since it rose.

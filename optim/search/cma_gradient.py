@@ -7,7 +7,16 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.search.cma import CMAESWithMargin
-from optim.search.method import LARGEST, MOST_POINTS, Wants, check_number, check_whole, single_objective
+from optim.search.method import (
+    LARGEST,
+    MOST_POINTS,
+    Wants,
+    check_number,
+    check_slopes,
+    check_whole,
+    single_objective,
+    slopes_per_range,
+)
 from optim.search.population import below_all
 from optim.search.step_rules import LBFGS
 from optim.space import Space, Vector
@@ -63,6 +72,7 @@ class CMAGradient(CMAESWithMargin):
             rate: first step, along the longest of the distribution's axes in it [standard deviations].
         """
         super().__init__(space, population=population, seed=seed, start=start, sigma=sigma, patience=patience)
+        check_slopes(space)
         check_whole("every", every, 1)
         check_whole("samples", samples, 0, MOST_POINTS // 2)
         check_number("rate", rate, 1e-3, UNIT / 4)
@@ -94,10 +104,7 @@ class CMAGradient(CMAESWithMargin):
             super().tell(points, evaluation)
             return
         single_objective(evaluation, len(points))
-        if evaluation.gradients is None or evaluation.gradients.shape != points.shape:
-            shape = None if evaluation.gradients is None else evaluation.gradients.shape
-            raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {points.shape}")
-        self._learn(self._mean_slope(evaluation.gradients))
+        self._learn(self._mean_slope(slopes_per_range(evaluation, self.space, len(points))))
         self.generation += 1
 
     def _take(self, points: Vector, evaluation: Evaluation) -> None:
@@ -145,13 +152,12 @@ class CMAGradient(CMAESWithMargin):
         tiny = np.finfo(float).eps * squares.max()
         return self.strategy["sigma"] * directions * np.sqrt(np.maximum(squares, tiny))
 
-    def _mean_slope(self, gradients: Vector) -> Vector:
-        """Mean slope of the points that did not fail [objective per range], shape (D,); else NaN."""
+    def _mean_slope(self, slopes: Vector) -> Vector:
+        """Mean of the slopes of the points that did not fail [objective per range], shape (D,); else NaN."""
         # Beyond a bound, or an even number of ranges further, the reflection turns the slope round.
         turned = (np.mod(self._around(), 2) > 1) & ~self.space.angles & ~self.discrete
-        with np.errstate(over="ignore", invalid="ignore"):
-            slopes = np.where(self.sloped, gradients, 0.0) * self.space.span * np.where(turned, -1, 1)
-        valid = (abs(slopes) < LARGEST).all(axis=1) & np.isfinite(gradients).all(axis=1)
+        valid = (abs(np.where(self.sloped, slopes, 0.0)) < LARGEST).all(axis=1) & np.isfinite(slopes).all(axis=1)
+        slopes = np.where(self.sloped, slopes, 0.0) * np.where(turned, -1, 1)
         return slopes[valid].mean(axis=0) if valid.any() else np.full(self.space.size, np.nan)
 
     def _learn(self, slope: Vector) -> None:

@@ -64,7 +64,7 @@ class GeneticSearch(PopulationSearch):
         self.elites = max(1, population // 10) if elites is None else min(elites, population)
         self.steps = mutation_steps(space)
         self.binary = np.array([variable.kind == "binary" for variable in space.variables])
-        self.whole = np.array([variable.is_integer for variable in space.variables])
+        self.whole = space.integers
 
     @classmethod
     def _smallest(cls) -> int:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from optim.problem import Evaluation
 from optim.search.method import LARGEST, Kept, check_choice, check_number, check_table, check_whole
 from optim.search.population import PopulationSearch
+from optim.search.variation import mutation_steps
 from optim.space import Space, Vector
 
 Variation = Literal["gaussian", "line"]
 SPREAD, LINE = 0.01, 0.2  # sigma_1 and sigma_2 of the line operator (Vassiliades & Mouret 2018)
-STEP = 0.1  # of the range: a mutation where a variable has no step; of whole numbers at least 1/2
 MOST_CELLS = 1_000_000
 
 
@@ -77,10 +77,9 @@ class MapElites(PopulationSearch):
             raise ValueError(
                 f"bins: {bins} is not allowed for {len(self.ranges)} descriptors; give at most {MOST_CELLS} cells"
             )
-        whole = np.array([variable.is_integer for variable in space.variables])
-        default = np.where(whole, np.maximum(STEP * space.span, 0.5), STEP * space.span)
-        self.steps = np.where(space.step > 0, space.step, default)
-        self.spread = np.where(whole, self.steps, SPREAD * space.span)
+        steps = mutation_steps(space)
+        self.steps = np.where(space.integers & (space.step == 0), np.maximum(steps, 0.5), steps)
+        self.spread = np.where(space.integers, self.steps, SPREAD * space.span)
         self.cells = np.empty(0, np.int64)
         self.elites, self.elite_objectives = np.empty((0, space.size)), np.empty((0, 1))
 

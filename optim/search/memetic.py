@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.differential_evolution import DifferentialEvolution, Strategy
-from optim.search.method import LARGEST, Wants, check_number, check_whole, single_objective, slopes_per_range
+from optim.search.method import (
+    LARGEST,
+    Wants,
+    check_number,
+    check_slopes,
+    check_whole,
+    single_objective,
+    slopes_per_range,
+)
 from optim.search.step_rules import LBFGS, free_variables
 from optim.search.variation import ranking
 from optim.space import Space, Vector
@@ -64,6 +72,7 @@ class MemeticSearch(DifferentialEvolution):
             refine: best members that do so; a multiple of 16 is cheap in the simulator, N is the most.
             learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
         """
+        check_slopes(space)
         check_whole("every", every, 2)
         check_whole("refine", refine, 1)
         check_number("learning_rate", learning_rate, 1e-6, 1.0)

@@ -135,6 +135,12 @@ def check_choice(name: str, value: object, allowed: Sequence[str]) -> None:
         raise ValueError(f"{name}: {value!r} is not allowed; choose one of {', '.join(allowed)}")
 
 
+def check_slopes(space: Space) -> None:
+    """Raise a one-line ValueError if no variable has a gradient."""
+    if all(variable.kind == "integer" for variable in space.variables):
+        raise ValueError(f"{space.names[0]}: an integer has no gradient, nor has any other; choose another method")
+
+
 def single_objective(evaluation: Evaluation, count: int) -> Vector:
     """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
     if evaluation.objectives.shape != (count, 1):

@@ -119,7 +119,7 @@ def _utilities(scores: Vector) -> Vector:
 
 def _floor(space: Space) -> Vector:
     """Smallest standard deviation of each variable [ranges], shape (D,); of a continuous one nearly 0."""
-    discrete = np.array([variable.is_integer for variable in space.variables])
+    discrete = space.integers
     each = 1 - (1 - OFF) ** (1 / max(discrete.sum(), 1))  # probability that one of them is off
     half_step = NormalDist().inv_cdf(1 - each / 2)  # in standard deviations
     return np.where(discrete, 0.5 / space.span / half_step, np.finfo(float).tiny)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.space import Space, Vector
 
@@ -34,16 +33,11 @@ def mutate_in_cube(space: Space, points: Vector, mutate: Callable[[Vector], Vect
     unit = into_cube(space, points, points)
     pushed = mutate(unit)
     mutants = np.where(pushed == unit, points, out_of_cube(space, pushed, points))
-    still = _whole(space) & (mutants == points)
+    still = space.integers & (mutants == points)
     return np.where(still, space.reflect(points + np.sign(pushed - unit)), mutants)
-
-
-def _whole(space: Space) -> NDArray[np.bool_]:
-    """Which variables take only whole numbers, shape (D,)."""
-    return np.array([variable.is_integer for variable in space.variables])
 
 
 def _ends(space: Space) -> tuple[Vector, Vector]:
     """Where the cube begins, and how long it is, in each variable, shape (D,): half a whole number beyond bounds."""
-    margin = np.where(_whole(space), 0.5, 0.0)
+    margin = np.where(space.integers, 0.5, 0.0)
     return space.low - margin, space.span + 2 * margin

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from optim.problem import Problem
-from optim.runs.environment import PACKAGES, cpu_model, versions
+from optim.runs.environment import JUDGING, cpu_model, versions
 from optim.runs.requests import Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
@@ -164,7 +164,7 @@ class RayCluster:
             ValueError: in one line, for other versions.
         """
         here, there, host = versions(), about["versions"], about["host"]
-        for name in ("python", *PACKAGES):
+        for name in ("python", *JUDGING):
             if _essential(name, here[name]) != _essential(name, there[name]):
                 raise ValueError(
                     f"ray: {host} has {name} {there[name]}, this machine {here[name]}; install the same there"
@@ -254,7 +254,7 @@ def _reach(address: str) -> None:
     match = _ADDRESS.fullmatch(address)
     if not match or not 1 <= int(match["port"]) <= 65535:
         raise ValueError(
-            f"ray: {address!r} is not an address; give HOST:PORT, ray://HOST:PORT, auto, or none for this machine"
+            f"ray: {address!r} is not an address; give HOST:PORT, ray://HOST:PORT, auto, or local for one here"
         )
     try:
         socket.create_connection((match["ipv6"] or match["host"], int(match["port"])), _REACH_TIMEOUT).close()
@@ -264,5 +264,5 @@ def _reach(address: str) -> None:
 
 def _no_cluster(address: str, why: str) -> ValueError:
     return ValueError(
-        f"ray: no cluster answers at {address} ({why}); start one by 'ray start --head', or leave the address out"
+        f"ray: no cluster answers at {address} ({why}); start one by 'ray start --head', or give local for one here"
     )
