@@ -164,7 +164,7 @@ def _run(
 
 def _seed(*stream: int) -> int:
     """The seed of a run, of the study's, body and repetition: methods have the same, as they begin alike."""
-    return int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0])
+    return int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0]) >> 1  # seeds are below 2^63
 
 
 def _load(folder: ResultsFolder, method: str) -> dict[int, _Outcome]:

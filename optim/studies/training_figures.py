@@ -36,7 +36,8 @@ def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
                                   va="top", fontsize=7)  # fmt: skip
             row[0].set_ylabel("mean evaluations")
         for axes, method in zip(panels[0], table.methods, strict=True):
-            axes.annotate(NAMES.get(method, method), (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom")
+            axes.annotate(NAMES.get(method, method), (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom",
+                          fontsize=7)  # fmt: skip
         letter(panels)
     columns = (table.designs.tolist(), *(values.tolist() for values in part.metrics.values()), *means.tolist())
     write_table(path.with_suffix(".csv"), ("design", *part.metrics, *table.methods), zip(*columns, strict=True))
