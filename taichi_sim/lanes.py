@@ -156,6 +156,12 @@ def load_all(memory: ti.template(), k, slots: ti.template()):
 
 
 @ti.func
+def select_all(condition, x: ti.template(), y: ti.template()):
+    """Of each of several reals x where the condition holds, else y."""
+    return ti.static(tuple([select(condition, x[i], y[i]) for i in range(len(x))]))
+
+
+@ti.func
 def store_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
     """Write several slots."""
     for i in ti.static(range(len(slots))):

@@ -242,6 +242,15 @@ def test_importing_workers_imports_no_ray():
     assert out.stdout == "[]\n"
 
 
+def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
+    small = {"columns": 1, "repeats": 1, "geometry": "small", "pressure": 100.0, "encoding": "bits"}
+    problem = GaitProblem((Terrain(),), **small, precision="f64", threads=1)
+    request = Request(problem.space.relaxed().sample(np.random.default_rng(1), 3), "gradients", 0.3)
+    with workers.open(problem) as evaluate:  # parts of two and of one, where here there is one of three
+        judgement = evaluate(request)
+    assert same(judgement, judge(problem, request))
+
+
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_gaits_are_judged_to_the_same_bits(workers, precision):
     small = {"columns": 1, "repeats": 1, "geometry": "small", "pressure": 100.0}

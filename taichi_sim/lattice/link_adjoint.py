@@ -4,7 +4,7 @@
 cotangents, laid out as a robot's memory: those of the state, and sums over time of those of the constants.
 """
 
-from taichi_sim.lanes import accumulate_all, load, load_all, store_all
+from taichi_sim.lanes import accumulate_all, all_lanes, load, load_all, select_all, store_all
 from taichi_sim.lattice import beams
 from taichi_sim.lattice.columns import (
     LINK_ALONG,
@@ -16,7 +16,7 @@ from taichi_sim.lattice.columns import (
     LINK_SIDE_1,
     LINK_SIDE_2,
 )
-from taichi_sim.lattice.link_stage import pose_slots, stays_straight, transverse_slots
+from taichi_sim.lattice.link_stage import is_straight, pose_slots, transverse_slots
 from taichi_sim.lattice.materials import AXIAL, DAMP_MINUS, DAMP_PLUS, STIFF, TRANSVERSE, TWIST, TWIST_ROOT
 from taichi_sim.lattice.memory import BEAM, FORCE, LINK, LINK_WIDTH, POISSON_ON, REGIME, REST
 from taichi_sim.rotations import apply, matrix
@@ -123,12 +123,13 @@ def link_adjoint(
     inputs = poses + memory + constants + (squeeze, area)
     before = load(rec, kr, base + plan[LINK] + l * LINK_WIDTH + REGIME)
     x, y, z, _, _, _, _ = relative_pose_of(poses)
-    if stays_straight(before, x, y, z, constants[0]):
-        give(a, k, rec, kr, base, l, plan, link_table, voxel_table,
-             ti.static(pull_back(straight_link, inputs, (edge,), seeds)))  # fmt: skip
-    else:
-        give(a, k, rec, kr, base, l, plan, link_table, voxel_table,
-             ti.static(pull_back(turned_link, inputs, (edge, before), seeds)))  # fmt: skip
+    straight = is_straight(before, x, y, z, constants[0])
+    g = ti.static(pull_back(straight_link, inputs, (edge,), seeds))
+    if all_lanes(straight):
+        give(a, k, rec, kr, base, l, plan, link_table, voxel_table, g)
+    else:  # the laws agree on straight links, but their reverses add in other orders: each lane must have its own
+        t = ti.static(pull_back(turned_link, inputs, (edge, before), seeds))
+        give(a, k, rec, kr, base, l, plan, link_table, voxel_table, select_all(straight, g, t))
 
 
 @ti.func

@@ -53,9 +53,15 @@ def pose_slots(base, l, plan: ti.template(), link_table: ti.template()):
 
 
 @ti.func
+def is_straight(before, x, y, z, rest):
+    """In which lanes a link is and was in the small-angle regime."""
+    return beams.stays_small(x, y, z, rest) & (before == beams.SMALL)
+
+
+@ti.func
 def stays_straight(before, x, y, z, rest):
-    """Whether a link is and was in the small-angle regime in every lane: most links of a healthy robot."""
-    return all_lanes(beams.stays_small(x, y, z, rest) & (before == beams.SMALL))
+    """Whether it is so in every lane: most links of a healthy robot."""
+    return all_lanes(is_straight(before, x, y, z, rest))
 
 
 @ti.func

@@ -4,7 +4,7 @@ What a voxel did in a step is known from the states before and after it: its for
 linearly. Whether it stuck or slid is as recorded.
 """
 
-from taichi_sim.lanes import accumulate, accumulate_all, any_lane, load, load_all, store_all
+from taichi_sim.lanes import accumulate, accumulate_all, any_lane, load, load_all, select_all, store_all
 from taichi_sim.lattice import floor, motion
 from taichi_sim.lattice.columns import (
     CHANNELS,
@@ -218,8 +218,9 @@ def momentum_adjoint(
     constant, current = plan[CONSTANT] + group, plan[CURRENT] + group
     z = load(rec, kr, old + voxel + 2)
     floor_near = plan[FLOOR_ON] != 0
+    touches = floor.penetration(load(m, k, current + MEAN_SIZE), edge, z) >= 0.0
     if floor_near:
-        floor_near = any_lane(floor.penetration(load(m, k, current + MEAN_SIZE), edge, z) >= 0.0)
+        floor_near = any_lane(touches)
     momentum = load_all(rec, kr, three(old + voxel + MOMENTUM))
     nought = 0.0 * z
     slots = (
@@ -229,13 +230,14 @@ def momentum_adjoint(
     mass, drag, size, stiffness, damping, friction = load_all(m, k, slots)
     inputs = momentum + (nought, nought, nought, mass, drag, z, size, stiffness, damping, friction)
     sticks, stuck = load(rec, kr, old + voxel + STICKS), load(rec, kr, new + voxel + STICKS)
-    if floor_near:
-        g = ti.static(pull_back(pushed, inputs, (dt, edge, sticks, stuck, True), seeds))
-        accumulate(a, k, voxel + 2, g[8])
-        accumulate_all(a, k, slots, g[6:8] + g[9:])
-        give_force(a, k, v, plan, voxel_table, g[:6])
+    g = ti.static(pull_back(pushed, inputs, (dt, edge, sticks, stuck, False), seeds))
+    if floor_near:  # on the floor terms add in another order, so lanes above it keep their own
+        p = ti.static(pull_back(pushed, inputs, (dt, edge, sticks, stuck, True), seeds))
+        t = select_all(touches, p, g)
+        accumulate(a, k, voxel + 2, t[8])
+        accumulate_all(a, k, slots, t[6:8] + t[9:])
+        give_force(a, k, v, plan, voxel_table, t[:6])
     else:
-        g = ti.static(pull_back(pushed, inputs, (dt, edge, sticks, stuck, False), seeds))
         accumulate_all(a, k, slots[:2], g[6:8])
         give_force(a, k, v, plan, voxel_table, g[:6])
 
