@@ -30,7 +30,7 @@ def draw(folder: Path) -> None:
                     values = np.array(chosen, float)
                     axes.plot(values[:, 0], values[:, 5], style, color=colour)
         panels[0, 0].set(xlabel="evaluations", ylabel="environments solved", ylim=(0, 4.05))
-        panels[0, 0].legend(loc="lower right")
+        panels[0, 0].legend(loc="center right")
         panels[0, 1].set(xlabel="evaluations", ylabel="median DTW distance [1/m$^2$]", yscale="log")
         panels[0, 2].set(xlabel="evaluations", ylabel="median DTW distance, normalised", yscale="log")
         panels[0, 1].plot([], [], "k-", label="solving all")

@@ -140,7 +140,7 @@ def draw(folder: Path) -> None:
                 if len(values):
                     ends = np.abs(values[:, [3, 4]].T - values[:, 2])
                     axes.errorbar(values[:, 0], values[:, 2], ends, fmt="o-", color=colour, markersize=2.5, label=label)
-            axes.set(xlabel=kind, ylim=(-0.03, 1.03))
+            axes.set(xlabel=kind.replace(" [", "\n["), ylim=(-0.03, 1.03))
         for row in panels:
             row[0].set_ylabel("share that still solves all")
         panels.flat[-1].axis("off")

@@ -103,7 +103,7 @@ def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int
     """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
     with figure(path, PAGE, 2.6, ncols=len(PROBLEMS), sharey=True) as (_, panels):
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
-            for (method, label), colour in zip(LABELS.items(), COLOURS, strict=False):
+            for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
                     values = times[kind][name][method]
                     x = np.concatenate([[0], np.sort(values[values > 0]), [budget]])
