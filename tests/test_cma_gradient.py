@@ -196,7 +196,7 @@ def test_slopes_beyond_a_bound_are_turned_round():
         method.strategy["mean"] = np.array([place, place, 0.3])
         x, angle, bit = method._around()[0]
         assert method.relaxed.contains(method.ask()).all() and (x, angle, bit) == (place, place, 0.3)
-        assert method._mean_slope(gradients) == pytest.approx([sign * 6.0, 180.0, -2.0])
+        assert method._mean_slope(gradients * space.span) == pytest.approx([sign * 6.0, 180.0, -2.0])
 
 
 def test_a_mean_gradient_is_that_of_the_distribution():
@@ -206,7 +206,7 @@ def test_a_mean_gradient_is_that_of_the_distribution():
     assert points.shape == (40_000, 2) and points.mean(axis=0) == pytest.approx([0, 0], abs=1e-12)
     assert points.std(axis=0) == pytest.approx([0.5, 0.5], rel=0.02)
     cubic = np.column_stack([3 * points[:, 0] ** 2, np.ones(len(points))])  # mean 3 * 0.5²
-    assert method._mean_slope(cubic) == pytest.approx([7.5, 10.0], rel=0.03)
+    assert method._mean_slope(cubic * method.space.span) == pytest.approx([7.5, 10.0], rel=0.03)
 
 
 @pytest.mark.parametrize("settings", [{}, {"every": 2, "samples": 2}])
