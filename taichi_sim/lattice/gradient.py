@@ -215,7 +215,8 @@ class Tape:
             moved = np.nan_to_num(velocities[:, engine.order]) * cotangents[:, :, 3 * part : 3 * part + 3]
             total = moved.sum(axis=2) / inverse[..., part] ** 2
             for group in range(share.shape[1]):
-                share[:, group, part] = total[:, tables.group == group].sum(axis=1)
+                # In one order, whatever the batch: the layout of what an index picks out depends on it.
+                share[:, group, part] = np.ascontiguousarray(total[:, tables.group == group]).sum(axis=1)
         return share
 
 
