@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.problem import Evaluation
+from optim.problem import VEHICLE, Evaluation, check_kind
 from optim.space import Space, Variable, Vector
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
@@ -165,7 +165,7 @@ class VehicleProblem:
         }
         options = {name: getattr(self, name) for name in ("controller", "objectives", "sensors", "precision", "device")}
         body = {"body": [list(site) for site in self.body.sensors]} if self.body else {}
-        return {**options, **body, "task": task, "clip": self.clip or 0.0}
+        return {"kind": VEHICLE, **options, **body, "task": task, "clip": self.clip or 0.0}
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> "VehicleProblem":
@@ -174,8 +174,10 @@ class VehicleProblem:
         Raises:
             ValueError: in one line, that names what is missing, unknown or not allowed.
         """
+        check_kind(description, VEHICLE)
         try:
-            settings = {**description, "task": VehicleTask(**description["task"])}
+            settings = {name: value for name, value in description.items() if name != "kind"}
+            settings["task"] = VehicleTask(**description["task"])
             settings["clip"] = settings["clip"] or None
             if "body" in settings:
                 settings["body"] = VehicleBody(tuple(map(tuple, settings["body"])))

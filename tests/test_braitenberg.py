@@ -215,6 +215,14 @@ def test_a_problem_judges_what_the_vehicle_does(controller, body, tmp_path):
     assert '"sensors"' in (tmp_path / "a.json").read_text()
 
 
+def test_the_description_of_another_kind_of_problem_is_refused():
+    described = VehicleProblem().describe()
+    with pytest.raises(ValueError, match="problem: it is a walker, but a vehicle is needed here"):
+        VehicleProblem.from_description({**described, "kind": "walker"})
+    with pytest.raises(ValueError, match=r"problem: its description is damaged \('speed'\)"):
+        VehicleProblem.from_description({**described, "speed": 1})
+
+
 def test_true_gradients_are_differences_of_the_objective():
     problem = VehicleProblem(task=VehicleTask(STARTS, steps=200), clip=None)
     assert isinstance(problem, RelaxableProblem)

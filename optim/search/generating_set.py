@@ -82,7 +82,7 @@ class GeneratingSetSearch(IndependentSearches):
         self.start, self.directions, self.polled = dict(start or {}), directions, polled
         self.step, self.expansion, self.contraction = step, expansion, contraction
         self.tolerance, self.max_step = tolerance, max_step
-        self.integer = np.array([variable.is_integer for variable in space.variables])
+        self.integer = space.integers
         self.centres = np.full((climbers, space.size), np.nan)
         self.centre_scores, self.steps = np.full(climbers, np.nan), np.full(climbers, step)
         self.barren = np.full(climbers, np.nan)  # step of the last poll around this centre, which found nothing better
