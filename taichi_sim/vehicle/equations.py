@@ -14,6 +14,8 @@ which takes sine and cosine of one step's turn only.
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import reduce
+from operator import add
 from typing import Any
 
 from numpy.polynomial import Chebyshev, Polynomial
@@ -22,29 +24,31 @@ from taichi_sim.lanes import absolute, any_lane
 from taichi_sim.runtime import emit, inside_kernel, single_precision
 from taichi_sim.tracing import Traced, law, primitive, select, sqrt
 
-_EIGHTH = math.pi / 4  # of a turn: up to it the series hold
+_EIGHTH = math.pi / 4  # of a turn
+_SMALL = 1 / 8  # rad a step: nearly all turns are smaller, and shorter series hold for them
 _ROUNDER = {True: 1.5 * 2.0**23, False: 1.5 * 2.0**52}  # adding and taking it away rounds to a whole number
 # A quarter of a turn in two parts; the first has so few bits that small multiples of it are exact.
 _QUARTER = {True: (1.5703125, math.pi / 2 - 1.5703125), False: (1.5707963267341256, 6.077100506506192e-11)}
 _FASTEST = {True: 1e4, False: 1e9}  # rad a step; beyond, an angle has no meaning left
 
 
-def _economised(taylor: Sequence[float], degree: int) -> list[float]:
-    """A polynomial in the squared angle of lower degree that is as good up to an eighth of a turn, lowest first."""
-    domain = (0.0, _EIGHTH**2)
-    coefficients = Polynomial(taylor).convert(kind=Chebyshev, domain=domain, window=[-1, 1]).coef
-    return [float(c) for c in Chebyshev(coefficients[: degree + 1], domain=domain).convert(kind=Polynomial).coef]
+def _economised(first: int, degrees: tuple[int, int], largest: float) -> dict[bool, list[float]]:
+    """Series of (-1)^k / (2k + first)! z^k, lowest first, in f32 (True) and f64, of the degrees given.
+
+    Chebyshev's polynomials make short ones as good up to z = ``largest``^2 as Taylor's longer ones.
+    """
+    domain = (0.0, largest**2)
+    taylor = Polynomial([(-1) ** k / math.factorial(2 * k + first) for k in range(12)])
+    coefficients = taylor.convert(kind=Chebyshev, domain=domain, window=[-1, 1]).coef
+    return {
+        single: [float(c) for c in Chebyshev(coefficients[: degree + 1], domain=domain).convert(kind=Polynomial).coef]
+        for single, degree in zip((True, False), degrees, strict=True)
+    }
 
 
-# (sin(a) - a) / a^3 and (cos(a) - 1 + a^2 / 2) / a^4; errors of 1e-16 (f32: 2e-8) at most.
-_SINE = {
-    single: _economised([(-1) ** (k + 1) / math.factorial(2 * k + 3) for k in range(12)], degree)
-    for single, degree in ((True, 2), (False, 5))
-}
-_COSINE = {
-    single: _economised([(-1) ** k / math.factorial(2 * k + 4) for k in range(12)], degree)
-    for single, degree in ((True, 2), (False, 5))
-}
+# (a - sin(a)) / a^3 and (cos(a) - 1 + a^2 / 2) / a^4; errors of sine and cosine of 1e-16 (f32: 2e-8) at most.
+_SINE, _COSINE = _economised(3, (2, 5), _EIGHTH), _economised(4, (2, 5), _EIGHTH)
+_SMALL_SINE, _SMALL_COSINE = _economised(3, (1, 3), _SMALL), _economised(4, (0, 2), _SMALL)
 
 
 @primitive
@@ -82,11 +86,10 @@ def _has_meaning(angle: Any) -> Any:
     return absolute(angle) < _FASTEST[_single()]
 
 
-@law
-def small_sine_cosine(angle):
-    """Sine and cosine of angles up to an eighth of a turn."""
+@primitive
+def _sine_cosine(angle: Any, sine: Mapping[bool, Sequence[float]], cosine: Mapping[bool, Sequence[float]]) -> Any:
     z = angle * angle
-    return angle + angle * z * _series(_SINE, z), 1.0 - (0.5 * z - z * z * _series(_COSINE, z))
+    return angle - angle * z * _series(sine, z), 1.0 - (0.5 * z - z * z * _series(cosine, z))
 
 
 @law
@@ -100,7 +103,7 @@ def sine_cosine(angle):
     """Sine and cosine of any angle [rad]; beyond ``_FASTEST``, where angles have no meaning left, of 0."""
     bounded = select(_has_meaning(angle), angle, 0.0)
     quarters = _nearest(bounded * (2.0 / math.pi))
-    s, c = small_sine_cosine(_less_quarters(bounded, quarters))
+    s, c = _sine_cosine(_less_quarters(bounded, quarters), _SINE, _COSINE)
     half = 0.5 * quarters - _nearest(0.5 * quarters)  # 0 of even quarters, else a half
     sine, cosine = select(half * half > 0.125, c, s), select(half * half > 0.125, s, c)
     here, ahead = _wrapped(quarters), _wrapped(quarters + 1.0)
@@ -112,8 +115,8 @@ def sine_cosine(angle):
 @law
 def turn_of_step(angle):
     """Sine and cosine of the turn of a step, which is rarely large."""
-    large = absolute(angle) > _EIGHTH
-    sine, cosine = small_sine_cosine(select(large, 0.0, angle))
+    large = absolute(angle) > _SMALL
+    sine, cosine = _sine_cosine(angle, _SMALL_SINE, _SMALL_COSINE)
     if any_lane(large):
         far_sine, far_cosine = sine_cosine(angle)
         sine = select(large, far_sine, sine)
@@ -162,7 +165,7 @@ def advance(px: Any, py: Any, sites: Sequence[Any], weights: Sequence[Any], wiri
     """One Euler step: (px, py, turn). ``weights`` follow ``wiring``, which names each motor's sensors."""
     seen = readings(px, py, sites)
     left = iter(weights)
-    motors = [sum((next(left) * seen[j] for j in sensors), 0.0) for sensors in wiring]
+    motors = [reduce(add, [next(left) * seen[j] for j in sensors]) if sensors else 0.0 * px for sensors in wiring]
     return move(px, py, *motors, time_step)
 
 
