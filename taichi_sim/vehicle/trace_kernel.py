@@ -3,6 +3,7 @@
 from functools import lru_cache
 from typing import Any
 
+from taichi_sim.elementary import sine_cosine
 from taichi_sim.lanes import Real
 from taichi_sim.runtime import ti
 from taichi_sim.vehicle import equations
@@ -35,7 +36,7 @@ def trace_kernel(real: Real, sensors: int, wiring: Wiring) -> Any:
                     seen = equations.readings(px, py, l)
                     for j in ti.static(range(sensors)):
                         readings[n, j, t // every] = seen[j]
-                    sine, cosine = equations.sine_cosine(heading)
+                    sine, cosine = sine_cosine(heading)
                     places[n, t // every, 0] = cosine * px - sine * py
                     places[n, t // every, 1] = sine * px + cosine * py
                     places[n, t // every, 2] = heading

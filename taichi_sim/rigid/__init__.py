@@ -1,0 +1,28 @@
+"""Articulated rigid bodies on flat ground, in batches."""
+
+from taichi_sim.rigid.engine import RigidEngine
+from taichi_sim.rigid.pose import poses
+from taichi_sim.rigid.settings import Network, World
+from taichi_sim.rigid.shapes import Box, Capsule, Sphere
+from taichi_sim.rigid.state import Frames, RigidResult, State
+from taichi_sim.rigid.tables import Senses
+from taichi_sim.rigid.tree import Body, Hinge, Motor, Tree, Weld
+
+__all__ = [
+    "Body",
+    "Box",
+    "Capsule",
+    "Frames",
+    "Hinge",
+    "Motor",
+    "Network",
+    "RigidEngine",
+    "RigidResult",
+    "Senses",
+    "Sphere",
+    "State",
+    "Tree",
+    "Weld",
+    "World",
+    "poses",
+]

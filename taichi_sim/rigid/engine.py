@@ -1,0 +1,200 @@
+"""``RigidEngine``: batches of articulated robots on flat ground."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim import runtime
+from taichi_sim.lanes import NATIVE_WIDTH, Real
+from taichi_sim.rigid import batch, memory
+from taichi_sim.rigid import rollout_kernel as kernel
+from taichi_sim.rigid.batch import Given
+from taichi_sim.rigid.settings import Network, World
+from taichi_sim.rigid.shapes import Floats
+from taichi_sim.rigid.state import Frames, RigidResult, State
+from taichi_sim.rigid.tables import Senses, Tables, eyes_of, parameters_of, points_of, tables_of
+from taichi_sim.rigid.tree import Tree
+from taichi_sim.runtime import GRAIN
+
+BLOCKS_AT_ONCE = 4  # a thread: their memory should stay in the cache
+ROBOTS_AT_ONCE = 1 << 15  # on a GPU
+VISCOUS_PHASES, COULOMB_PHASES = 2, 5  # solutions of a step; Coulomb's cone is found by repetition
+COMPLIANCE = {"f64": 2e-9, "f32": 2e-6}  # s/kg, of normals: decides between equal solutions
+TOLERANCE = {"f64": 1e-10, "f32": 1e-6}
+
+
+class RigidEngine:
+    """Simulates robots that share a structure and differ in everything else.
+
+    Args:
+        trees: one tree for all robots, or one for each robot.
+        world: ground, gravity and time.
+        senses: what they sense.
+        network: how neurons turn that into commands.
+        precision: ``"f32"`` or ``"f64"``.
+        device: ``"cpu"``, ``"cuda"``, ...
+        threads: CPU threads; all available cores if None.
+        width: robots side by side; results do not depend on it.
+
+    Raises:
+        ValueError: in one line, for trees of different structure or anything else that is not allowed.
+    """
+
+    def __init__(
+        self,
+        trees: Tree | Sequence[Tree],
+        world: World | None = None,
+        senses: Senses | None = None,
+        network: Network | None = None,
+        *,
+        precision: str = "f32",
+        device: str = "cpu",
+        threads: int | None = None,
+        width: int | None = None,
+    ) -> None:
+        self.trees = [trees] if isinstance(trees, Tree) else list(trees)
+        if not self.trees:
+            raise ValueError("trees: an empty list is not allowed; give at least one tree")
+        self.world, self.senses, self.network = world or World(), senses or Senses(), network or Network()
+        self.precision, self.device, self.threads, self.width = precision, device, threads, width
+        first = tables_of(self.trees[0], self.senses, 0)
+        for n, tree in enumerate(self.trees[1:], 1):
+            if tree.fixed != self.tree.fixed or not first.same_structure(tables_of(tree, self.senses, 0)):
+                raise ValueError(f"trees: number {n} has another structure than the first; give trees of one structure")
+        self._parameters = np.stack([parameters_of(tree) for tree in self.trees])
+        self._points = np.stack([points_of(tree) for tree in self.trees])
+
+    @property
+    def tree(self) -> Tree:
+        """The first tree, whose structure all have."""
+        return self.trees[0]
+
+    def rest(self) -> State:
+        """All robots as their trees describe them, at rest."""
+        count, hinges = len(self.trees), len(self.tree.hinges)
+        position = np.array([tree.ordered[0][0].position for tree in self.trees], float)
+        return State(position, np.tile([1.0, 0, 0, 0], (count, 1)), np.zeros((count, hinges)), np.zeros((count, 6)),
+                     np.zeros((count, hinges)))  # fmt: skip
+
+    def run(
+        self,
+        steps: int,
+        *,
+        weights: Floats | None = None,
+        commands: Floats | None = None,
+        hold: int = 1,
+        lights: Floats | None = None,
+        start: State | None = None,
+        record_every: int | None = None,
+    ) -> RigidResult:
+        """Simulate.
+
+        Args:
+            steps: time steps.
+            weights: of the controllers, (B, S, M); sensors in the order of ``senses``.
+            commands: instead of these, commands to all motors over time, (B, K, M), each kept for ``hold`` steps, the
+                last one to the end.
+            hold: steps that a command is kept.
+            lights: place of each robot's light, (B, 3) [m].
+            start: where robots start; at rest if None.
+            record_every: record every so many steps; nothing if None.
+
+        Raises:
+            ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
+        """
+        if not isinstance(steps, int | np.integer) or steps < 0:
+            raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
+        for name, value in (("record_every", record_every), ("hold", hold)):
+            if value is not None and (not isinstance(value, int | np.integer) or value < 1):
+                raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least 1")
+        given = batch.check(self.trees, self.senses.count, weights, commands, lights, start or self.rest())
+        running = runtime.start(self.device, self.precision, self.threads)
+        tables = tables_of(self.tree, self.senses, given.commands.shape[1])
+        plan = tables.counts.plan(hold, steps, record_every or max(1, steps))
+        on_cpu = self.device == "cpu"
+        width = (self.width or NATIVE_WIDTH[self.precision]) if on_cpu else 1
+        at_once = width * BLOCKS_AT_ONCE * running.threads if on_cpu else ROBOTS_AT_ONCE
+        parts = []
+        for first in range(0, given.batch, at_once):
+            chosen = np.arange(first, min(first + at_once, given.batch))
+            parts.append(self._run_some(given, chosen, tables, plan, width, record_every is not None))
+        memories, frames = (np.concatenate(each, -1) for each in zip(*parts, strict=True))
+        return self._result(memories, frames, plan, tables, record_every)
+
+    def _run_some(self, given: Given, chosen: NDArray[np.int64], tables: Tables, plan: NDArray[np.int32],
+                  width: int, recording: bool) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Memory after the run, (slots, robots), and frames, (values, robots)."""
+        real, on_cpu, count = Real(self.precision, width), self.device == "cpu", len(chosen)
+        blocks = -(-count // width)
+        slots = int(plan[memory.SLOTS])
+        values = int(plan[memory.FRAME] * plan[memory.FRAMES]) if recording else 1
+        filled = np.zeros((slots, blocks * width))
+        padded = np.resize(chosen, blocks * width)
+        sections = {memory.PARAMETER: self._parameters, memory.POINT_PARAMETER: self._points,
+                    memory.LIGHT_PARAMETER: eyes_of(self.senses)[None]}  # fmt: skip
+        several = len(self.trees) > 1
+        numbers = {key: values[padded] if len(values) > 1 else values for key, values in sections.items()}
+        trees = [self.trees[n] for n in padded] if several else self.trees
+        batch.fill(filled, plan, given.rows(padded), trees, numbers, self.world.integration == "momentum")
+        if on_cpu:
+            lanes, frames = real.array((blocks, slots)), real.array((blocks, values))
+            lanes[:] = filled.reshape(slots, blocks, width).transpose(1, 0, 2)
+            arguments = [real.reals(x.reshape(-1, width)) for x in (lanes, frames)]
+        else:
+            lanes, frames = filled.astype(real.numpy), np.zeros((values, blocks), real.numpy)
+            arguments = [lanes, frames]
+        carried = self.world.integration == "velocity"
+        run = kernel.rollout_kernel(real, GRAIN if on_cpu else 1, carried, not carried, recording)
+        phases = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES
+        listed = np.zeros((blocks, max(1, tables.counts.points)), np.int32)
+        run(blocks, phases, *arguments, plan, tables.bodies, tables.points, tables.paths, tables.eyes, listed,
+            self._settings(real))  # fmt: skip
+        if on_cpu:
+            lanes, frames = (x.transpose(1, 0, 2).reshape(-1, blocks * width) for x in (lanes, frames))
+        return lanes[:, :count].astype(float), frames[:, :count].astype(float)
+
+    def _settings(self, real: Real) -> np.ndarray:
+        world, network = self.world, self.network
+        found: np.ndarray = np.zeros(kernel.SETTINGS, real.numpy)
+        found[[kernel.TIME_STEP, kernel.GRAVITY, kernel.ERROR_REDUCTION]] = (
+            world.time_step, world.gravity, world.error_reduction)  # fmt: skip
+        found[kernel.SLIP_STRENGTH] = world.time_step / world.slip
+        found[kernel.FRICTION] = min(world.friction, 1e30)
+        found[kernel.COMPLIANCE], found[kernel.TOLERANCE] = COMPLIANCE[self.precision], TOLERANCE[self.precision]
+        found[[kernel.MEMORY, kernel.GAIN]] = network.memory, network.gain
+        found[[kernel.APART, kernel.TOUCHING]] = network.touch_values
+        found[kernel.FLOATING] = 0 if self.tree.fixed else 1
+        return found
+
+    def _result(self, found: np.ndarray, frames: np.ndarray, plan: NDArray[np.int32], tables: Tables,
+                record_every: int | None) -> RigidResult:  # fmt: skip
+        """Arrays of a result from memory after a run."""
+        counts, tree = tables.counts, self.tree
+        diverged = found[memory.DIVERGED] >= 0
+        found = np.where(diverged & (np.arange(len(found)) != memory.DIVERGED)[:, None], np.nan, found)
+        bodies = plan[memory.BODY] + memory.BODY_WIDTH * np.arange(counts.bodies)
+        angles = found[[bodies[n] + memory.ANGLE for n in tree.hinged]].T.reshape(found.shape[1], -1)
+        spatial = np.stack([found[b + memory.VELOCITY : b + memory.VELOCITY + 6].T for b in bodies], 1)
+        places = np.stack([found[b + memory.PLACE : b + memory.PLACE + 3].T for b in bodies], 1)
+        spatial[..., 3:] += np.cross(spatial[..., :3], places)
+        sensors = counts.touches + counts.lights
+        steps = np.where(diverged, found[memory.DIVERGED], plan[memory.STEPS]).astype(np.int64)
+        recorded: Frames | None = None
+        if record_every is not None:
+            each = frames.reshape(int(plan[memory.FRAMES]), int(plan[memory.FRAME]), -1).transpose(0, 2, 1)
+            times: Floats = np.arange(len(each), dtype=float) * record_every * self.world.time_step
+            ends = np.cumsum([3, 4, counts.hinges, sensors])
+            recorded = Frames(times, *np.split(each, ends, axis=-1))
+        return RigidResult(
+            position=found[memory.POSITION : memory.POSITION + 3].T,
+            orientation=found[memory.ORIENTATION : memory.ORIENTATION + 4].T,
+            angles=angles,
+            velocities=spatial,
+            readings=found[plan[memory.READING] : plan[memory.READING] + sensors].T,
+            closest=np.sqrt(found[memory.CLOSEST]),
+            status=np.where(diverged, "diverged", "ok"),
+            steps=steps,
+            residual=found[memory.RESIDUAL],
+            frames=recorded,
+        )

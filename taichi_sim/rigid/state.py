@@ -1,0 +1,78 @@
+"""Where robots are, and what a run came to: plain arrays over the batch."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim.rigid.shapes import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where robots are; arrays of one robot serve all.
+
+    Attributes:
+        position: of the base's centre, (B, 3) [m].
+        orientation: of the base, unit quaternions (B, 4).
+        angles: of the hinges, (B, H) [rad].
+        velocity: angular velocity of the base and velocity of its centre, (B, 6) [rad/s, m/s].
+        rates: of the hinges, (B, H) [rad/s].
+    """
+
+    position: Floats
+    orientation: Floats
+    angles: Floats
+    velocity: Floats
+    rates: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What was recorded, from the start on.
+
+    Attributes:
+        times: (F,) [s].
+        position: of the base, (F, B, 3) [m].
+        orientation: of the base, (F, B, 4).
+        angles: of the hinges, (F, B, H) [rad].
+        readings: of the sensors, (F, B, S).
+        neurons: of the motors, (F, B, M).
+    """
+
+    times: Floats
+    position: Floats
+    orientation: Floats
+    angles: Floats
+    readings: Floats
+    neurons: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class RigidResult:
+    """What a run came to. Numbers of a robot that diverged are NaN.
+
+    Attributes:
+        position: of the base's centre, (B, 3) [m].
+        orientation: of the base, (B, 4).
+        angles: of the hinges, (B, H) [rad].
+        velocities: of all bodies in the tree's order, angular, then linear, (B, bodies, 6) [rad/s, m/s].
+        readings: of the sensors, (B, S).
+        closest: smallest distance of the base from the light, seen from above, at any step (B,) [m].
+        status: ``"ok"`` or ``"diverged"``, (B,).
+        steps: steps before divergence, else all, (B,).
+        residual: largest violation of the conditions of contacts that a step was left with, 0 where all were solved
+            (B,) [N s or m/s]; 1 where motors did not settle.
+        frames: what was recorded, or None.
+    """
+
+    position: Floats
+    orientation: Floats
+    angles: Floats
+    velocities: Floats
+    readings: Floats
+    closest: Floats
+    status: NDArray[np.str_]
+    steps: NDArray[np.int64]
+    residual: Floats
+    frames: Frames | None
