@@ -188,6 +188,14 @@ def violations(m: ti.template(), k, plan: ti.template(), listed: ti.template(), 
 
 
 @ti.func
+def choose_members(m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase):
+    """Begin with the points that pushed in the last step."""
+    for n in range(count):
+        point = point_at(plan, listed[block, n])
+        store(m, k, point + MEMBER, select(load(m, k, point + IMPULSES + phase) > 0.0, 1.0, 0.0))
+
+
+@ti.func
 def solve_normals(m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase, tolerance,
                   most):  # fmt: skip
     """Normal impulses, exactly: those push that must, and no other point sinks in.
@@ -195,9 +203,6 @@ def solve_normals(m: ti.template(), k, plan: ti.template(), listed: ti.template(
     Block principal pivoting: all violators change sides at once; where that stops helping, the last one does (Murty).
     Source: Judice, Pires, Computers & Operations Research 21 (1994) 587.
     """
-    for n in range(count):
-        point = point_at(plan, listed[block, n])
-        store(m, k, point + MEMBER, select(load(m, k, point + IMPULSES + phase) > 0.0, 1.0, 0.0))
     fewest = 0.0 * load(m, k, 0) + 1e9
     patience = 0.0 * fewest + BLOCK_FLIPS
     left = most

@@ -1,8 +1,8 @@
 """Friction of points on the ground.
 
 Viscous slip: a horizontal impulse of -(h / slip) v, v the point's velocity at the end of the step, without any cone
-(ODE with mu = infinity and slip1 = slip2). With a coefficient of friction the strength falls where the impulse would exceed
-mu times the normal one; it is found by repetition, and below the cone the point creeps at slip times the force.
+(ODE with mu = infinity and slip1 = slip2). With a coefficient of friction the strength falls where the impulse would
+exceed mu times the normal one; it is found by repetition, and inside the cone the point creeps at slip times the force.
 """
 
 from taichi_sim.lanes import load, smaller, store

@@ -13,6 +13,7 @@ from taichi_sim.rigid import spatial
 from taichi_sim.rigid.articulated_stage import assemble, gather, solve_base, spread, switch_rows
 from taichi_sim.rigid.contact_stage import (
     apply_normals,
+    choose_members,
     fill_matrix,
     find_contacts,
     reduce_points,
@@ -69,6 +70,7 @@ def solve_phase(m: ti.template(), k, plan: ti.template(), table: ti.template(), 
     """Velocities of all bodies, and impulses of hinges and normals that go with them."""
     rows = ti.min(phase, 1)  # phases after the first share its memory
     left = MOST_SWITCHES
+    choose_members(m, k, plan, listed, block, count, rows)
     while left > 0:
         assemble(m, k, plan, points, listed, block, count, phase, push_out, drifting)
         gather(m, k, plan, table, rows)
