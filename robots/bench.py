@@ -16,7 +16,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from robots import vehicle_bench
+from robots import rigid_bench, vehicle_bench
 from robots.inflatable import INCHING, PUBLISHED
 from robots.inflatable_program import build_program
 from robots.terrain import Terrain
@@ -173,6 +173,10 @@ def main(args: Namespace) -> dict[str, Any]:
         print(f"{figures['cpu']}, {figures['cores']} cores; vehicle, all controllers of design 162", file=out)
         figures["vehicle"] = vehicle_bench.measure(args.quick, args.vehicle_prototype)
         print("\n".join(vehicle_bench.lines(figures["vehicle"])), file=out)
+    if args.robot in ("all", "rigid"):
+        print(f"{figures['cpu']}, {figures['cores']} cores; quadrupeds, random controllers", file=out)
+        figures["rigid"] = rigid_bench.measure(args.quick, args.rigid_prototype)
+        print("\n".join(rigid_bench.lines(figures["rigid"])), file=out)
     return figures
 
 

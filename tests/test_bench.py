@@ -36,3 +36,15 @@ def test_figures_of_the_vehicle(tmp_path, capsys):
     assert figures["ratio_to_prototype"] == figures["rollouts_per_core_second"]["f64"]["median"] / 1e4
     assert figures["gradients_per_core_second"] > 0 and figures["warping_distances_per_core_second"] > 0
     assert "rollouts/s" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_figures_of_rigid_robots(tmp_path, capsys):
+    """With a prototype that claims a hundred thousand steps per second."""
+    prototype = tmp_path / "prototype.py"
+    prototype.write_text("print('wall 1 s: 100000 per core-second; bad 0')")
+    args = Namespace(robot="rigid", quick=True, rigid_prototype=prototype, json=False)
+    figures = bench.main(args)["rigid"]
+    assert figures["ratio_to_prototype"] == figures["steps_per_core_second"]["f32"]["whegged"]["median"] / 1e5
+    assert all(rate["best"] > 0 for of in figures["steps_per_core_second"].values() for rate in of.values())
+    assert "whegged" in capsys.readouterr().out

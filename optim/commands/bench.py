@@ -15,7 +15,11 @@ def add_parser(commands: Any) -> None:
         description="Measure how fast the simulator is on this machine.",
     )
     parser.add_argument(
-        "robot", nargs="?", choices=("all", "inflatable", "vehicle"), default="all", help="which (default: all)"
+        "robot",
+        nargs="?",
+        choices=("all", "inflatable", "vehicle", "rigid"),
+        default="all",
+        help="which (default: all)",
     )
     parser.add_argument("--quick", action="store_true", help="shorter, less exact")
     parser.add_argument("--precision", choices=("f32", "f64"), help="of the inflatable robot (default: both)")
@@ -24,6 +28,9 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--vehicle-prototype", type=Path, metavar="PATH", help="a program to compare the vehicle with, in the same run"
+    )
+    parser.add_argument(
+        "--rigid-prototype", type=Path, metavar="PATH", help="a program to compare quadrupeds with, in the same run"
     )
     options.add_json(parser)
     parser.set_defaults(run=run)
