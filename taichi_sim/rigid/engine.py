@@ -8,18 +8,17 @@ from numpy.typing import NDArray
 from taichi_sim import runtime
 from taichi_sim.lanes import NATIVE_WIDTH, Real
 from taichi_sim.rigid import batch, memory
-from taichi_sim.rigid import rollout_kernel as kernel
+from taichi_sim.rigid import step_stage as step
 from taichi_sim.rigid.batch import Given
+from taichi_sim.rigid.part import Part
 from taichi_sim.rigid.settings import Network, World
 from taichi_sim.rigid.shapes import Floats
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses, Tables, eyes_of, parameters_of, points_of, tables_of
 from taichi_sim.rigid.tree import Tree
-from taichi_sim.runtime import GRAIN
 
 BLOCKS_AT_ONCE = 4  # a thread: their memory should stay in the cache
 ROBOTS_AT_ONCE = 1 << 15  # on a GPU
-VISCOUS_PHASES, COULOMB_PHASES = 2, 5  # solutions of a step; Coulomb's cone is found by repetition
 COMPLIANCE = {"f64": 2e-9, "f32": 2e-6}  # s/kg, of normals: decides between equal solutions
 TOLERANCE = {"f64": 1e-10, "f32": 1e-6}
 
@@ -118,53 +117,39 @@ class RigidEngine:
         parts = []
         for first in range(0, given.batch, at_once):
             chosen = np.arange(first, min(first + at_once, given.batch))
-            parts.append(self._run_some(given, chosen, tables, plan, width, record_every is not None))
+            part = self._part(given, chosen, tables, plan, width)
+            frames = part.run(recording=record_every is not None)
+            parts.append((part.memory.read()[:, : len(chosen)], frames[:, : len(chosen)]))
         memories, frames = (np.concatenate(each, -1) for each in zip(*parts, strict=True))
         return self._result(memories, frames, plan, tables, record_every)
 
-    def _run_some(self, given: Given, chosen: NDArray[np.int64], tables: Tables, plan: NDArray[np.int32],
-                  width: int, recording: bool) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """Memory after the run, (slots, robots), and frames, (values, robots)."""
-        real, on_cpu, count = Real(self.precision, width), self.device == "cpu", len(chosen)
-        blocks = -(-count // width)
-        slots = int(plan[memory.SLOTS])
-        values = int(plan[memory.FRAME] * plan[memory.FRAMES]) if recording else 1
-        filled = np.zeros((slots, blocks * width))
+    def _part(self, given: Given, chosen: NDArray[np.int64], tables: Tables, plan: NDArray[np.int32],
+              width: int) -> Part:  # fmt: skip
+        """Some robots, ready to start; the last real is filled up with the first robots again."""
+        real, blocks = Real(self.precision, width), -(-len(chosen) // width)
         padded = np.resize(chosen, blocks * width)
         sections = {memory.PARAMETER: self._parameters, memory.POINT_PARAMETER: self._points,
                     memory.LIGHT_PARAMETER: eyes_of(self.senses)[None]}  # fmt: skip
         several = len(self.trees) > 1
         numbers = {key: values[padded] if len(values) > 1 else values for key, values in sections.items()}
         trees = [self.trees[n] for n in padded] if several else self.trees
+        part = Part(real, blocks, plan, tables, self._settings(real), self.world, self.device == "cpu")
+        filled = np.zeros((int(plan[memory.SLOTS]), len(padded)))
         batch.fill(filled, plan, given.rows(padded), trees, numbers, self.world.integration == "momentum")
-        if on_cpu:
-            lanes, frames = real.array((blocks, slots)), real.array((blocks, values))
-            lanes[:] = filled.reshape(slots, blocks, width).transpose(1, 0, 2)
-            arguments = [real.reals(x.reshape(-1, width)) for x in (lanes, frames)]
-        else:
-            lanes, frames = filled.astype(real.numpy), np.zeros((values, blocks), real.numpy)
-            arguments = [lanes, frames]
-        carried = self.world.integration == "velocity"
-        run = kernel.rollout_kernel(real, GRAIN if on_cpu else 1, carried, not carried, recording)
-        phases = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES
-        listed = np.zeros((blocks, max(1, tables.counts.points)), np.int32)
-        run(blocks, phases, *arguments, plan, tables.bodies, tables.points, tables.paths, tables.eyes, listed,
-            self._settings(real))  # fmt: skip
-        if on_cpu:
-            lanes, frames = (x.transpose(1, 0, 2).reshape(-1, blocks * width) for x in (lanes, frames))
-        return lanes[:, :count].astype(float), frames[:, :count].astype(float)
+        part.memory.write(filled)
+        return part
 
     def _settings(self, real: Real) -> np.ndarray:
         world, network = self.world, self.network
-        found: np.ndarray = np.zeros(kernel.SETTINGS, real.numpy)
-        found[[kernel.TIME_STEP, kernel.GRAVITY, kernel.ERROR_REDUCTION]] = (
+        found: np.ndarray = np.zeros(step.SETTINGS, real.numpy)
+        found[[step.TIME_STEP, step.GRAVITY, step.ERROR_REDUCTION]] = (
             world.time_step, world.gravity, world.error_reduction)  # fmt: skip
-        found[kernel.SLIP_STRENGTH] = world.time_step / world.slip
-        found[kernel.FRICTION] = min(world.friction, 1e30)
-        found[kernel.COMPLIANCE], found[kernel.TOLERANCE] = COMPLIANCE[self.precision], TOLERANCE[self.precision]
-        found[[kernel.MEMORY, kernel.GAIN]] = network.memory, network.gain
-        found[[kernel.APART, kernel.TOUCHING]] = network.touch_values
-        found[kernel.FLOATING] = 0 if self.tree.fixed else 1
+        found[step.SLIP_STRENGTH] = world.time_step / world.slip
+        found[step.FRICTION] = min(world.friction, 1e30)
+        found[step.COMPLIANCE], found[step.TOLERANCE] = COMPLIANCE[self.precision], TOLERANCE[self.precision]
+        found[[step.MEMORY, step.GAIN]] = network.memory, network.gain
+        found[[step.APART, step.TOUCHING]] = network.touch_values
+        found[step.FLOATING] = 0 if self.tree.fixed else 1
         return found
 
     def _result(self, found: np.ndarray, frames: np.ndarray, plan: NDArray[np.int32], tables: Tables,

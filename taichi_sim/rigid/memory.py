@@ -12,11 +12,11 @@ from taichi_sim.lanes import load, store
 from taichi_sim.runtime import ti
 
 # Places in the plan: counts, then the first slots of sections.
-BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS, HOLD, STEPS, EVERY, FRAME, FRAMES = range(12)
+BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS, HOLD, STEPS, EVERY, FRAME, FRAMES, KEPT = range(13)
 BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
     range(12, 24)
 )
-PLAN_LENGTH = 24
+PLAN_LENGTH = 25
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.
@@ -26,6 +26,7 @@ ROOT, ROOT_RIGHT, HEAD = 13, 34, 40
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
 CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
+STATE_WIDTH = 12
 # Work: rotation, place relative to the base, drift off the tree, hinge as a spatial vector, inertia about the base,
 # momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row.
 ROTATION, PLACE, DRIFT, SCREW, INERTIA, MOMENTUM = 12, 21, 24, 27, 33, 39
@@ -87,6 +88,7 @@ class Counts:
         plan[[BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS]] = (
             self.bodies, self.points, self.touches, self.lights, self.motors, self.depth, self.commands)  # fmt: skip
         plan[[HOLD, STEPS, EVERY]] = hold, steps, every
+        plan[KEPT] = 7 + STATE_WIDTH * self.bodies + self.motors + 2 * self.points
         plan[[FRAME, FRAMES]] = 7 + self.hinges + sensors + self.motors, steps // every + 1
         slot = HEAD
         for section, width in sections.items():
