@@ -9,7 +9,7 @@ import pytest
 
 from optim.studies import sensor_placement as study
 from optim.studies import sensor_placement_figures as figures
-from optim.studies.figures import figure
+from optim.studies.figures import figure, legend_above, logarithmic
 from optim.studies.sweep_table import SweepTable, read_sweep_table
 from optim.studies.training_figures import save_training
 from optim.studies.training_table import TrainingTable
@@ -119,3 +119,17 @@ def test_pictures_that_cannot_be_written_are_one_line(tmp_path):
     for path, message in ((tmp_path / "a.bmp", "is no picture"), (tmp_path / "no/a.png", "cannot be written")):
         with pytest.raises(ValueError, match=message), figure(path, 2, 2):
             pass
+
+
+def test_a_legend_above_hides_no_panel_and_logarithmic_axes_have_plain_numbers(tmp_path):
+    with figure(tmp_path / "a.png", 4, 2, ncols=2) as (drawn, panels):
+        lines = [panels[0, 0].plot([1, 2], [0.02, 0.9], label=name)[0] for name in ("one", "another")]
+        legend_above(drawn, lines)
+        logarithmic(panels[0, 0], "y")
+        logarithmic(panels[0, 0], "x", [1.0, 1.5, 2.0])
+    box, shown = drawn.legends[0].get_window_extent(), drawn.transFigure
+    assert all(axes.get_tightbbox().y1 <= box.y0 for axes in panels.flat) and box.y1 <= shown.transform((1, 1))[1]
+    low, high = panels[0, 0].get_ylim()
+    marks = {text.get_text() for text in panels[0, 0].get_yticklabels() if low <= text.get_position()[1] <= high}
+    assert marks == {"0.02", "0.05", "0.1", "0.2", "0.5", "1"}
+    assert [text.get_text() for text in panels[0, 0].get_xticklabels()] == ["1", "1.5", "2"]

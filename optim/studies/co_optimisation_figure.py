@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from optim.studies.co_optimisation import ARMS
-from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
 from optim.studies.tables import read_table
 
 
@@ -16,7 +16,7 @@ def draw(folder: Path) -> None:
     """Write ``co-optimisation.png`` beside the tables."""
     _, solved = read_table(folder / "environments-solved.csv")
     _, distances = read_table(folder / "homeostasis.csv.gz")
-    with figure(folder / "co-optimisation.png", PAGE, 2.6, ncols=3) as (_, panels):
+    with figure(folder / "co-optimisation.png", PAGE, 2.8, ncols=3) as (drawn, panels):
         for number, (arm, (label, _)) in enumerate(ARMS.items()):
             colour = COLOURS[number]
             rows = np.array([row[1:] for row in solved if row[0] == arm], float)
@@ -29,11 +29,14 @@ def draw(folder: Path) -> None:
                         continue
                     values = np.array(chosen, float)
                     axes.plot(values[:, 0], values[:, 5], style, color=colour)
-        panels[0, 0].set(xlabel="evaluations", ylabel="environments solved", ylim=(0, 4.05))
-        panels[0, 0].legend(loc="center right")
-        panels[0, 1].set(xlabel="evaluations", ylabel="median DTW distance [1/m$^2$]", yscale="log")
-        panels[0, 2].set(xlabel="evaluations", ylabel="median DTW distance, normalised", yscale="log")
-        panels[0, 1].plot([], [], "k-", label="solving all")
-        panels[0, 1].plot([], [], "k:", label="all reported")
-        panels[0, 1].legend()
+        panels[0, 0].set(ylabel="environments solved", ylim=(0, 4.05), yticks=range(5))
+        panels[0, 1].set_ylabel("median DTW distance [1/m$^2$]")
+        panels[0, 2].set_ylabel("median DTW distance, normalised")
+        for axes in panels.flat:
+            axes.set_xlabel("evaluations")
+        for axes in panels[0, 1:]:
+            logarithmic(axes, "y")
+        arms = panels[0, 0].get_legend_handles_labels()[0]
+        kinds = (("solving all", "-"), ("all reported", ":"))
+        legend_above(drawn, [*arms, *(panels[0, 1].plot([], [], f"k{style}", label=k)[0] for k, style in kinds)])
         letter(panels)

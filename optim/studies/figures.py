@@ -4,11 +4,11 @@ Source of the colours: Okabe & Ito, Color Universal Design, 2008.
 """
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from optim.runs.files import replacing
 from robots.files import write_bytes
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 COLUMN, PAGE = 3.5, 7.2  # in, widths of a column and of a page
@@ -37,6 +39,8 @@ STYLE: Any = MappingProxyType(
         "axes.spines.top": False,
         "axes.spines.right": False,
         "lines.linewidth": 1.0,
+        "figure.constrained_layout.h_pad": 0.06,  # in
+        "figure.constrained_layout.w_pad": 0.06,
         "svg.hashsalt": "morpholab",  # the same figure is the same file
         "pdf.fonttype": 42,  # letters stay letters
     }
@@ -87,3 +91,21 @@ def letter(panels: "np.ndarray[Any, Any]") -> None:
     for number, axes in enumerate(panels.flat):
         place: Axes = axes
         place.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
+
+
+def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
+    """A legend of all panels above them, in one row, where it hides nothing."""
+    drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+
+
+def logarithmic(axes: "Axes", name: Literal["x", "y"], marks: "Sequence[float] | None" = None) -> None:
+    """Make an axis logarithmic, with numbers written out: at some marks, or at 1, 2 and 5 of each decade."""
+    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+
+    axes.set(**{f"{name}scale": "log"})
+    axis: Axis = getattr(axes, f"{name}axis")
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)) if marks is None else FixedLocator(marks))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    if marks is not None:
+        axis.set_minor_locator(NullLocator())

@@ -20,7 +20,7 @@ from optim.measures import interference, learnability
 from optim.search.method import check_whole
 from optim.studies.co_optimisation import BORG, Budget, CoOptimisation
 from optim.studies.comparison import compare, describe_times
-from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
 from optim.studies.homeostasis_problem import HomeostasisProblem
 from optim.studies.perturbations import PERTURBATIONS, survival
 from optim.studies.results import Arrays, kept, part_of, write_json
@@ -198,17 +198,17 @@ def report(settings: HomeostasisObjective, found: dict[str, Trials], outcomes: d
 
 def draw(outcomes: dict[str, Arrays], path: Path) -> None:
     """Every outcome of every trial, with medians, a panel each."""
-    with figure(path, PAGE, 2.4, ncols=len(OUTCOMES)) as (_, panels):
+    with figure(path, PAGE, 2.2, ncols=len(OUTCOMES)) as (drawn, panels):
         for axes, (name, label) in zip(panels.flat, OUTCOMES.items(), strict=True):
-            for place, ((_, arrays), colour) in enumerate(zip(outcomes.items(), COLOURS, strict=False)):
+            for place, ((way, arrays), colour) in enumerate(zip(outcomes.items(), COLOURS, strict=False)):
                 values = arrays[name][np.isfinite(arrays[name])]
                 spread = np.linspace(-0.25, 0.25, len(values))
-                axes.plot(place + spread, values, ".", color=colour, markersize=3, alpha=0.7)
+                axes.plot(place + spread, values, ".", color=colour, markersize=3, alpha=0.7, label=LABELS[way])
                 if len(values):
                     axes.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=colour)
-            axes.set_xticks(range(len(LABELS)), list(LABELS.values()), rotation=45, ha="right")
-            axes.set_ylabel(label)
+            axes.set(ylabel=label, xticks=[])
         for axes, name in zip(panels.flat, ("raw", "normalised"), strict=False):
             if any(np.isfinite(arrays[name]).any() for arrays in outcomes.values()):
-                axes.set_yscale("log")
+                logarithmic(axes, "y")
+        legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
         letter(panels)

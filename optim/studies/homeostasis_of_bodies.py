@@ -17,7 +17,7 @@ from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
 from optim.search.method import check_whole
 from optim.studies.co_optimisation import Budget
-from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.studies.results import Arrays, kept, part_of, write_json
 from optim.studies.sensor_homeostasis import decimation, sensor_distances
 from optim.studies.sensor_placement import solving_controllers
@@ -171,7 +171,8 @@ def draw(folder: Path) -> None:
         for row, name in zip(panels, MEASURES, strict=True):
             for axes, metric in zip(row, METRICS, strict=True):
                 axes.plot(table[metric], table[name], ".", color=COLOURS[0], markersize=2, alpha=0.6)
-                axes.set(xscale="log", yscale="log")
+                axes.set_xscale("log")
+                logarithmic(axes, "y")
             row[0].set_ylabel("DTW distance" + (" [1/m$^2$]" if name == "raw" else ", normalised"))
         for axes, metric in zip(panels[1], ("$M_L$", "$M_{CI}$"), strict=True):
             axes.set_xlabel(metric)

@@ -16,7 +16,7 @@ from optim.measures.statistics import mean_band
 from optim.search.method import check_whole
 from optim.studies.co_optimisation import Budget
 from optim.studies.comparison import compare
-from optim.studies.figures import COLOURS, PAGE, figure
+from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.studies.perturbations import PERTURBATIONS, survival
 from optim.studies.results import Arrays, kept, write_json
 from optim.studies.sensor_placement import solving_controllers
@@ -133,7 +133,7 @@ def draw(folder: Path) -> None:
     """Survival against strength, a panel for each kind, from the table: ``reality-gap.png``."""
     _, rows = read_table(folder / "survival.csv")
     kinds = list(dict.fromkeys(p.name for p in PERTURBATIONS))
-    with figure(folder / "reality-gap.png", PAGE, 4.0, nrows=2, ncols=4, sharey=True) as (_, panels):
+    with figure(folder / "reality-gap.png", PAGE, 4.2, nrows=2, ncols=4, sharey=True) as (_, panels):
         for axes, kind in zip(panels.flat, kinds, strict=False):
             for (design, label), colour in zip(DESIGNS.items(), COLOURS, strict=False):
                 values = np.array([row[2:] for row in rows if row[:2] == [str(design), kind]], float)
@@ -141,7 +141,9 @@ def draw(folder: Path) -> None:
                     ends = np.abs(values[:, [3, 4]].T - values[:, 2])
                     axes.errorbar(values[:, 0], values[:, 2], ends, fmt="o-", color=colour, markersize=2.5, label=label)
             axes.set(xlabel=kind.replace(" [", "\n["), ylim=(-0.03, 1.03))
+            logarithmic(axes, "x", [p.strength for p in PERTURBATIONS if p.name == kind])
         for row in panels:
             row[0].set_ylabel("share that still solves all")
         panels.flat[-1].axis("off")
         panels.flat[-1].legend(*panels.flat[0].get_legend_handles_labels(), loc="center")
+        letter(panels.ravel()[: len(kinds)])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from optim.studies.co_optimisation import BORG, Budget, CoOptimisation, scale_of
 from optim.studies.comparison import compare, describe_times, ranked
-from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.studies.results import part_of, write_json
 from optim.studies.tables import write_table
 from optim.studies.trials import Trials, kept_trials
@@ -101,7 +101,7 @@ def report(settings: CoOptimisation, found: dict[str, dict[str, Trials]], out: P
 
 def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int, path: Path) -> None:
     """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
-    with figure(path, PAGE, 2.6, ncols=len(PROBLEMS), sharey=True) as (_, panels):
+    with figure(path, PAGE, 2.8, ncols=len(PROBLEMS), sharey=True) as (drawn, panels):
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
@@ -112,7 +112,7 @@ def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int
                     axes.step(x, y, style, where="post", color=colour, label=shown)
             axes.set(xlabel="evaluations", title=title, xlim=(0, budget), ylim=(0, 1.02))
         panels[0, 0].set_ylabel("share of trials with all solved")
-        panels[0, -1].legend(loc="lower right")
+        legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
         letter(panels)
 
 
