@@ -7,10 +7,9 @@ the defaults of BlackBoxOptim.jl: 50 members, boxes of 0.1 m, one child at a tim
 The chapter has the first two arms; the third gives the baseline's controller all four connections.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,13 @@ from numpy.typing import NDArray
 from optim.measures.statistics import mean_band
 from optim.search.method import check_whole
 from optim.studies.comparison import compare, describe_times, ranked
-from optim.studies.results import part_of, write_json
+from optim.studies.results import Budget, Progress, part_of, scale_of, write_json
 from optim.studies.tables import write_table
 from optim.studies.trials import Trials, first_time, kept_trials
 from optim.vehicle_problem import VehicleProblem
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
 from robots.results_folder import ResultsFolder
 
-Budget = Literal["small", "full"]
 BORG: dict[str, Any] = {"population": 50, "children": 1, "epsilons": 0.1, "window": 1000}
 ARMS: dict[str, tuple[str, dict[str, Any]]] = {
     "co_optimised": ("body and controller", {}),
@@ -75,9 +73,7 @@ class CoOptimisation:
 SCALES: dict[Budget, CoOptimisation] = {"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()}
 
 
-def co_optimise(
-    settings: CoOptimisation, folder: ResultsFolder | None, progress: Callable[[float], None] | None = None
-) -> dict[str, Trials]:
+def co_optimise(settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None) -> dict[str, Trials]:
     """Run all arms, or those that the folder does not have yet."""
     found = {}
     for n, (arm, (_, given)) in enumerate(ARMS.items()):
@@ -120,7 +116,7 @@ def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dic
     return summary
 
 
-def run(folder: Path, budget: Budget = "full", progress: Callable[[float], None] | None = None) -> None:
+def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
     """Do the study: ``summary.json``, curves and raw data as CSV, ``co-optimisation.png``; resumable.
 
     Args:
@@ -131,17 +127,10 @@ def run(folder: Path, budget: Budget = "full", progress: Callable[[float], None]
     Raises:
         ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    study(folder, scale_of(budget), progress)
+    study(folder, scale_of(budget, SCALES), progress)
 
 
-def scale_of(budget: Budget) -> CoOptimisation:
-    """The settings of a budget; a one-line ValueError for an unknown one."""
-    if budget not in SCALES:
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(SCALES)}")
-    return SCALES[budget]
-
-
-def study(folder: Path, settings: CoOptimisation, progress: Callable[[float], None] | None = None) -> None:
+def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
     """The same with any settings."""
     from optim.studies.co_optimisation_figure import draw
     from optim.studies.sensor_homeostasis import follow_homeostasis

@@ -7,7 +7,6 @@ well the solution stands perturbations. Until the first solution both searches a
 objective cannot change how soon it comes.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,12 +17,12 @@ from numpy.typing import NDArray
 
 from optim.measures import interference, learnability
 from optim.search.method import check_whole
-from optim.studies.co_optimisation import BORG, Budget, CoOptimisation
+from optim.studies.co_optimisation import BORG, CoOptimisation
 from optim.studies.comparison import compare, describe_times
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
 from optim.studies.homeostasis_problem import HomeostasisProblem
 from optim.studies.perturbations import PERTURBATIONS, survival
-from optim.studies.results import Arrays, kept, part_of, write_json
+from optim.studies.results import Arrays, Budget, Progress, kept, part_of, scale_of, write_json
 from optim.studies.sensor_homeostasis import decimation, sensor_distances
 from optim.studies.tables import write_table
 from optim.studies.trials import NOTHING, Trials, kept_trials
@@ -74,7 +73,7 @@ SCALES: dict[Budget, HomeostasisObjective] = {
 }
 
 
-def search(settings: HomeostasisObjective, folder: ResultsFolder | None, progress: Any) -> dict[str, Trials]:
+def search(settings: HomeostasisObjective, folder: ResultsFolder | None, progress: Progress) -> dict[str, Trials]:
     """Trials of both searches."""
     vehicle, own = settings.searches.problem(), settings.searches
     sides = [BORG["epsilons"]] * len(vehicle.objective_names)
@@ -149,14 +148,12 @@ def judge(settings: HomeostasisObjective, points: NDArray[np.float64], sweep_fol
     return arrays
 
 
-def run(folder: Path, budget: Budget = "full", progress: Callable[[float], None] | None = None) -> None:
+def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
     """Do the study: ``summary.json``, ``reported.csv``, a figure; arguments as of ``co_optimisation.run``."""
-    if budget not in SCALES:
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(SCALES)}")
-    study(folder, SCALES[budget], progress)
+    study(folder, scale_of(budget, SCALES), progress)
 
 
-def study(folder: Path, settings: HomeostasisObjective, progress: Callable[[float], None] | None = None) -> None:
+def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
     """The same with any settings."""
     results = ResultsFolder(folder, "homeostasis-objective", settings.describe())
     found = search(settings, results, part_of(progress, 0, 2))

@@ -5,7 +5,6 @@ proposes signal similarity as a proxy of learnability. Bodies are drawn from the
 controller that solves all environments; a body's homeostasis is the mean over such controllers, drawn from its sweep.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,11 +15,10 @@ import numpy as np
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
 from optim.search.method import check_whole
-from optim.studies.co_optimisation import Budget
 from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.studies.results import Arrays, kept, part_of, write_json
+from optim.studies.results import Arrays, Budget, Progress, kept, part_of, scale_of, write_json
 from optim.studies.sensor_homeostasis import decimation, sensor_distances
-from optim.studies.sensor_placement import solving_controllers
+from optim.studies.sensor_placement import some_solving_controllers
 from optim.studies.sweep_table import overlaps_of
 from optim.studies.tables import read_table, write_table
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, contralateral
@@ -59,10 +57,18 @@ class BodyHomeostasis:
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
-        return {**{name: value for name, value in asdict(self).items() if name != "threads"}}
+        return {name: value for name, value in asdict(self).items() if name != "threads"}
 
 
-def chosen_bodies(settings: BodyHomeostasis, sweep_folder: Path | None, progress: Any = None) -> dict[int, Overlap]:
+SCALES: dict[Budget, BodyHomeostasis] = {
+    "small": BodyHomeostasis(bodies=10, controllers=3, sweep=Sweep(weights=31)),
+    "full": BodyHomeostasis(),
+}
+
+
+def chosen_bodies(
+    settings: BodyHomeostasis, sweep_folder: Path | None, progress: Progress = None
+) -> dict[int, Overlap]:
     """Bodies and their overlap matrices, by number, drawn one after the other until there are enough."""
     order = (np.random.default_rng(settings.seed).permutation(DESIGNS) + 1).tolist()
     found: dict[int, Overlap] = {}
@@ -81,9 +87,7 @@ def measure(settings: BodyHomeostasis, bodies: dict[int, Overlap]) -> Arrays:
     """Metrics, number of controllers measured, and mean distances of each body, by the names in ``HEADER``."""
     task, sites, controllers, owners = settings.sweep.task, [], [], []
     for n, (design, overlap) in enumerate(bodies.items()):
-        weights = solving_controllers(overlap)
-        rng = np.random.default_rng((settings.seed, design))
-        drawn = weights[np.sort(rng.permutation(len(weights))[: settings.controllers])]
+        drawn = some_solving_controllers(overlap, settings.controllers, (settings.seed, design))
         controllers.append(contralateral(drawn))
         sites.append(np.broadcast_to(VehicleBody.published(design).sensors, (len(drawn), 2, 2)))
         owners += [n] * len(drawn)
@@ -114,35 +118,17 @@ def correlate(arrays: Arrays) -> dict[str, Any]:
     return found
 
 
-def run(
-    folder: Path,
-    budget: Budget = "full",
-    progress: Callable[[float], None] | None = None,
-    sweep_folder: Path | None = None,
-) -> None:
+def run(folder: Path, budget: Budget = "full", progress: Progress = None, sweep_folder: Path | None = None) -> None:
     """Do the study: ``summary.json``, ``bodies.csv``, ``homeostasis-of-bodies.png``; resumable.
 
     Args:
-        folder: new, or that of the same study, which goes on.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
+        folder, budget, progress: see :func:`optim.studies.co_optimisation.run`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    scales = {"small": BodyHomeostasis(bodies=10, controllers=3, sweep=Sweep(weights=31)), "full": BodyHomeostasis()}
-    if budget not in scales:
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
-    study(folder, scales[budget], progress, sweep_folder)
+    study(folder, scale_of(budget, SCALES), progress, sweep_folder)
 
 
-def study(
-    folder: Path,
-    settings: BodyHomeostasis,
-    progress: Callable[[float], None] | None = None,
-    sweep_folder: Path | None = None,
-) -> None:
+def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sweep_folder: Path | None = None) -> None:
     """The same with any settings."""
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
     bodies = chosen_bodies(settings, sweep_folder or folder / "sweep", part_of(progress, 0, 2))

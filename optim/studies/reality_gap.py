@@ -4,7 +4,6 @@ Source: dissertation, chapter 6 (figure of the two weight manifolds), which expe
 controllers lose fewer of them. Bodies are the baseline, and those with the highest metrics of the published sweep.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,12 +13,11 @@ import numpy as np
 
 from optim.measures.statistics import mean_band
 from optim.search.method import check_whole
-from optim.studies.co_optimisation import Budget
 from optim.studies.comparison import compare
 from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.studies.perturbations import PERTURBATIONS, survival
-from optim.studies.results import Arrays, kept, write_json
-from optim.studies.sensor_placement import solving_controllers
+from optim.studies.results import Arrays, Budget, Progress, kept, scale_of, write_json
+from optim.studies.sensor_placement import some_solving_controllers
 from optim.studies.sweep_table import overlaps_of
 from optim.studies.tables import read_table, write_table
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
@@ -57,12 +55,14 @@ class RealityGap:
         return {**{n: v for n, v in asdict(self).items() if n != "threads"}, "perturbations": kinds}
 
 
+SCALES: dict[Budget, RealityGap] = {"small": RealityGap(controllers=10, draws=2), "full": RealityGap()}
+
+
 def measure(settings: RealityGap, design: int, sweep_folder: Path) -> Arrays:
     """Weights of the controllers drawn, shape (C, 2), and their survival of each perturbation, shape (P, C)."""
     body = VehicleBody.published(design)
-    weights = solving_controllers(overlaps_of([body], settings.sweep, sweep_folder, threads=settings.threads)[0])
-    rng = np.random.default_rng((settings.seed, design))
-    drawn = weights[np.sort(rng.permutation(len(weights))[: settings.controllers])]
+    overlap = overlaps_of([body], settings.sweep, sweep_folder, threads=settings.threads)[0]
+    drawn = some_solving_controllers(overlap, settings.controllers, (settings.seed, design))
     sites = np.broadcast_to(body.sensors, (len(drawn), 2, 2))
     after = [
         survival(sites, contralateral(drawn), settings.sweep.task, p, settings.draws, settings.seed, settings.threads)
@@ -71,35 +71,17 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path) -> Arrays:
     return {"weights": drawn, "survival": np.array(after).reshape(len(PERTURBATIONS), len(drawn))}
 
 
-def run(
-    folder: Path,
-    budget: Budget = "full",
-    progress: Callable[[float], None] | None = None,
-    sweep_folder: Path | None = None,
-) -> None:
+def run(folder: Path, budget: Budget = "full", progress: Progress = None, sweep_folder: Path | None = None) -> None:
     """Do the study: ``summary.json``, ``survival.csv``, ``reality-gap.png``; resumable, arguments as of other studies.
 
     Args:
-        folder: new, or that of the same study, which goes on.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
+        folder, budget, progress: see :func:`optim.studies.co_optimisation.run`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    scales = {"small": RealityGap(controllers=10, draws=2), "full": RealityGap()}
-    if budget not in scales:
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
-    study(folder, scales[budget], progress, sweep_folder)
+    study(folder, scale_of(budget, SCALES), progress, sweep_folder)
 
 
-def study(
-    folder: Path,
-    settings: RealityGap,
-    progress: Callable[[float], None] | None = None,
-    sweep_folder: Path | None = None,
-) -> None:
+def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_folder: Path | None = None) -> None:
     """The same with any settings."""
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     found: dict[int, Arrays] = {}

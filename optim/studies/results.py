@@ -1,9 +1,9 @@
-"""Results of studies: parts that are computed once, and summaries."""
+"""What studies share: budgets, results of parts that are computed once, progress, and summaries."""
 
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
@@ -12,6 +12,16 @@ from robots.results_folder import ResultsFolder
 
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[float], None] | None
+Budget = Literal["small", "full"]  # to see that a study works, or all of it
+_Settings = TypeVar("_Settings")
+
+
+def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
+    """The settings of a study that go with a budget; a one-line ValueError for an unknown one."""
+    for name, settings in scales.items():
+        if name == budget:
+            return settings
+    raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
 
 
 def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
@@ -30,9 +40,9 @@ def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays])
     return found
 
 
-def part_of(progress: Progress, part: int, parts: int) -> Progress:
-    """Progress of one of several parts of the same length; None for None."""
-    return progress and (lambda fraction: progress((part + fraction) / parts))
+def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
+    """Progress of a part of so much work, after what is done of the total; None for None."""
+    return progress and (lambda fraction: progress((done + length * fraction) / total))
 
 
 def write_json(path: Path, record: Mapping[str, Any]) -> None:

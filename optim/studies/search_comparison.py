@@ -8,17 +8,16 @@ moves, and beside that at random. The settings were chosen on other seeds.
 """
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.studies.co_optimisation import BORG, Budget, CoOptimisation, scale_of
+from optim.studies.co_optimisation import BORG, SCALES, CoOptimisation
 from optim.studies.comparison import compare, describe_times, ranked
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
-from optim.studies.results import part_of, write_json
+from optim.studies.results import Budget, Progress, part_of, scale_of, write_json
 from optim.studies.tables import write_table
 from optim.studies.trials import Trials, kept_trials
 from robots.braitenberg import BASELINE
@@ -55,7 +54,7 @@ def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
 
 
 def search(
-    settings: CoOptimisation, folder: ResultsFolder | None, progress: Any = None
+    settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None
 ) -> dict[str, dict[str, Trials]]:
     """Trials by problem and method, those that the folder has among them."""
     found: dict[str, dict[str, Trials]] = {}
@@ -116,12 +115,12 @@ def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int
         letter(panels)
 
 
-def run(folder: Path, budget: Budget = "full", progress: Callable[[float], None] | None = None) -> None:
+def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
     """Do the study: ``summary.json``, raw data as CSV, a figure; arguments as of ``co_optimisation.run``."""
-    study(folder, scale_of(budget), progress)
+    study(folder, scale_of(budget, SCALES), progress)
 
 
-def study(folder: Path, settings: CoOptimisation, progress: Callable[[float], None] | None = None) -> None:
+def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
     """The same with any settings."""
     methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
     results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})

@@ -4,6 +4,7 @@ Source: dissertation, chapters 3 and 4: distributions and correlation of the met
 success matrices; persistent phototaxis.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,13 @@ def solving_controllers(overlap: NDArray[np.uint8], environments: int = 4) -> Fl
     grid = weight_grid(len(overlap))
     first, second = np.nonzero(overlap == environments)
     return np.stack([grid[first], grid[second]], axis=1)
+
+
+def some_solving_controllers(overlap: NDArray[np.uint8], count: int, seed: Sequence[int]) -> Floats:
+    """At most so many of them, drawn without replacement, in the order of the sweep, shape (C, 2)."""
+    weights = solving_controllers(overlap)
+    drawn = np.random.default_rng(seed).permutation(len(weights))[:count]
+    return np.asarray(weights[np.sort(drawn)])
 
 
 def central_controller(overlap: NDArray[np.uint8], environments: int = 4) -> Floats | None:

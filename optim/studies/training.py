@@ -6,7 +6,7 @@ all four environments. The methods have the settings of that experiment, see ``o
 its best point after every step of a method; here every point is looked at, in the order asked for.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from optim.search.method import check_whole
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.space import Vector
 from optim.studies.lockstep import run_in_lockstep
+from optim.studies.results import Progress, part_of
 from optim.studies.training_table import TrainingTable
 from optim.vehicle_problem import VehicleProblem
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
@@ -84,7 +85,7 @@ def train(
     *,
     threads: int | None = None,
     out: Path | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> TrainingTable:
     """Tune controllers of bodies by search methods, and count evaluations until success.
 
@@ -117,7 +118,7 @@ def train(
     chunks = [(m, todo[n : n + BODIES_PER_FILE]) for m, todo in missing for n in range(0, len(todo), BODIES_PER_FILE)]
     done, total = len(methods) * len(bodies) - sum(len(chunk) for _, chunk in chunks), len(methods) * len(bodies)
     for method, chunk in chunks:
-        report = _part_of(progress, done / total, len(chunk) / total) if progress else None
+        report = part_of(progress, done, total, len(chunk))
         fresh = _run(method, {design: bodies[design] for design in chunk}, settings, threads, report)
         known[method] |= fresh
         done += len(chunk)
@@ -128,16 +129,12 @@ def train(
     return TrainingTable(methods, np.array(list(bodies)), evaluations, solved)
 
 
-def _part_of(progress: Callable[[float], None], first: float, length: float) -> Callable[[float], None]:
-    return lambda fraction: progress(first + length * fraction)
-
-
 def _run(
     method: str,
     bodies: dict[int, VehicleBody],
     settings: Training,
     threads: int | None,
-    progress: Callable[[float], None] | None,
+    progress: Progress,
 ) -> dict[int, _Outcome]:
     """All repetitions of a method in some bodies, side by side."""
     problem, weights = settings.problem(threads), VehicleProblem(body=BASELINE).space
