@@ -194,6 +194,34 @@ def test_tables_of_sweeps_are_those_of_the_folder(tmp_path):
     assert (tmp_path / "table.csv").read_text().startswith("design,all,any,M_L,M_CI\n80,")
 
 
+def test_a_table_is_of_the_sweep_beside_it_and_elsewhere_its_metrics_must_be_of_the_published_grid(tmp_path):
+    options = {"weights": 9, "r": 1.0, "dt": 0.5, "steps": 1000}
+    sweep([VehicleBody.published(design) for design in DESIGNS], **options, out=tmp_path / "sweep")
+    table = read_sweep_table(tmp_path / "sweep")
+    for folder in (tmp_path / "sweep", tmp_path):
+        table.write(folder / "table.csv")
+    beside = read_sweep_table(tmp_path / "sweep/table.csv")
+    assert beside.settings == table.settings and np.array_equal(beside.learnability, table.learnability)
+    with pytest.raises(
+        ValueError, match=r"table\.csv: its M_L is not of 121 x 121 controllers; give the sweep's folder"
+    ):
+        read_sweep_table(tmp_path / "table.csv")
+    (tmp_path / "table.csv").write_text("design,all,any,M_L\n162,1517,2338,much\n")
+    with pytest.raises(ValueError, match="its M_L is not of 121 x 121"):
+        read_sweep_table(tmp_path / "table.csv")
+    settings = tmp_path / "sweep/sweep.json"
+    settings.write_text(settings.read_text().replace('"steps"', '"stairs"'))
+    with pytest.raises(ValueError, match="sweep: holds no sweep"):
+        read_sweep_table(tmp_path / "sweep/table.csv")
+
+
+def test_the_committed_table_of_the_complete_sweep_is_of_the_published_grid():
+    table = read_sweep_table(Path(__file__).parents[1] / "docs/data/vehicle-sweep.csv.gz").rows([162, 6553])
+    assert table.solving_all == pytest.approx([1517, 26], abs=5) and table.solving_any == pytest.approx(
+        [2338, 1830], abs=5
+    )
+
+
 def test_the_compressed_table_of_the_published_sweep_can_be_read(tmp_path):
     import gzip
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.studies.tables import read_table, write_table
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
+from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
 
 COLUMNS = ("design", "all", "any")
 Whole = NDArray[np.int64]
@@ -78,10 +79,11 @@ class SweepTable:
 def read_sweep_table(path: Path) -> SweepTable:
     """The table of a sweep's folder, of all bodies that are there, or of a CSV file with design, all, any first.
 
-    Such a file, which may be compressed (``.csv.gz``), is of the published sweep of 121 x 121 controllers.
+    Such a file, which may be compressed (``.csv.gz``), is of the sweep in whose folder it lies, or else of the
+    published one with 121 x 121 controllers.
 
     Raises:
-        ValueError: in one line, for anything else.
+        ValueError: in one line, for anything else; also for a table with M_L of another number of controllers.
     """
     if path.is_dir():
         settings, bodies = read_sweep(path)
@@ -89,7 +91,7 @@ def read_sweep_table(path: Path) -> SweepTable:
         if not numbered:
             raise ValueError(f"{path}: holds no body of the published grid yet")
         return SweepTable.of(list(numbered), overlaps_of(list(numbered.values()), settings, path), settings)
-    settings = Sweep()
+    settings = read_sweep_settings(path.parent) if holds_sweep(path.parent) else Sweep()
     header, rows = read_table(path)
     try:
         numbers = np.array([list(map(int, row[: len(COLUMNS)])) for row in rows], np.int64).reshape(-1, len(COLUMNS))
@@ -99,7 +101,23 @@ def read_sweep_table(path: Path) -> SweepTable:
     whole = (every >= 0) & (some >= every) & (some <= settings.weights**2) & (designs >= 1) & (designs <= DESIGNS)
     if tuple(header[: len(COLUMNS)]) != COLUMNS or not len(numbers) or not whole.all() or (np.diff(designs) <= 0).any():
         raise ValueError(f"{path}: is not the table of a sweep, with columns {','.join(COLUMNS)}, ascending by design")
-    return SweepTable(designs, every, some, settings)
+    table = SweepTable(designs, every, some, settings)
+    if not _has_metrics(table, header, rows):
+        raise ValueError(
+            f"{path}: its M_L is not of {settings.weights} x {settings.weights} controllers; give the sweep's folder"
+        )
+    return table
+
+
+def _has_metrics(table: SweepTable, header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether M_L, where a file has it, is that of the table."""
+    if "M_L" not in header:
+        return True
+    try:
+        given = [float(row[header.index("M_L")]) for row in rows]
+    except (ValueError, IndexError):
+        return False
+    return np.allclose(given, table.learnability, rtol=1e-9, atol=0.0)
 
 
 def overlaps_of(bodies: Sequence[VehicleBody], settings: Sweep, folder: Path | None, **options: Any) -> NDArray[Any]:

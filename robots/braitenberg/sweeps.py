@@ -118,10 +118,23 @@ def read_sweep(folder: Path | str) -> tuple[Sweep, list[VehicleBody]]:
     Raises:
         ValueError: in one line, if the folder holds no sweep.
     """
-    settings = Sweep(**read_settings(Path(folder), KIND))
+    settings = read_sweep_settings(Path(folder))
     known = _load(ResultsFolder(Path(folder), KIND, asdict(settings)))
     images = {image for body in known for image in _images(body)}
     return settings, sorted(images, key=lambda body: body.sensors)
+
+
+def holds_sweep(folder: Path) -> bool:
+    """Whether a folder is that of a sweep."""
+    return (folder / f"{KIND}.json").is_file()
+
+
+def read_sweep_settings(folder: Path) -> Sweep:
+    """The settings of a sweep on disk; a one-line ValueError if the folder holds none."""
+    try:
+        return Sweep(**read_settings(folder, KIND))
+    except TypeError:
+        raise ValueError(f"{folder}: holds no {KIND}") from None
 
 
 def _images(body: VehicleBody) -> dict[VehicleBody, tuple[bool, bool]]:
