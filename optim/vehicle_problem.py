@@ -19,6 +19,7 @@ from optim.space import Space, Variable, Vector
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
 from robots.braitenberg.experiment import batch_of
+from robots.checks import whole_number
 from robots.files import write_text
 from taichi_sim.vehicle import differentiate, rollout
 
@@ -66,8 +67,9 @@ class VehicleProblem:
                 raise ValueError(f"{name}: {getattr(self, name)!r} is unknown; choose one of {', '.join(allowed)}")
         if self.body is not None:
             object.__setattr__(self, "sensors", len(self.body.sensors))
-        if self.sensors < 1 or (self.sensors != 2 and self.controller == "contralateral"):
-            raise ValueError(f"sensors: {self.sensors} is not allowed with a {self.controller} controller; give 2")
+        object.__setattr__(self, "sensors", whole_number("sensors", self.sensors, 1))
+        if self.sensors != 2 and self.controller == "contralateral":
+            raise ValueError(f"sensors: {self.sensors} is not allowed with a contralateral controller; give 2")
         if self.clip is not None and not 0 < self.clip < np.inf:
             raise ValueError(f"clip: {self.clip} is not allowed; give a finite number above 0, or none")
 

@@ -50,6 +50,11 @@ def test_numbers_are_places_on_the_grid(design):
     assert design == 81 * sites[0] + sites[1] + 1
 
 
+def test_bodies_and_numbers_may_come_in_arrays():
+    best = VehicleBody.published(np.arange(163)[-1])
+    assert best == VehicleBody.published(162) == VehicleBody(np.array(best.sensors)) and best.design == 162
+
+
 def test_named_bodies():
     assert BASELINE.sensors == ((0.5, 0.5), (0.5, -0.5)) and BASELINE.mirrored == BASELINE
     best = VehicleBody.published(162)
@@ -66,6 +71,11 @@ def test_named_bodies():
         (lambda: VehicleBody(((np.nan, 0.0),)), "sensors: nan is not allowed"),
         (lambda: VehicleBody(()), "sensors: .. is not allowed; give at least one place"),
         (lambda: VehicleBody((1.0, 2.0)), "sensors: 1.0 is not allowed; give places"),
+        (lambda: VehicleBody(np.array([[0.0, 0.7]])), "sensors: 0.7 is not allowed"),
+        (lambda: VehicleBody(np.zeros((0, 2))), "sensors: .. is not allowed; give at least one place"),
+        (lambda: contralateral([[0.5, "high"]]), "weights: these are not allowed; give an array of numbers"),
+        (lambda: sweep([BASELINE], weights=10**8), "weights: 100000000 is not allowed; give at most 2001"),
+        (lambda: VehicleProblem(sensors=2.5), "sensors: 2.5 is not allowed; give a whole number, at least 1"),
         (lambda: VehicleBody.published(0), "design: 0 is not allowed; give a whole number from 1 to 6561"),
         (lambda: contralateral([0.0, 1.5]), "weights: 1.5 is not allowed; give numbers from -1 to 1"),
         (lambda: contralateral([[0.0], [1.0]]), r"weights: an array of shape \(2, 1\) is not allowed"),

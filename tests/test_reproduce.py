@@ -36,6 +36,15 @@ def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
     assert [line.split(",")[0] for line in table] == ["design", "80", "162", "200", "6553"]
 
 
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_path, name):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/notes.txt").write_text("mine")
+    code, _, error = morpholab(f"reproduce {name} --out a --quiet")
+    assert code == 2 and error.endswith("out: a holds something else; name a new folder\n")
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["notes.txt"]
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -78,7 +78,9 @@ BAD_LINES = [
     ("sweep --designs '' --out new", "argument --designs: '' is not allowed; give numbers such as 162,6553 or"),
     ("sweep --designs best --out new", "argument --designs: 'best' is not allowed; give numbers such as"),
     ("sweep --designs 1 --out new --weights 1", "argument --weights: 1 is not allowed; give a whole number, at least"),
+    ("sweep --designs 1 --out new --weights 9999", "weights: 9999 is not allowed; give at most 2001"),
     ("sweep --designs 1 --out new --radius 0", "radius: 0.0 is not allowed; give a finite number above 0"),
+    ("sweep --designs 1 --out new --radius -1", "radius: -1.0 is not allowed; give a finite number above 0"),
     ("sweep --designs 1 --out new --radius 5", "starts: "),
     ("sweep --designs 1 --out new --steps 0", "argument --steps: 0 is not allowed"),
     ("sweep --designs 1 --out new --time-step nan", "argument --time-step: nan is not allowed"),
@@ -118,6 +120,6 @@ def test_folders_and_sweeps_of_other_settings_are_refused(morpholab):
     code, _, error = morpholab(f"train --designs 162 --methods nes --repetitions 2 {BRIEF} --out a")
     assert code == 2 and error.endswith("out: a holds a training of other settings; name another folder\n")
     code, _, error = morpholab("train --designs 162 --out new --sweep swept")
-    assert code == 2 and error.endswith("sweep: swept is of another radius, 1, not 0.075\n")
+    assert code == 2 and error.endswith("sweep: swept has radius 1, not 0.075\n")
     code, _, error = morpholab(f"train --designs 162,200 --out new --sweep swept {BRIEF}")
     assert code == 2 and error.endswith("sweep: 1 of 2 bodies are missing, design 200 first\n")

@@ -90,7 +90,7 @@ def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -
     for name in ("radius", "time_step", "steps"):
         swept, trained = getattr(table.settings, name), getattr(settings.task, name)
         if swept != trained:
-            raise ValueError(f"sweep: {args.sweep} is of another {name.replace('_', ' ')}, {swept:g}, not {trained:g}")
+            raise ValueError(f"sweep: {args.sweep} has {name.replace('_', ' ')} {swept:g}, not {trained:g}")
     return table.rows(designs)
 
 

@@ -9,9 +9,9 @@ from optim.commands import options
 def add_vehicle_task(parser: argparse.ArgumentParser) -> None:
     """Options about the environments and their simulation; without them they are the published ones."""
     group = parser.add_argument_group("task and simulation")
-    group.add_argument("--radius", type=options.number(0.0, unit="m"), metavar="M", help="of success (default: 0.075)")
+    group.add_argument("--radius", type=options.number(unit="m"), metavar="M", help="of success (default: 0.075)")
     group.add_argument(
-        "--time-step", type=options.number(0.0, unit="s"), metavar="S", help="of Euler's method (default: 0.05)"
+        "--time-step", type=options.number(unit="s"), metavar="S", help="of Euler's method (default: 0.05)"
     )
     group.add_argument("--steps", type=options.whole(1), metavar="N", help="of a rollout (default: 10000)")
     group.add_argument("--precision", choices=("f32", "f64"), default="f64", help="of the numbers (default: f64)")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
+from optim.search.method import check_whole
 from optim.space import Space
 from optim.studies.sensor_homeostasis import decimation, sensor_distances
 from optim.vehicle_problem import VehicleProblem
@@ -32,6 +33,9 @@ class HomeostasisProblem:
 
     vehicle: VehicleProblem
     samples: int = 1000
+
+    def __post_init__(self) -> None:
+        check_whole("samples", self.samples, 1)
 
     @property
     def space(self) -> Space:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+
 from robots.checks import number
 
 HALF_SIDE = 0.5  # m: sensors sit in a square of 1 m about the centre
@@ -32,16 +34,18 @@ class VehicleBody:
     sensors: tuple[Site, ...]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.sensors, Sequence) or isinstance(self.sensors, str) or not len(self.sensors):
-            raise ValueError(f"sensors: {self.sensors!r} is not allowed; give at least one place (x, y)")
-        object.__setattr__(self, "sensors", tuple(_site(place) for place in self.sensors))
+        places = self.sensors.tolist() if isinstance(self.sensors, np.ndarray) else self.sensors
+        if not isinstance(places, Sequence) or isinstance(places, str) or not len(places):
+            raise ValueError(f"sensors: {places!r} is not allowed; give at least one place (x, y)")
+        object.__setattr__(self, "sensors", tuple(_site(place) for place in places))
 
     @classmethod
     def published(cls, design: int) -> Self:
         """The body of a number, from 1 to 6561, in the published grid of 9 x 9 places for each of two sensors."""
-        if isinstance(design, bool) or not isinstance(design, int) or not 1 <= design <= DESIGNS:
+        whole = isinstance(design, int | np.integer) and not isinstance(design, bool)
+        if not whole or not 1 <= design <= DESIGNS:
             raise ValueError(f"design: {design!r} is not allowed; give a whole number from 1 to {DESIGNS}")
-        return cls(tuple(_grid_site(site) for site in divmod(design - 1, SITES)))
+        return cls(tuple(_grid_site(site) for site in divmod(int(design) - 1, SITES)))
 
     @property
     def design(self) -> int | None:

@@ -48,7 +48,10 @@ def contralateral(weights: ArrayLike) -> NDArray[np.float64]:
     Raises:
         ValueError: in one line, for other shapes and values.
     """
-    values = np.asarray(weights, np.float64)
+    try:
+        values = np.asarray(weights, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError("weights: these are not allowed; give an array of numbers, (..., 2): w1, w2") from None
     if values.ndim == 0 or values.shape[-1] != 2:
         raise ValueError(f"weights: an array of shape {values.shape} is not allowed; give (..., 2): w1, w2")
     check_weights(values)

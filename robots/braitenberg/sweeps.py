@@ -20,6 +20,7 @@ from taichi_sim.vehicle import VehicleTask, rollout
 
 Overlap = NDArray[np.uint8]
 KIND, OVERLAPS = "sweep", "overlaps"  # of folders and files
+MOST_WEIGHTS = 2001  # 16 million rollouts at once
 BODIES_PER_FILE = 32  # a file each half a minute or so
 
 
@@ -43,6 +44,8 @@ class Sweep:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", whole_number("weights", self.weights, 2))
+        if self.weights > MOST_WEIGHTS:
+            raise ValueError(f"weights: {self.weights} is not allowed; give at most {MOST_WEIGHTS}")
         if self.precision not in ("f32", "f64"):
             raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
         _ = self.task

@@ -45,8 +45,10 @@ class VehicleTask:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not 0 < value < np.inf:
                 raise ValueError(f"{name}: {value!r} is not allowed; give a finite number above 0")
-        if isinstance(self.steps, bool) or not isinstance(self.steps, int) or not 1 <= self.steps <= MOST_STEPS:
+        whole = isinstance(self.steps, int | np.integer) and not isinstance(self.steps, bool)
+        if not whole or not 1 <= self.steps <= MOST_STEPS:
             raise ValueError(f"steps: {self.steps!r} is not allowed; give a whole number from 1 to {MOST_STEPS}")
+        object.__setattr__(self, "steps", int(self.steps))
         object.__setattr__(self, "starts", starts)
         object.__setattr__(self, "lights", np.broadcast_to(lights, (len(starts), 2)).copy())
         near = np.flatnonzero(np.hypot(*self._relative.T) < self.radius)
@@ -92,7 +94,7 @@ class VehicleBatch:
         bodies, sensors = sites.shape[:2]
         fits = controllers.ndim == 4 and controllers.shape[0] in (1, bodies) and controllers.shape[2:] == (2, sensors)
         if not fits or 0 in controllers.shape:
-            allowed = f"give ({bodies} or 1, C, 2, {sensors})"
+            allowed = f"give ({'1' if bodies == 1 else f'{bodies} or 1'}, C, 2, {sensors})"
             raise ValueError(f"controllers: an array of shape {controllers.shape} is not allowed; {allowed}")
         object.__setattr__(self, "sites", sites)
         object.__setattr__(self, "controllers", controllers)
@@ -142,7 +144,10 @@ class VehicleBatch:
 
 
 def _finite(name: str, values: ArrayLike) -> Floats:
-    array = np.array(values, np.float64)
+    try:
+        array = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: these are not allowed; give an array of numbers") from None
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: {array[~np.isfinite(array)][0]} is not allowed; give finite numbers")
     return array
