@@ -155,7 +155,7 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
     limits, ticks = (-1.6 * HALF_SIDE, 1.6 * HALF_SIDE), (-HALF_SIDE, 0, HALF_SIDE)
     axes.set(aspect="equal", xlim=limits, ylim=limits, xticks=ticks, yticks=ticks)
     axes.set(xlabel="ahead [m]", ylabel="to the left [m]")
-    axes.annotate(f"design {design}: {_named(example.name)}", (0.5, 1.02), xycoords="axes fraction", ha="center",
+    axes.annotate(f"design {design}\n{_named(example.name)}", (0.5, 1.02), xycoords="axes fraction", ha="center",
                   va="bottom", fontsize=7)  # fmt: skip
 
 
