@@ -45,10 +45,10 @@ class BodyHomeostasis:
     """
 
     bodies: int = 500
-    controllers: int = 20
+    controllers: int = 5
     seed: int = 1
     sweep: Sweep = field(default_factory=Sweep)
-    samples: int = 1000
+    samples: int = 5000
     threads: int | None = None
 
     def __post_init__(self) -> None:

@@ -40,10 +40,6 @@ def _gain(factor: float) -> Change:
     return lambda sites, controllers, task, _: (sites, controllers * factor, task)
 
 
-def _weights(deviation: float) -> Change:
-    return lambda s, c, task, rng: (s, c * (1 + deviation * rng.standard_normal(c.shape)), task)
-
-
 def _sensitivity(deviation: float) -> Change:
     def change(s: Floats, c: Floats, task: VehicleTask, rng: np.random.Generator) -> tuple[Floats, Floats, VehicleTask]:
         return s, c * (1 + deviation * rng.standard_normal((len(c), 1, c.shape[2]))), task

@@ -75,7 +75,7 @@ class Trials:
         return np.where(first > 0, np.cumsum(each, axis=1)[np.arange(len(first)), first - 1], NOTHING)
 
     def reported(self, epsilons: ArrayLike) -> NDArray[np.int64]:
-        """Which point a trial would report after each evaluation, shape (R, B); -1 before its first success.
+        """Which point a trial would report after each evaluation, shape (R, B); -1 while all failed, and after its end.
 
         Source: dissertation, chapter 4: the member of the archive with the largest sum of objectives; the archive is
         that of boxes with these sides.
