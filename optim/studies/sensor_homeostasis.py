@@ -35,8 +35,9 @@ AT_LEAST = 5  # solved trials for a mean over them
 def decimation(task: VehicleTask, samples: int = SAMPLES) -> int:
     """Steps between samples of a trace that has at most so many beside the start.
 
-    Vehicles that stay by the light turn quickly there, which few samples miss: for two solutions of the best body, every
-    5th, 10th and 20th sample gives up to 1.5, 1.8 and 2.8 times the raw distance of all (two of the baseline: 1.06).
+    Vehicles that stay by the light turn quickly there, which few samples miss: for two solutions of the best body,
+    every 5th, 10th and 20th sample gives up to 1.5, 1.8 and 2.8 times the raw distance of all (two of the baseline:
+    1.06).
     """
     return -(-task.steps // samples)
 
