@@ -83,6 +83,8 @@ def test_named_bodies():
         (lambda: simulate([BASELINE], [[[[0, 2.0], [0, 0]]]]), "weights: 2.0 is not allowed"),
         (lambda: simulate([BASELINE, VehicleBody(((0, 0),))], [[[[0], [0]]]]), r"bodies: \[1, 2\] sensors are"),
         (lambda: sweep([]), "bodies: none given"),
+        (lambda: sweep([162]), r"bodies: \[162\] is not allowed; give a list of bodies"),
+        (lambda: simulate(BASELINE, contralateral([[[0, 0]]])), "bodies: VehicleBody.* is not allowed; give a list"),
         (lambda: sweep([VehicleBody(((0, 0),))]), "bodies: 1 sensors are not allowed in a sweep"),
         (lambda: sweep([BASELINE], r=0.0), "radius: 0.0 is not allowed"),
         (lambda: sweep([BASELINE], r=5.0), "starts: .* is closer to the light than the radius, 5"),

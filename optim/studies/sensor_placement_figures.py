@@ -128,6 +128,9 @@ def save_examples(examples: Mapping[int, Example], path: Path) -> None:
                 places = paths(example.body, weights[None], example.task, STEPS_PER_POINT)[0]
                 arrays |= {f"weights_{design}": weights, f"paths_{design}": places}
                 _draw_paths(row[1], places, example.task, weights)
+            else:
+                row[1].axis("off")
+                row[1].annotate("no controller solves all", (0.5, 0.5), xycoords="axes fraction", ha="center")
             image = _draw_overlap(row[2], example.overlap, weights)
         bar = drawn.colorbar(image, ax=panels[:, 2].tolist(), ticks=range(len(OVERLAP_COLOURS)), aspect=40)
         bar.set_label("environments solved")
@@ -149,9 +152,12 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
     corners = HALF_SIDE * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
     axes.plot(*corners.T, color="black", linewidth=0.8)
     axes.annotate("", (1.5 * HALF_SIDE, 0), (0, 0), arrowprops={"arrowstyle": "->", "color": "grey"})
-    for number, (x, y) in enumerate(example.body.sensors, 1):
+    places: dict[tuple[float, float], list[str]] = {}
+    for number, place in enumerate(example.body.sensors, 1):
+        places.setdefault(place, []).append(rf"$\ell_{number}$")
+    for (x, y), names in places.items():
         axes.plot(x, y, "o", color=COLOURS[1], markersize=5, clip_on=False)
-        axes.annotate(rf"$\ell_{number}$", (x, y), (0.75 * x - 0.04, 0.75 * y), va="center", ha="center")
+        axes.annotate(", ".join(names), (x, y), (0.75 * x - 0.04, 0.75 * y), va="center", ha="center")
     limits, ticks = (-1.6 * HALF_SIDE, 1.6 * HALF_SIDE), (-HALF_SIDE, 0, HALF_SIDE)
     axes.set(aspect="equal", xlim=limits, ylim=limits, xticks=ticks, yticks=ticks)
     axes.set(xlabel="ahead [m]", ylabel="to the left [m]")

@@ -65,6 +65,14 @@ def check_weights(values: NDArray[np.float64]) -> None:
         raise ValueError(f"weights: {values[wrong][0]} is not allowed; give numbers from -1 to 1")
 
 
+def check_bodies(bodies: Sequence[VehicleBody]) -> None:
+    """Raise a one-line ValueError unless these are bodies, one at least."""
+    if not isinstance(bodies, Sequence) or not all(isinstance(body, VehicleBody) for body in bodies):
+        raise ValueError(f"bodies: {bodies!r} is not allowed; give a list of bodies")
+    if not bodies:
+        raise ValueError("bodies: none given; give at least one")
+
+
 def batch_of(bodies: Sequence[VehicleBody], controllers: ArrayLike) -> VehicleBatch:
     """Bodies and controllers as arrays.
 
@@ -75,8 +83,7 @@ def batch_of(bodies: Sequence[VehicleBody], controllers: ArrayLike) -> VehicleBa
     Raises:
         ValueError: in one line, for no bodies, different numbers of sensors, and other shapes and values.
     """
-    if not len(bodies):
-        raise ValueError("bodies: none given; give at least one")
+    check_bodies(bodies)
     counts = {len(body.sensors) for body in bodies}
     if len(counts) > 1:
         raise ValueError(f"bodies: {sorted(counts)} sensors are not allowed at once; give bodies with equally many")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.braitenberg.body import VehicleBody
-from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral, weight_grid
+from robots.braitenberg.experiment import PUBLISHED, batch_of, check_bodies, contralateral, weight_grid
 from robots.checks import whole_number
 from robots.results_folder import ResultsFolder, read_settings
 from taichi_sim.vehicle import VehicleTask, rollout
@@ -152,8 +152,7 @@ def _images(body: VehicleBody) -> dict[VehicleBody, tuple[bool, bool]]:
 
 def _orbits(bodies: Sequence[VehicleBody]) -> dict[VehicleBody, list[tuple[int, bool, bool]]]:
     """Bodies that stand for others, and whose places they take: index, whether weights change sign, and places."""
-    if not len(bodies):
-        raise ValueError("bodies: none given; give at least one")
+    check_bodies(bodies)
     found: dict[VehicleBody, list[tuple[int, bool, bool]]] = {}
     for index, body in enumerate(bodies):
         if len(body.sensors) != 2:
