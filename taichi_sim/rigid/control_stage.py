@@ -2,7 +2,7 @@
 
 from taichi_sim.elementary import hyperbolic_tangent
 from taichi_sim.lanes import load, smaller, store
-from taichi_sim.rigid import spatial
+from taichi_sim.rigid import laws
 from taichi_sim.rigid.memory import (
     ANGLE,
     BODIES,
@@ -61,10 +61,9 @@ def sense_light(m: ti.template(), k, plan: ti.template(), eyes: ti.template()):
     for s in range(plan[LIGHTS]):
         body = body_at(plan, eyes[s])
         given = plan[LIGHT_PARAMETER] + s * LIGHT_PARAMETER_WIDTH
-        arm = ti.static(spatial.turned(row(m, k, body + ROTATION, 9), row(m, k, given, 3)))
-        at = ti.static(spatial.plus(spatial.plus(base, row(m, k, body + PLACE, 3)), arm))
-        away = ti.static(spatial.minus_times(source, at, 1.0))
-        store(m, k, plan[READING] + plan[TOUCHES] + s, 1.0 / spatial.dot(away, away))
+        rotation, place = ti.static(row(m, k, body + ROTATION, 9)), ti.static(row(m, k, body + PLACE, 3))
+        reading = laws.light_reading(*base, *rotation, *place, *row(m, k, given, 3), *source)
+        store(m, k, plan[READING] + plan[TOUCHES] + s, reading)
     dx, dy = base[0] - source[0], base[1] - source[1]
     store(m, k, CLOSEST, smaller(dx * dx + dy * dy, load(m, k, CLOSEST)))
 

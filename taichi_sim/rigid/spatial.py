@@ -46,6 +46,12 @@ def dot(a: Reals, b: Reals) -> Any:
 
 
 @primitive
+def length(a: Reals) -> Any:
+    """|a|."""
+    return emit(sqrt(dot(a, a)))
+
+
+@primitive
 def plus(a: Reals, b: Reals) -> list[Any]:
     """a + b."""
     return [emit(x + y) for x, y in zip(a, b, strict=True)]
