@@ -134,15 +134,21 @@ def spread(m: ti.template(), k, plan: ti.template(), table: ti.template()):
 
 
 @ti.func
+def row_impulse(m: ti.template(), k, body):
+    """The impulse of a hinge's row, beside its push: what its body needs less what it has."""
+    needed = spatial.dot(row(m, k, body + COLUMN, 6), row(m, k, body + VELOCITY, 6))
+    given = spatial.dot(row(m, k, body + SCREW, 6), row(m, k, body + IMPULSE, 6))
+    return needed - given - load(m, k, body + CONTACT) - load(m, k, body + PUSH)
+
+
+@ti.func
 def switch_rows(m: ti.template(), k, plan: ti.template(), table: ti.template(), phase, tolerance):
     """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one, change; how many did."""
     changes = 0.0 * load(m, k, 0)
     for b in range(1, plan[BODIES]):
         if table[b * BODY_COLUMNS + HINGED] == 1:
             body = body_at(plan, b)
-            impulse = (spatial.dot(row(m, k, body + COLUMN, 6), row(m, k, body + VELOCITY, 6))
-                       - spatial.dot(row(m, k, body + SCREW, 6), row(m, k, body + IMPULSE, 6))
-                       - load(m, k, body + CONTACT) - load(m, k, body + PUSH))  # fmt: skip
+            impulse = row_impulse(m, k, body)
             low, high = load(m, k, body + LOW), load(m, k, body + HIGH)
             ahead = load(m, k, body + RATE) - load(m, k, body + TARGET)
             mode = load(m, k, body + MODES + phase)

@@ -9,12 +9,12 @@ from taichi_sim import runtime
 from taichi_sim.lanes import NATIVE_WIDTH, Real
 from taichi_sim.rigid import batch, memory
 from taichi_sim.rigid import step_stage as step
-from taichi_sim.rigid.batch import Given
-from taichi_sim.rigid.part import Part
+from taichi_sim.rigid.gradient import RigidTape
+from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.settings import Network, World
 from taichi_sim.rigid.shapes import Floats
 from taichi_sim.rigid.state import Frames, RigidResult, State
-from taichi_sim.rigid.tables import Senses, Tables, eyes_of, parameters_of, points_of, tables_of
+from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, points_of, tables_of
 from taichi_sim.rigid.tree import Tree
 
 BLOCKS_AT_ONCE = 4  # a thread: their memory should stay in the cache
@@ -102,6 +102,54 @@ class RigidEngine:
         Raises:
             ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
         """
+        setup = self._setup(steps, weights, commands, hold, lights, start, record_every)
+        found = []
+        for chosen in setup.chunks():
+            part = self._part(setup, chosen)
+            frames = part.run(recording=record_every is not None)
+            found.append((part.memory.read()[:, : len(chosen)], frames[:, : len(chosen)]))
+        memories, frames = (np.concatenate(each, -1) for each in zip(*found, strict=True))
+        return self._result(memories, frames, setup, record_every)
+
+    def record(
+        self,
+        steps: int,
+        *,
+        weights: Floats | None = None,
+        commands: Floats | None = None,
+        hold: int = 1,
+        lights: Floats | None = None,
+        start: State | None = None,
+    ) -> RigidTape:
+        """Simulate, and keep what ``RigidTape.pull_back`` needs for derivatives: all states, about a megabyte for
+        1,000 steps of a quadruped in f32.
+
+        Args:
+            steps: as of ``run``, like all others.
+            weights: of the controllers.
+            commands: instead of these.
+            hold: steps that a command is kept.
+            lights: place of each robot's light.
+            start: where robots start.
+
+        Raises:
+            ValueError: in one line, for what is not allowed, and for Coulomb friction, whose cone has no derivative here.
+        """
+        if np.isfinite(self.world.friction):
+            raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity, viscous slip alone")
+        setup = self._setup(steps, weights, commands, hold, lights, start, None)
+        parts, memories = [], []
+        for chosen in setup.chunks():
+            part = self._part(setup, chosen)
+            tape = part.store(int(setup.plan[memory.KEPT]) * (steps + 1))
+            part.run(tape=tape)
+            parts.append((part, tape, len(chosen)))
+            memories.append(part.memory.read()[:, : len(chosen)])
+        return RigidTape(self._result(np.concatenate(memories, -1), np.empty((0, 0)), setup, None), setup, parts)
+
+    def _setup(self, steps: int, weights: Floats | None, commands: Floats | None, hold: int, lights: Floats | None,
+               start: State | None, record_every: int | None) -> Setup:  # fmt: skip
+        """Check what a run is given, and start Taichi."""
         if not isinstance(steps, int | np.integer) or steps < 0:
             raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
         for name, value in (("record_every", record_every), ("hold", hold)):
@@ -114,28 +162,20 @@ class RigidEngine:
         on_cpu = self.device == "cpu"
         width = (self.width or NATIVE_WIDTH[self.precision]) if on_cpu else 1
         at_once = width * BLOCKS_AT_ONCE * running.threads if on_cpu else ROBOTS_AT_ONCE
-        parts = []
-        for first in range(0, given.batch, at_once):
-            chosen = np.arange(first, min(first + at_once, given.batch))
-            part = self._part(given, chosen, tables, plan, width)
-            frames = part.run(recording=record_every is not None)
-            parts.append((part.memory.read()[:, : len(chosen)], frames[:, : len(chosen)]))
-        memories, frames = (np.concatenate(each, -1) for each in zip(*parts, strict=True))
-        return self._result(memories, frames, plan, tables, record_every)
+        return Setup(self.trees, given, tables, plan, running, width, at_once)
 
-    def _part(self, given: Given, chosen: NDArray[np.int64], tables: Tables, plan: NDArray[np.int32],
-              width: int) -> Part:  # fmt: skip
+    def _part(self, setup: Setup, chosen: NDArray[np.int64]) -> Part:
         """Some robots, ready to start; the last real is filled up with the first robots again."""
-        real, blocks = Real(self.precision, width), -(-len(chosen) // width)
-        padded = np.resize(chosen, blocks * width)
+        real, blocks = Real(self.precision, setup.width), -(-len(chosen) // setup.width)
+        padded = np.resize(chosen, blocks * setup.width)
         sections = {memory.PARAMETER: self._parameters, memory.POINT_PARAMETER: self._points,
                     memory.LIGHT_PARAMETER: eyes_of(self.senses)[None]}  # fmt: skip
         several = len(self.trees) > 1
         numbers = {key: values[padded] if len(values) > 1 else values for key, values in sections.items()}
         trees = [self.trees[n] for n in padded] if several else self.trees
-        part = Part(real, blocks, plan, tables, self._settings(real), self.world, self.device == "cpu")
-        filled = np.zeros((int(plan[memory.SLOTS]), len(padded)))
-        batch.fill(filled, plan, given.rows(padded), trees, numbers, self.world.integration == "momentum")
+        part = Part(real, blocks, setup.plan, setup.tables, self._settings(real), self.world, self.device == "cpu")
+        filled = np.zeros((int(setup.plan[memory.SLOTS]), len(padded)))
+        batch.fill(filled, setup.plan, setup.given.rows(padded), trees, numbers, self.world.integration == "momentum")
         part.memory.write(filled)
         return part
 
@@ -152,10 +192,9 @@ class RigidEngine:
         found[step.FLOATING] = 0 if self.tree.fixed else 1
         return found
 
-    def _result(self, found: np.ndarray, frames: np.ndarray, plan: NDArray[np.int32], tables: Tables,
-                record_every: int | None) -> RigidResult:  # fmt: skip
+    def _result(self, found: np.ndarray, frames: np.ndarray, setup: Setup, record_every: int | None) -> RigidResult:
         """Arrays of a result from memory after a run."""
-        counts, tree = tables.counts, self.tree
+        plan, counts, tree = setup.plan, setup.tables.counts, self.tree
         diverged = found[memory.DIVERGED] >= 0
         found = np.where(diverged & (np.arange(len(found)) != memory.DIVERGED)[:, None], np.nan, found)
         bodies = plan[memory.BODY] + memory.BODY_WIDTH * np.arange(counts.bodies)

@@ -14,7 +14,7 @@ from taichi_sim.runtime import ti
 # Places in the plan: counts, then the first slots of sections.
 BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS, HOLD, STEPS, EVERY, FRAME, FRAMES, KEPT = range(13)
 BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
-    range(12, 24)
+    range(13, 25)
 )
 PLAN_LENGTH = 25
 

@@ -1,17 +1,51 @@
 """Some robots of a batch at a time, in memory that fits the cache: what kernels are called with."""
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.lanes import Real
 from taichi_sim.rigid import memory
+from taichi_sim.rigid.batch import Given
+from taichi_sim.rigid.gradient_kernel import gradient_kernel
 from taichi_sim.rigid.rollout_kernel import rollout_kernel
 from taichi_sim.rigid.settings import World
 from taichi_sim.rigid.store import Store
 from taichi_sim.rigid.tables import Tables
-from taichi_sim.runtime import GRAIN
+from taichi_sim.rigid.tree import Tree
+from taichi_sim.runtime import GRAIN, Configuration
 
 VISCOUS_PHASES, COULOMB_PHASES = 2, 5  # solutions of a step; Coulomb's cone is found by repetition
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What all parts of a run share.
+
+    Attributes:
+        trees: one for all robots, or one each.
+        given: what the run is given.
+        tables: integers of the tree.
+        plan: places of sections.
+        running: what Taichi was started with.
+        width: robots side by side.
+        at_once: robots of a part.
+    """
+
+    trees: Sequence[Tree]
+    given: Given
+    tables: Tables
+    plan: NDArray[np.int32]
+    running: Configuration
+    width: int
+    at_once: int
+
+    def chunks(self) -> Iterator[NDArray[np.int64]]:
+        """The robots of each part."""
+        for first in range(0, self.given.batch, self.at_once):
+            yield np.arange(first, min(first + self.at_once, self.given.batch))
 
 
 class Part:
@@ -52,3 +86,10 @@ class Part:
         kernel(self.blocks, self._phases, self.memory.argument, frames.argument, (tape or self.store(1)).argument,
                *self.shared)  # fmt: skip
         return frames.read()
+
+    def go_back(self, tape: Store, cotangents: Store) -> None:
+        """Turn cotangents of the end of a run into those of all that it was given."""
+        kernel = gradient_kernel(self.real, self.grain, self.drifting, not self.drifting)
+        adjoint = self.store(int(self.plan[memory.SLOTS]))
+        kernel(self.blocks, self._phases, self.memory.argument, adjoint.argument, cotangents.argument, tape.argument,
+               *self.shared)  # fmt: skip
