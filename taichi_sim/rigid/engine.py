@@ -121,7 +121,7 @@ class RigidEngine:
         lights: Floats | None = None,
         start: State | None = None,
     ) -> RigidTape:
-        """Simulate, and keep what ``RigidTape.pull_back`` needs for derivatives: all states, about a megabyte for
+        """Simulate, and keep all states, so that ``RigidTape.pull_back`` can give derivatives: about a megabyte for
         1,000 steps of a quadruped in f32.
 
         Args:
@@ -133,7 +133,7 @@ class RigidEngine:
             start: where robots start.
 
         Raises:
-            ValueError: in one line, for what is not allowed, and for Coulomb friction, whose cone has no derivative here.
+            ValueError: in one line, for what is not allowed, and Coulomb friction, whose cone has no derivative here.
         """
         if np.isfinite(self.world.friction):
             raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity, viscous slip alone")

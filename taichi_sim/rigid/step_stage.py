@@ -74,7 +74,9 @@ def respond(m: ti.template(), k, plan: ti.template(), table: ti.template(), poin
     for phase in range(phases):
         if phase == 0 or count > 0:
             solve_phase(m, k, plan, table, points, paths, listed, settings, block, count, phase, push_out, drifting)
-            rub(m, k, plan, points, listed, block, count, phase, settings[SLIP_STRENGTH], settings[FRICTION], push_out)
+            if phase + 1 < phases:
+                rub(m, k, plan, points, listed, block, count, phase, settings[SLIP_STRENGTH], settings[FRICTION],
+                    push_out)  # fmt: skip
 
 
 @ti.func

@@ -1,0 +1,107 @@
+"""Derivatives of rollouts of rigid robots against central differences, contacts, stops and motors' limits included."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robots.quadruped import AS_RUN, LEGGED, WHEELED, WHEGGED, Quadruped, engine
+from taichi_sim.rigid import Network, RigidEngine, World
+
+ROBOTS = 4
+LIGHT = np.array([[3.0, 1.0, 0.15]])
+SHIFT = 1e-6
+
+
+def weights_of(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, (ROBOTS, 5, 8))
+
+
+def differences(cost, value: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Central differences of costs (B,) along a direction."""
+    return (cost(value + SHIFT * direction) - cost(value - SHIFT * direction)) / (2 * SHIFT)
+
+
+@pytest.mark.parametrize("robot", [LEGGED, WHEELED, WHEGGED], ids=lambda robot: robot.kind)
+def test_derivatives_by_weights_and_light_agree_with_differences_over_twenty_steps(robot):
+    """From the start inside the ground, which throws robots up, motors at their limits."""
+    rng, steps, given = np.random.default_rng(1), 20, weights_of(3)
+    robots = engine(robot, precision="f64", threads=1)
+    of_position, of_light = rng.normal(size=3), 1.7
+
+    def cost(weights=given, lights=LIGHT):
+        done = robots.run(steps, weights=weights, lights=lights)
+        return done.position @ of_position + of_light * done.readings[:, 4]
+
+    tape = robots.record(steps, weights=given, lights=LIGHT)
+    readings = np.tile([0, 0, 0, 0, of_light], (ROBOTS, 1))
+    gradient = tape.pull_back(position=np.tile(of_position, (ROBOTS, 1)), readings=readings)
+    direction = rng.normal(size=given.shape)
+    found, expected = (gradient.weights * direction).sum((1, 2)), differences(cost, given, direction)
+    assert np.abs(found / expected - 1).max() < 1e-6
+    along = rng.normal(size=(1, 3))
+    expected = differences(lambda lights: cost(lights=lights), LIGHT, along)
+    assert np.abs(gradient.lights @ along[0] / expected - 1).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["mass", "body_width", "limb_length", "limb_radius", "wheel_radius"])
+def test_derivatives_by_sizes_and_masses_agree_with_differences(name):
+    steps, given, aim = 20, weights_of(3), np.random.default_rng(2).normal(size=3)
+
+    def design(value: float) -> Quadruped:
+        return replace(WHEGGED, **{name: value})
+
+    def cost(value: float) -> np.ndarray:
+        robots = engine(design(value), precision="f64", threads=1)
+        return robots.run(steps, weights=given, lights=LIGHT).position @ aim
+
+    value = getattr(WHEGGED, name)
+    tape = engine(WHEGGED, precision="f64", threads=1).record(steps, weights=given, lights=LIGHT)
+    gradient = tape.pull_back(position=np.tile(aim, (ROBOTS, 1)))
+    shift = SHIFT * value
+    expected = (cost(value + shift) - cost(value - shift)) / (2 * shift)
+    found = gradient.by_design(lambda x: design(x).tree(AS_RUN), value)
+    assert np.abs(found / expected - 1).max() < 1e-6
+
+
+@pytest.mark.parametrize("integration", ["momentum", "velocity"])
+def test_derivatives_of_pose_and_angles_and_by_commands(integration):
+    """Open-loop commands, a second robot that falls over; both ways to carry motion on."""
+    rng, steps = np.random.default_rng(4), 20
+    world = World(0.05, -1.0, 0.01, integration=integration)
+    robots = RigidEngine(LEGGED.tree(), world, LEGGED.senses(), Network(), precision="f64", threads=1)
+    commands = rng.uniform(-1, 1, (2, 4, 8))
+    for name, size in (("orientation", 4), ("angles", 8)):
+        aim, direction = rng.normal(size=size), rng.normal(size=commands.shape)
+
+        def cost(given: np.ndarray, name=name, aim=aim) -> np.ndarray:
+            return getattr(robots.run(steps, commands=given, hold=5), name) @ aim
+
+        tape = robots.record(steps, commands=commands, hold=5)
+        gradient = tape.pull_back(**{name: np.tile(aim, (2, 1))})
+        found, expected = (gradient.commands * direction).sum((1, 2)), differences(cost, commands, direction)
+        assert np.abs(found / expected - 1).max() < 1e-6
+
+
+def test_neighbours_and_lanes_change_no_bit_of_a_gradient():
+    given, aim = weights_of(5), np.ones((ROBOTS, 3))
+    lanes, scalars = (engine(WHEGGED, precision="f64", threads=1, width=width) for width in (8, 1))
+    all_four = lanes.record(50, weights=given, lights=LIGHT).pull_back(position=aim)
+    alone = scalars.record(50, weights=given[2:3], lights=LIGHT).pull_back(position=aim[:1])
+    assert np.array_equal(all_four.weights[2], alone.weights[0])
+
+
+def test_what_has_no_derivative_is_refused_in_one_line():
+    robots = RigidEngine(LEGGED.tree(), World(friction=0.5), LEGGED.senses(), threads=1)
+    with pytest.raises(ValueError, match=r"^friction: 0\.5 has no derivatives"):
+        robots.record(5)
+    tape = engine(LEGGED, threads=1).record(2)
+    with pytest.raises(ValueError, match=r"^position: shape \(2, 3\) is not allowed; give \(1, 3\)"):
+        tape.pull_back(position=np.ones((2, 3)))
+
+
+def test_a_tape_repeats_the_run_that_it_was_made_of():
+    given = weights_of(6)
+    robots = engine(WHEGGED, precision="f64", threads=1)
+    done = robots.run(30, weights=given, lights=LIGHT)
+    assert np.array_equal(robots.record(30, weights=given, lights=LIGHT).result.position, done.position)
