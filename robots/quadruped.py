@@ -219,28 +219,68 @@ def simulate(
     Raises:
         ValueError: in one line, for what is not allowed.
     """
-    several = [robots] if isinstance(robots, Quadruped) else list(robots)
-    given = check_weights(weights, SENSORS, MOTORS)
-    places = np.array([[number("light", x) for x in place] for place in lights], float)
-    if places.ndim != 2 or places.shape[1] != 2 or len(places) == 0:
-        raise ValueError(f"lights: shape {places.shape} is not allowed; give (E, 2)")
-    if len(several) not in (1, len(given)):
-        raise ValueError(
-            f"robots: {len(several)} are not allowed; give one, or one for each of {len(given)} controllers"
-        )
-    count, environments = len(given), len(places)
-    trees = several if len(several) == 1 else [each for each in several for _ in range(environments)]
-    sources = np.column_stack([np.tile(places, (count, 1)), np.full(count * environments, LIGHT_HEIGHT)])
-    found = engine(trees, variant, **settings).run(
-        whole_number("steps", steps, 1) - 1,
-        weights=np.repeat(given, environments, 0),
-        lights=sources,
-        record_every=record_every,
+    trials = _Trials.check(robots, weights, lights)
+    found = engine(trials.robots, variant, **settings).run(
+        whole_number("steps", steps, 1) - 1, weights=trials.weights, lights=trials.lights, record_every=record_every
     )
-    shape = (count, environments)
-    light = found.readings[:, -1]
-    if variant.quantum:
-        light = np.round(light / variant.quantum) * variant.quantum
-    away = np.hypot(*(found.position - sources)[:, :2].T)
-    return QuadrupedResult(light.reshape(shape), away.reshape(shape), found.closest.reshape(shape),
-                           found.position.reshape(*shape, 3), found.status.reshape(shape), found)  # fmt: skip
+    return trials.result(found, variant)
+
+
+def differentiate(
+    robots: Quadruped | Sequence[Quadruped],
+    weights: object,
+    lights: Sequence[Sequence[float]] = TWO_ENVIRONMENTS,
+    *,
+    variant: Variant = AS_RUN,
+    steps: int = STEPS,
+    **settings: Any,
+) -> tuple[QuadrupedResult, Floats]:
+    """As :func:`simulate`, with derivatives of the last light readings by the weights, (N, E, 5, 8) [1/m^2].
+
+    Contacts, stops and limits act as they did (see ``taichi_sim.rigid.gradient``); readings are not rounded before. It
+    takes about five times as long as :func:`simulate`, and 2 MB for a rollout of 1,000 steps in f64. Derivatives of
+    robots that diverged are NaN.
+    """
+    trials = _Trials.check(robots, weights, lights)
+    robots_at_work = engine(trials.robots, variant, **settings)
+    tape = robots_at_work.record(whole_number("steps", steps, 1) - 1, weights=trials.weights, lights=trials.lights)
+    of_light = np.zeros((len(trials.weights), SENSORS))
+    of_light[:, -1] = 1
+    slopes = tape.pull_back(readings=of_light).weights
+    return trials.result(tape.result, variant), slopes.reshape(*trials.shape, SENSORS, MOTORS)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """All controllers in all environments, the latter changing fastest."""
+
+    robots: list[Quadruped]
+    weights: Floats
+    lights: Floats
+    shape: tuple[int, int]
+
+    @classmethod
+    def check(cls, robots: Quadruped | Sequence[Quadruped], weights: object,
+              lights: Sequence[Sequence[float]]) -> "_Trials":  # fmt: skip
+        """Raises ValueError in one line for what is not allowed."""
+        several = [robots] if isinstance(robots, Quadruped) else list(robots)
+        given = check_weights(weights, SENSORS, MOTORS)
+        places = np.array([[number("light", x) for x in place] for place in lights], float)
+        if places.ndim != 2 or places.shape[1] != 2 or len(places) == 0:
+            raise ValueError(f"lights: shape {places.shape} is not allowed; give (E, 2)")
+        if len(several) not in (1, len(given)):
+            allowed = f"give one, or one for each of {len(given)} controllers"
+            raise ValueError(f"robots: {len(several)} are not allowed; {allowed}")
+        count, environments = len(given), len(places)
+        sources = np.column_stack([np.tile(places, (count, 1)), np.full(count * environments, LIGHT_HEIGHT)])
+        trees = several if len(several) == 1 else [each for each in several for _ in range(environments)]
+        return cls(trees, np.repeat(given, environments, 0), sources, (count, environments))
+
+    def result(self, found: RigidResult, variant: Variant) -> QuadrupedResult:
+        """What a run came to, by controllers and environments."""
+        light = found.readings[:, -1]
+        if variant.quantum:
+            light = np.round(light / variant.quantum) * variant.quantum
+        away = np.hypot(*(found.position - self.lights)[:, :2].T)
+        light, away, closest, status = (x.reshape(self.shape) for x in (light, away, found.closest, found.status))
+        return QuadrupedResult(light, away, closest, found.position.reshape(*self.shape, 3), status, found)

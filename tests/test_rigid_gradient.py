@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robots.quadruped import AS_RUN, LEGGED, WHEELED, WHEGGED, Quadruped, engine
+from robots.quadruped import (
+    AS_RUN,
+    ENVIRONMENTS,
+    LEGGED,
+    WHEELED,
+    WHEGGED,
+    Quadruped,
+    differentiate,
+    engine,
+    simulate,
+)
 from taichi_sim.rigid import Network, RigidEngine, World
 
 ROBOTS = 4
@@ -105,3 +115,18 @@ def test_a_tape_repeats_the_run_that_it_was_made_of():
     robots = engine(WHEGGED, precision="f64", threads=1)
     done = robots.run(30, weights=given, lights=LIGHT)
     assert np.array_equal(robots.record(30, weights=given, lights=LIGHT).result.position, done.position)
+
+
+def test_derivatives_of_light_readings_by_the_weights_of_each_environment():
+    given, direction = weights_of(7)[:2], np.random.default_rng(8).normal(size=(2, 5, 8))
+    settings = {"steps": 16, "precision": "f64", "threads": 1}
+    done, slopes = differentiate(WHEGGED, given, ENVIRONMENTS[:3], **settings)
+    assert done.light.shape == (2, 3) and slopes.shape == (2, 3, 5, 8)
+    assert np.array_equal(done.light, simulate(WHEGGED, given, ENVIRONMENTS[:3], **settings).light)
+    exact = replace(AS_RUN, quantum=0.0)
+
+    def cost(weights: np.ndarray) -> np.ndarray:
+        return simulate(WHEGGED, weights, ENVIRONMENTS[:3], variant=exact, **settings).light
+
+    expected = differences(cost, given, direction)
+    assert np.abs((slopes * direction[:, None]).sum((2, 3)) / expected - 1).max() < 1e-5
