@@ -282,5 +282,6 @@ class _Trials:
         if variant.quantum:
             light = np.round(light / variant.quantum) * variant.quantum
         away = np.hypot(*(found.position - self.lights)[:, :2].T)
-        light, away, closest, status = (x.reshape(self.shape) for x in (light, away, found.closest, found.status))
+        light, away, closest = (x.reshape(self.shape) for x in (light, away, found.closest))
+        status = found.status.reshape(self.shape)
         return QuadrupedResult(light, away, closest, found.position.reshape(*self.shape, 3), status, found)
