@@ -1,0 +1,152 @@
+"""A second implementation of the rigid engine's step, slow and plain: explicit Jacobians, dense matrices, pivoting.
+
+It shares descriptions (``Tree``, ``World``) with the engine and nothing else. A body's velocity is J u, with u the
+angular and linear velocity of the base and the rates of hinges; what motors, stops and normals ask of u is one mixed
+linear complementarity problem.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from taichi_sim.rigid import Hinge
+
+COMPLIANCE = 2e-9  # s/kg, of normals, as in the engine in f64
+ROUNDING = 1e-12
+
+
+def complementarity(matrix, right, low, high):
+    """Solve r = A x - b with x at its lower bound where r > 0, at its upper where r < 0, else r = 0; by pivoting."""
+    side, fewest, patience = np.zeros(len(right), int), len(right) + 1, 5  # -1: at the lower bound, 1: at the upper
+    for _ in range(1000):
+        x, free = np.choose(side + 1, [low, np.zeros_like(low), high]), side == 0
+        x[free] = np.linalg.solve(matrix[np.ix_(free, free)], right[free] - matrix[np.ix_(free, ~free)] @ x[~free])
+        excess = matrix @ x - right
+        after = np.where((side < 0) & (excess < -ROUNDING) | (side > 0) & (excess > ROUNDING), 0, side)
+        after[free & (x < low - ROUNDING)], after[free & (x > high + ROUNDING)] = -1, 1
+        wrong = np.nonzero(after != side)[0]
+        if len(wrong) == 0:
+            return x
+        patience, fewest = 5 if len(wrong) < fewest else patience - 1, min(fewest, len(wrong))
+        changing = wrong if patience >= 0 else wrong[-1:]
+        side[changing] = after[changing]
+    raise RuntimeError("no solution of a complementarity problem was found")
+
+
+class Oracle:
+    """One robot, step by step; ``position``, ``orientation`` and ``angles`` are where it is."""
+
+    def __init__(self, tree, world, start):
+        self.tree, self.world = tree, world
+        self.position, self.orientation, self.angles = start.position[0], start.orientation[0], start.angles[0]
+        self.masses = np.array([body.mass for body, _ in tree.ordered])
+        rotations, places, jacobians = self.kinematics()
+        self.own = places  # of bodies that may drift off their hinges
+        self.carry(places, self.inertias(rotations), jacobians @ np.append(start.velocity[0], start.rates[0]))
+
+    def kinematics(self):
+        """Rotations, centres and Jacobians (angular, then linear) of all bodies."""
+        rotations = [Rotation.from_quat(self.orientation, scalar_first=True).as_matrix()]
+        places, hinge = [self.position], 6
+        jacobians = np.zeros((len(self.tree.bodies), 6, 6 + len(self.angles)))
+        jacobians[0, :, :6] = np.eye(6)
+        for b, parent in list(enumerate(self.tree.parents))[1:]:
+            (body, joint), jacobian, turned = self.tree.ordered[b], jacobians[b], rotations[parent]
+            arm = turned @ np.subtract(body.position, self.tree.ordered[parent][0].position)
+            if isinstance(joint, Hinge):
+                axis = turned @ joint.axis / np.linalg.norm(joint.axis)
+                lever = turned @ np.subtract(body.position, joint.anchor)
+                turn = Rotation.from_rotvec(axis * self.angles[hinge - 6]).as_matrix()
+                arm, turned = arm - lever + turn @ lever, turn @ turned
+                jacobian[:, hinge], hinge = [*axis, *np.cross(axis, turn @ lever)], hinge + 1
+            rotations.append(turned)
+            places.append(places[parent] + arm)
+            jacobian[:3] += jacobians[parent, :3]
+            jacobian[3:] += jacobians[parent, 3:] + np.cross(jacobians[parent, :3].T, arm).T
+        return np.array(rotations), np.array(places), jacobians
+
+    def inertias(self, rotations):
+        return rotations @ [body.inertia for body, _ in self.tree.ordered] @ rotations.transpose(0, 2, 1)
+
+    def carry(self, places, inertias, velocities):
+        """What goes into the next step: velocities, or momenta about the origin of the world."""
+        linear, spin = self.masses[:, None] * velocities[:, 3:], np.einsum("bij,bj->bi", inertias, velocities[:, :3])
+        self.velocities, self.momenta = velocities, (spin + np.cross(places, linear), linear)
+
+    def step(self, commands):
+        """One time step with these commands to the motors."""
+        h, by_velocity = self.world.time_step, self.world.integration == "velocity"
+        push_out = self.world.error_reduction / h
+        rotations, places, jacobians = self.kinematics()
+        inertias, drift = self.inertias(rotations), by_velocity * (self.own - places)
+        drift[0] = 0
+        if by_velocity:
+            turning = self.velocities[:, :3]
+            spin = np.einsum("bij,bj->bi", inertias, turning)
+            spin = spin - h * np.cross(turning, spin)
+            linear = self.masses[:, None] * (self.velocities[:, 3:] + push_out * drift)
+        else:
+            spin, linear = self.momenta[0] - np.cross(places, self.momenta[1]), self.momenta[1]
+        linear = linear + h * self.world.gravity * np.outer(self.masses, [0, 0, 1])
+        matrix = np.einsum("bij,bik,bkl->jl", jacobians[:, :3], inertias, jacobians[:, :3])
+        matrix += np.einsum("bij,b,bil->jl", jacobians[:, 3:], self.masses, jacobians[:, 3:])
+        pushes, rows, demands = self.hinges(commands)
+        right = np.einsum("bij,bi->j", jacobians, np.hstack([spin, linear])) + pushes
+        contacts = self.contacts(rotations, places + drift, jacobians)
+        demands += [(push_out * (depth + drift[b, 2]), 0.0, np.inf) for depth, b, _ in contacts]
+        rows = np.array(rows + [motion[2] for *_, motion in contacts]).reshape(-1, len(right))
+        slides = [(motion[:2], push_out * drift[b, :2]) for _, b, motion in contacts]
+        u = self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides)
+        self.carry(places, inertias, jacobians @ u)
+        self.velocities[:, 3:] -= push_out * drift
+        self.own = self.own + h * self.velocities[:, 3:]
+        w, q = u[:3], self.orientation
+        moved = q + h / 2 * np.array([-w @ q[1:], *(q[0] * w + np.cross(w, q[1:]))])
+        self.orientation = moved / np.linalg.norm(moved)
+        self.position, self.angles = self.position + h * u[3:6], self.angles + h * u[6:]
+
+    def hinges(self, commands):
+        """Impulses of motors at stops; rows of motors and stops, each with its rate, lowest and highest impulse."""
+        h, unit = self.world.time_step, np.eye(6 + len(self.angles))
+        pushes, rows, demands = np.zeros(len(unit)), [], []
+        for n, (joint, angle) in enumerate(zip(self.tree.hinges, self.angles, strict=True), 6):
+            motor, (lower, upper) = joint.motor, joint.stops or (-np.inf, np.inf)
+            wanted, strength = 0.0, 0.0
+            if motor is not None:
+                wanted = motor.by_command * commands[joint.command] + motor.by_angle * angle + motor.offset
+                strength = h * motor.torque
+            if angle <= lower or angle >= upper:
+                pushes[n] = strength if wanted > 0 or (wanted == 0 and angle >= upper) else -strength
+                back = self.world.error_reduction / h * ((lower if angle <= lower else upper) - angle)
+                demands.append((back, 0.0, np.inf) if angle <= lower else (back, -np.inf, 0.0))
+                rows.append(unit[n])
+            elif strength:
+                demands.append((wanted, -strength, strength))
+                rows.append(unit[n])
+        return pushes, rows, demands
+
+    def contacts(self, rotations, places, jacobians):
+        """Depth, body and Jacobian of each point on the ground."""
+        levers = [(b, rotations[b] @ centre - [0, 0, radius]) for b, centre, radius in self.tree.points()]
+        return [(-(places[b] + lever)[2], b, jacobians[b, 3:] + np.cross(jacobians[b, :3].T, lever).T)
+                for b, lever in levers if (places[b] + lever)[2] <= 0]  # fmt: skip
+
+    def solve(self, matrix, right, rows, demands, slides):
+        """Velocities: first without friction, then with that of points that push; Coulomb's by repetition."""
+        (rates, low, high), normals = demands, np.arange(len(rows) - len(slides), len(rows))
+        soft, free = np.zeros(len(rows)), slice(6 * self.tree.fixed, None)
+        soft[normals] = COMPLIANCE
+        strength = np.zeros(len(slides))
+        for phase in range(1 if not slides else 2 if np.isinf(self.world.friction) else 5):
+            inertia = matrix + sum(s * motion.T @ motion for s, (motion, _) in zip(strength, slides, strict=True))
+            drive = right + sum(s * motion.T @ slip for s, (motion, slip) in zip(strength, slides, strict=True))
+            inverse = np.zeros_like(matrix)
+            inverse[free, free] = np.linalg.inv(inertia[free, free])
+            system = rows @ inverse @ rows.T + np.diag(soft)
+            impulses = complementarity(system, rates - rows @ inverse @ drive, low, high)
+            u = inverse @ (drive + rows.T @ impulses)
+            if phase == 0:
+                strength = most = np.where(impulses[normals] > 0, self.world.time_step / self.world.slip, 0.0)
+            elif np.isfinite(self.world.friction):
+                speeds = [np.linalg.norm([*(motion @ u - slip), 1e-6]) for motion, slip in slides]
+                strength = np.minimum(self.world.friction * impulses[normals] / speeds, most)
+        return u
