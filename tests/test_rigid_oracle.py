@@ -31,30 +31,28 @@ def disagreement(robot, world, commands, steps=STEPS, start=None):
 @pytest.mark.parametrize("integration", ["momentum", "velocity"])
 @pytest.mark.parametrize(
     ("robot", "case"),
-    [(LEGGED, "mixed"), (LEGGED, "mixed2"), (WHEELED, "mixed2"), (WHEGGED, "mixed"), (WHEGGED, "mixed2")],
+    [(robot, case) for robot in (LEGGED, WHEELED, WHEGGED) for case in ("mixed", "mixed2")],
     ids=lambda value: getattr(value, "kind", value),
 )
 def test_the_engine_is_its_dense_oracle_to_1e_9_over_200_steps(robot, case, integration):
     """Rounding is all that differs: 1e-13 is measured.
 
-    Wheeled robots under "mixed" are left out. With eight points on the ground where three would carry the robot, a
-    point that the engine leaves out may sink in by less than its tolerance; it then pushes no more, and does not rub.
+    So it does under the other commands, but for "second_joints_plus" of whegged robots integrated by momentum. They
+    touch down with exactly no velocity there, so that rounding decides which of four wheels pushes, and so rubs.
     """
     world = World(TIME_STEP, GRAVITY, SLIP, integration=integration)
     assert disagreement(robot, world, COMMANDS[case][None]) < 1e-9
 
 
-@pytest.mark.parametrize("friction", [np.inf, 0.4])
-def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_commands(friction):
-    """Stops, torque limits, flight and landings on any side."""
+@pytest.mark.parametrize(("friction", "tolerance"), [(np.inf, 1e-10), (0.4, 1e-6)])
+def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_commands(friction, tolerance):
+    """Stops, torque limits, flight and landings on any side; Coulomb's cone, cut off after few repetitions."""
     rng = np.random.default_rng(3)
-    tree = LEGGED.tree()
-    for _ in range(3):
+    for _ in range(4):
         turn = rng.normal(size=(1, 4))
         start = State(
             np.array([[0, 0, 0.8]]), turn / np.linalg.norm(turn), rng.uniform(-0.7, 0.7, (1, 8)),
             rng.normal(size=(1, 6)), rng.normal(size=(1, 8)),
         )  # fmt: skip
-        assert len(tree.hinges) == 8
-        world = World(0.02, -9.81, 0.01, friction, integration="momentum")
-        assert disagreement(LEGGED, world, rng.uniform(-1, 1, (40, 8)), 40, start) < 1e-9
+        world = World(0.02, -9.81, SLIP, friction)
+        assert disagreement(LEGGED, world, rng.uniform(-1, 1, (40, 8)), 40, start) < tolerance
