@@ -1,0 +1,142 @@
+"""Catastrophic interference in the lines of climbers: what a step that was kept did in each environment.
+
+Source: dissertation, chapter 2, "Measuring catastrophic interference": Eq. dist_record (the change of a mutation),
+runchampion, m1 (worst distance), m2 (angle from the diagonal), m3 (length), and quadrant I (M4).
+
+A run is the evaluations that its climbers kept, in the order of generations: which climber, shape (N,), and how far
+from the light it ended in each environment, shape (N, E). The first of a climber is its start, each other one a
+beneficial mutation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RunMeasures:
+    """The four measures of a run.
+
+    Attributes:
+        champion: number of the climber whose worst distance is ``worst``.
+        worst: M1, distance of the champion in its worst environment [m].
+        angle: M2, mean angle between changes and the diagonal [degrees]; NaN without changes.
+        length: M3, mean length of changes [m]; NaN without changes.
+        share: M4, share of changes that are better in every environment, from 0 to 1; NaN without changes.
+        changes: how many there are in the line.
+    """
+
+    champion: int
+    worst: float
+    angle: float
+    length: float
+    share: float
+    changes: int
+
+
+def changes_of(line: ArrayLike) -> Floats:
+    """Changes along a line, (A, E) [m], from its distances, (A + 1, E): positive where it came nearer.
+
+    Eq. dist_record. Failed evaluations (NaN), which only starts can be, are left out.
+    """
+    away = np.asarray(line, float)
+    return np.asarray(-np.diff(away[np.isfinite(away).all(axis=1)], axis=0))
+
+
+def angles(changes: ArrayLike) -> Floats:
+    """Angle of each change, (A, E), from the diagonal of equal gains [degrees], (A,); NaN for no change at all.
+
+    Eq. m2; its fold at 180 degrees never acts, as an arc cosine is never more.
+    """
+    delta = np.asarray(changes, float)
+    with np.errstate(invalid="ignore"):
+        cosine = delta.sum(axis=1) / (lengths(delta) * np.sqrt(delta.shape[1]))
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def lengths(changes: ArrayLike) -> Floats:
+    """Length of each change, (A, E) [m]: (A,). Eq. m3."""
+    return np.asarray(np.linalg.norm(np.asarray(changes, float), axis=1))
+
+
+def avoids_interference(changes: ArrayLike) -> NDArray[np.bool_]:
+    """Whether each change, (A, E), is better in every environment (quadrant I of two): (A,)."""
+    return np.asarray((np.asarray(changes, float) > 0).all(axis=1))
+
+
+def last_kept(climber: ArrayLike) -> Indices:
+    """Where in a run the last evaluation of each climber is, shape (P,), climbers ascending."""
+    reversed_climbers = np.asarray(climber)[::-1]
+    return np.asarray(len(reversed_climbers) - 1 - np.unique(reversed_climbers, return_index=True)[1])
+
+
+def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
+    """M1 to M4 of a run as the dissertation defines them.
+
+    The champion has the smallest worst distance in the last generation (Eq. runchampion); its line is all that its
+    climber kept.
+
+    Args:
+        climber: of each evaluation kept, (N,).
+        distance: at the end of each, (N, E) [m]; NaN failed.
+
+    Raises:
+        ValueError: in one line, for other shapes, or a run without any.
+    """
+    of, away = _checked(climber, distance)
+    ends = last_kept(of)
+    best = ends[np.argmin(_worst(away[ends]))]
+    return _measures(int(of[best]), float(away[best].max()), changes_of(away[of == of[best]]))
+
+
+def measure_run_as_computed(climber: ArrayLike, distance: ArrayLike, apparent: ArrayLike | None = None) -> RunMeasures:
+    """M1 to M4 as the published experiment computed them.
+
+    Its champion is the climber with the smallest *sum* of distances in the last generation, M1 its worst distance.
+    Its line is that of the smallest worst distance of all generations, back from there, and only steps that change
+    the worst distance count. (differs: for two environments the experiment walked along children, kept or not.)
+
+    Args:
+        climber: of each evaluation kept, (N,).
+        distance: at the end of each, seen from above, (N, E) [m]; NaN failed.
+        apparent: distances that the line is measured by, (N, E) [m]: those that light readings stand for; ``distance``
+            if None.
+
+    Raises:
+        ValueError: in one line, for other shapes, or a run without any.
+    """
+    of, away = _checked(climber, distance)
+    _, seen = (of, away) if apparent is None else _checked(climber, apparent)
+    ends = last_kept(of)
+    logged = ends[np.argmin(np.nan_to_num(away[ends].sum(axis=1), nan=np.inf))]
+    nearest = int(np.argmin(_worst(seen)))
+    line = seen[: nearest + 1][of[: nearest + 1] == of[nearest]]
+    line = line[np.isfinite(line).all(axis=1)]
+    return _measures(int(of[logged]), float(away[logged].max()), changes_of(line)[np.diff(_worst(line)) != 0])
+
+
+def _measures(champion: int, worst: float, changes: Floats) -> RunMeasures:
+    turned = angles(changes)
+    turned = turned[np.isfinite(turned)]
+    if not len(changes) or not len(turned):
+        return RunMeasures(champion, worst, np.nan, np.nan, np.nan, 0)
+    share = float(avoids_interference(changes).mean())
+    return RunMeasures(champion, worst, float(turned.mean()), float(lengths(changes).mean()), share, len(changes))
+
+
+def _worst(distance: Floats) -> Floats:
+    """Largest distance of each row; infinite where an evaluation failed."""
+    return np.asarray(np.nan_to_num(distance.max(axis=1), nan=np.inf))
+
+
+def _checked(climber: ArrayLike, distance: ArrayLike) -> tuple[Indices, Floats]:
+    of, away = np.asarray(climber, np.int64), np.asarray(distance, float)
+    if of.ndim != 1 or away.ndim != 2 or len(of) != len(away) or away.shape[1] < 1 or not len(of):
+        raise ValueError(
+            f"distance: shape {away.shape} is not allowed for {of.size} evaluations; give (evaluations, environments)"
+        )
+    return of, away
