@@ -18,6 +18,7 @@ from optim.commands import (
     compare,
     export,
     gradient_check,
+    interference,
     reproduce,
     simulate,
     status,
@@ -36,9 +37,10 @@ class _Parser(argparse.ArgumentParser):
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
-    parser = _Parser(prog="morpholab", description="Simulate soft robots and design their bodies and gaits.")
+    parser = _Parser(prog="morpholab", description="Simulate soft and rigid robots, and design bodies and behaviours.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, codesign, status, compare, gradient_check, export, sweep, train, reproduce, bench):
+    for command in (simulate, codesign, status, compare, gradient_check, export, sweep, train, interference, reproduce,
+                    bench):  # fmt: skip
         command.add_parser(commands)
     return parser
 

@@ -11,16 +11,12 @@ from typing import Protocol
 import numpy as np
 
 from optim.search.method import generator
-from optim.studies.interference_settings import HILL_CLIMB, Arrays, Floats, Interference, Treatment
+from optim.studies.interference_settings import FITNESS_NAMES, HILL_CLIMB, Arrays, Floats, Interference, Treatment
 from robots.quadruped import MOTORS, SENSORS
 
 STEP = 0.05  # standard deviation of mutations
-FITNESS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
-    {
-        "sum": lambda light: light.sum(axis=-1),
-        "product": lambda light: light.prod(axis=-1),
-        "min": lambda light: light.min(axis=-1),
-    }
+FITNESS: Mapping[str, Callable[..., Floats]] = MappingProxyType(
+    dict(zip(FITNESS_NAMES, (np.sum, np.prod, np.min), strict=True))
 )
 
 
@@ -77,7 +73,7 @@ class HillClimbers:
 
     def tell(self, weights: Floats, light: Floats, distance: Floats) -> None:
         """Keep what is strictly better, Eq. survival; at the start, all."""
-        scores = np.nan_to_num(self.fitness(light), nan=-np.inf)
+        scores = np.nan_to_num(self.fitness(light, axis=-1), nan=-np.inf)
         kept = (scores > self.scores) | (self.generation == 0)
         self.weights = np.where(kept[:, None, None], weights, self.weights)
         self.scores = np.where(kept, scores, self.scores)

@@ -26,7 +26,8 @@ Arrays = dict[str, NDArray[Any]]
 Lights = tuple[tuple[float, float], ...]
 
 HILL_CLIMB = "hill-climb"
-ROBOTS = {robot.kind: robot for robot in (LEGGED, WHEELED, WHEGGED)}
+ROBOTS: dict[str, Quadruped] = {robot.kind: robot for robot in (LEGGED, WHEELED, WHEGGED)}
+FITNESS_NAMES = ("sum", "product", "min")
 LIGHTS: dict[int, Lights] = {2: TWO_ENVIRONMENTS, 4: ENVIRONMENTS}  # by the number of environments
 
 
@@ -55,13 +56,13 @@ class Treatment:
         return f"{self.robot}_{self.fitness}_{trainer}{run}"
 
 
-def treatments(robots: Sequence[str] = tuple(ROBOTS), fitness: Sequence[str] = ("sum", "product", "min")) -> list[Treatment]:  # fmt: skip
+def treatments(robots: Sequence[str] = tuple(ROBOTS), fitness: Sequence[str] = FITNESS_NAMES) -> list[Treatment]:
     """Every fitness with every robot, row by row.
 
     Raises:
         ValueError: in one line, for no names, unknown ones, or one given twice.
     """
-    for field, names, known in (("robots", robots, tuple(ROBOTS)), ("fitness", fitness, ("sum", "product", "min"))):
+    for field, names, known in (("robots", robots, tuple(ROBOTS)), ("fitness", fitness, FITNESS_NAMES)):
         if not names:
             raise ValueError(f"{field}: none given; give some of {', '.join(known)}")
         for name in names:
@@ -80,7 +81,7 @@ class Interference:
         population: climbers of a run.
         steps: looks at the sensors in a simulation.
         variant: a name of ``VARIANTS``: the published experiment or its text, which also bounds weights.
-        precision: ``"f64"`` or ``"f32"``.
+        precision: ``"f64"``; in ``"f32"`` wheeled robots end elsewhere more often than chance allows.
         device: ``"cpu"`` or one of Taichi's.
     """
 
@@ -88,7 +89,7 @@ class Interference:
     population: int = 100
     steps: int = STEPS
     variant: str = "as-run"
-    precision: str = "f32"
+    precision: str = "f64"
     device: str = "cpu"
 
     def __post_init__(self) -> None:
@@ -102,7 +103,6 @@ class Interference:
         self, robot: str, weights: Floats, threads: int | None = None, record_every: int | None = None
     ) -> QuadrupedResult:
         """Run controllers, (N, 5, 8), in a robot, each in all environments."""
-        body: Quadruped = ROBOTS[robot]
-        return simulate(body, weights, self.lights, variant=VARIANTS[self.variant], steps=self.steps,
+        return simulate(ROBOTS[robot], weights, self.lights, variant=VARIANTS[self.variant], steps=self.steps,
                         record_every=record_every, precision=self.precision, device=self.device,
                         threads=threads)  # fmt: skip

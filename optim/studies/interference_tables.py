@@ -67,14 +67,14 @@ def measure(found: Mapping[Run, Arrays], definition: str = "defined") -> dict[Ru
 
 def cells_of(measured: Mapping[Run, RunMeasures]) -> dict[str, dict[Treatment, Floats]]:
     """By measure and treatment, the numbers of its runs, without those of runs that have none."""
-    values = {"M1": lambda m: m.worst, "M2": lambda m: m.angle, "M3": lambda m: m.length, "M4": lambda m: 100 * m.share}
-    found: dict[str, dict[Treatment, Floats]] = {}
-    for name, value in values.items():
-        cells: dict[Treatment, list[float]] = {}
-        for (treatment, _), of_run in measured.items():
-            cells.setdefault(treatment, []).append(value(of_run))
-        found[name] = {treatment: np.array(x)[np.isfinite(x)] for treatment, x in cells.items()}
-    return found
+    rows: dict[Treatment, list[tuple[float, ...]]] = {}
+    for (treatment, _), m in measured.items():
+        rows.setdefault(treatment, []).append((m.worst, m.angle, m.length, 100 * m.share))
+    return {
+        name: {treatment: column[np.isfinite(column)] for treatment, column in columns.items()}
+        for n, name in enumerate(MEASURES)
+        if (columns := {treatment: np.array(values)[:, n] for treatment, values in rows.items()})
+    }
 
 
 def tests_between(cells: Cells) -> list[dict[str, Any]]:

@@ -1,0 +1,134 @@
+"""Catastrophic interference in legged, wheeled and whegged robots: chapter 2 of the dissertation.
+
+Nine treatments, three robots times three ways to combine environments, are trained by parallel hill climbers; tables M1
+to M4, tests and pictures say which of them suffer when what helps in one environment harms in another.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.search.method import check_choice
+from optim.studies.comparison import compare
+from optim.studies.interference_alone import Alone, train_alone
+from optim.studies.interference_champions import champions_of, likeness
+from optim.studies.interference_curves import all_mutations, write_curves
+from optim.studies.interference_evolution import Run, evolve
+from optim.studies.interference_settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
+from optim.studies.interference_tables import measure, write_tables
+from optim.studies.results import Progress, part_of, write_json
+from optim.studies.tables import write_table
+
+TABLES = ("tables.md", "tables.csv", "runs.csv", "tests.csv", "curves.csv", "likeness.csv", "summary.json")
+PICTURES = ("curves.png", "traces.png")
+PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much a study does.
+
+    Attributes:
+        population: climbers of a run.
+        runs: of each treatment.
+        generations: of each run.
+        alone: the same of training on each light alone.
+    """
+
+    population: int
+    runs: int
+    generations: int
+    alone: Alone
+
+
+EFFORTS: Mapping[str, Effort] = {
+    "small": Effort(20, 3, 25, Alone(2, 25)),
+    "full": Effort(100, 30, 3000, Alone(5, 400)),
+}
+
+
+def train(
+    settings: Interference,
+    chosen: Sequence[Treatment],
+    runs: int,
+    generations: int,
+    out: Path,
+    *,
+    figures: bool = False,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """Train treatments and write tables, and pictures if asked for; resumable.
+
+    Returns:
+        What ``summary.json`` holds. For other arguments and errors see :func:`evolve`.
+    """
+    found = evolve(settings, chosen, runs, generations, out / "runs", threads, progress)
+    about = {**asdict(settings), "runs": runs, "generations": generations}
+    summary = write_tables(found, out, about)
+    champions = champions_of(settings, found, threads)
+    summary["likeness"] = _write_likeness(likeness(champions, settings, threads), out)
+    write_json(out / "summary.json", summary)
+    curves = write_curves(found, out / "curves.csv")
+    if figures:
+        from optim.studies.interference_figures import draw_curves, draw_traces
+
+        draw_curves(curves, out / "curves.png")
+        draw_traces(champions, settings, out / "traces.png")
+        if len(settings.lights) == 2:
+            _draw_changes(found, out)
+    return summary
+
+
+def files_of(settings: Interference, figures: bool) -> list[str]:
+    """Names of what :func:`train` writes, beside raw results."""
+    two = PICTURES_OF_TWO if len(settings.lights) == 2 else ()
+    return [*TABLES, *((*PICTURES, *two) if figures else ())]
+
+
+def _draw_changes(found: Mapping[Run, Arrays], out: Path) -> None:
+    from optim.studies.interference_figures import draw_changes
+
+    draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
+    draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
+
+
+def _write_likeness(found: Mapping[str, Mapping[Treatment, Any]], out: Path) -> dict[str, Any]:
+    """Write how alike environments are to champions, and return means and tests between robots of a row."""
+    summary: dict[str, Any] = {}
+    rows = []
+    for name, cells in found.items():
+        rows += [(name, t.row, t.robot, number) for t, numbers in cells.items() for number in numbers.tolist()]
+        summary[name] = {"means": [{"fitness": t.row, "robot": t.robot, "mean": float(np.mean(numbers))}
+                                   for t, numbers in cells.items() if len(numbers)], "tests": {}}  # fmt: skip
+        for row in dict.fromkeys(t.row for t in cells):
+            samples = {t.robot: numbers for t, numbers in cells.items() if t.row == row and len(numbers) > 1}
+            summary[name]["tests"][row] = compare(samples, list(combinations(samples, 2)), "two-sided")
+    write_table(out / "likeness.csv", ("quantity", "fitness", "robot", "value"), rows)
+    return summary
+
+
+def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
+    """The nine treatments in two and in four environments, and each robot on each light alone; resumable.
+
+    Args:
+        folder: takes ``two``, ``four``, with tables and pictures each, and ``alone.csv``.
+        budget: ``"small"``, to see that it works, or ``"full"``: 30 runs of 3000 generations, as published.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: in one line, for an unknown budget or a folder of something else.
+    """
+    check_choice("budget", budget, tuple(EFFORTS))
+    effort = EFFORTS[budget]
+    settings = Interference(population=effort.population)
+    for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
+        train(replace(settings, lights=LIGHTS[environments]), treatments(), effort.runs, effort.generations,
+              folder / name, figures=True, progress=part_of(progress, n, 3))  # fmt: skip
+    alone = train_alone(replace(settings, lights=LIGHTS[4]), tuple(ROBOTS), effort.alone, folder,
+                        progress=part_of(progress, 2, 3))  # fmt: skip
+    write_json(folder / "summary.json", {"alone": alone})
