@@ -50,12 +50,12 @@ def changes_of(line: ArrayLike) -> Floats:
 def angles(changes: ArrayLike) -> Floats:
     """Angle of each change, (A, E), from the diagonal of equal gains [degrees], (A,); NaN for no change at all.
 
-    Eq. m2; its fold at 180 degrees never acts, as an arc cosine is never more.
+    Eq. m2, by the arc tangent, which is also exact near the diagonal. The equation's fold at 180 degrees never acts.
     """
     delta = np.asarray(changes, float)
-    with np.errstate(invalid="ignore"):
-        cosine = delta.sum(axis=1) / (lengths(delta) * np.sqrt(delta.shape[1]))
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    along = delta.mean(axis=1, keepdims=True)
+    found = np.arctan2(lengths(delta - along), along[:, 0] * np.sqrt(delta.shape[1]))
+    return np.asarray(np.where((delta != 0).any(axis=1), np.degrees(found), np.nan))
 
 
 def lengths(changes: ArrayLike) -> Floats:

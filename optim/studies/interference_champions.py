@@ -128,3 +128,9 @@ def time_near(seen: Champions) -> tuple[Floats, Floats]:
     step = seen.times[1] - seen.times[0] if len(seen.times) > 1 else TIME_STEP
     last = np.cumprod(near[..., ::-1], axis=-1)
     return near.sum(axis=-1) * step, last.sum(axis=-1) * step
+
+
+def typical(seen: Champions) -> int:
+    """The run whose champion's worst distance is the median of all, the better of two."""
+    order = np.argsort(seen.distance.max(axis=1), kind="stable")
+    return int(order[(len(order) - 1) // 2])

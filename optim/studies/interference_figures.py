@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from optim.measures.statistics import mean_band
 from optim.studies.figures import COLOURS, PAGE, figure, save_arrays
-from optim.studies.interference_champions import Champions
+from optim.studies.interference_champions import Champions, typical
 from optim.studies.interference_settings import ROBOTS, Floats, Interference, Treatment
 from optim.studies.tables import write_table
 
@@ -40,8 +40,7 @@ def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]]
     every = np.concatenate([changes for changes, _ in mutations.values()])
     reach = 1.05 * max(1.0, np.abs(every).max(initial=0.0))
     latest = max(1, *(int(born.max(initial=0)) for _, born in mutations.values()))
-    size = 1.9
-    with figure(path, 0.9 + size * len(columns), 0.6 + size * len(rows), nrows=len(rows), ncols=len(columns),
+    with figure(path, 0.9 + 1.75 * len(columns), 0.5 + 1.65 * len(rows), nrows=len(rows), ncols=len(columns),
                 sharex=True, sharey=True) as (drawn, panels):  # fmt: skip
         points: Any = None
         for treatment, (changes, born) in mutations.items():
@@ -81,12 +80,23 @@ def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
         panels[0, 0].set_ylim(bottom=0)
         for axes, name in zip(panels[1:, 0], rows, strict=True):
             axes.set_ylabel(f"best fitness, {name}")
-            axes.set_yscale("log")
+            _scale_by_decades(axes)
         for axes, robot in zip(panels[0], columns, strict=True):
             axes.set_title(robot)
         for axes in panels[-1]:
             axes.set_xlabel("generation")
         panels[0, -1].legend()
+
+
+def _scale_by_decades(axes: Any) -> None:
+    """A logarithmic scale whose few labels are plain numbers, also within a decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5) if high > 4 * low else "all"))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference, path: Path) -> None:
@@ -97,11 +107,16 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
     rows, columns = _layout(list(champions))
     data: list[tuple[Any, ...]] = []
     colours = dict(zip(ROBOTS, ("#D55E00", "#009E73", "#0072B2"), strict=True))
-    with figure(path, PAGE, 0.5 + 1.9 * len(rows), nrows=len(rows), ncols=len(columns), sharex=True,
-                sharey=True) as (drawn, panels):  # fmt: skip
+    chosen = {treatment: typical(seen) for treatment, seen in champions.items()}
+    every = np.concatenate([settings.lights, *(seen.paths[chosen[t]].reshape(-1, 2) for t, seen in champions.items())])
+    low, high = np.nanmin(every, axis=0) - 1, np.nanmax(every, axis=0) + 1
+    width, height = high - low
+    size = 6.2 / len(columns)  # in
+    with figure(path, PAGE, 0.6 + (size * height / width + 0.15) * len(rows), nrows=len(rows), ncols=len(columns),
+                sharex=True, sharey=True) as (drawn, panels):  # fmt: skip
         for treatment, seen in champions.items():
             axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
-            run = typical(seen)
+            run = chosen[treatment]
             for n, ((x, y), line) in enumerate(zip(settings.lights, seen.paths[run], strict=True)):
                 axes.plot(x, y, "*", color="#E69F00", ms=10, mec="0.3", mew=0.4, zorder=3)
                 axes.plot(*line.T, color=colours[treatment.robot], lw=0.8, ls=("-", "--", "-.", ":")[n % 4])
@@ -109,15 +124,9 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
                 moments = zip(seen.times.tolist(), *line.T.tolist(), seen.light[run, n].tolist(), strict=True)
                 data += [(treatment.row, treatment.robot, run, n, *moment) for moment in moments]
             axes.plot(0, 0, "s", color="black", ms=3, zorder=3)
-            axes.set_aspect("equal")
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         _name(panels, rows, columns)
         drawn.supxlabel("x [m]", fontsize=8)
         drawn.supylabel("y [m]", fontsize=8)
     header = ("fitness", "robot", "run", "environment", "time", "x", "y", "light")
     write_table(path.with_suffix(".csv.gz"), header, data)
-
-
-def typical(seen: Champions) -> int:
-    """The run whose champion's worst distance is the median of all, the better of two."""
-    order = np.argsort(seen.distance.max(axis=1), kind="stable")
-    return int(order[(len(order) - 1) // 2])

@@ -77,7 +77,7 @@ def cells_of(measured: Mapping[Run, RunMeasures]) -> dict[str, dict[Treatment, F
     }
 
 
-def tests_between(cells: Cells) -> list[dict[str, Any]]:
+def compare_cells(cells: Cells) -> list[dict[str, Any]]:
     """Two-sided Mann-Whitney tests of all pairs in a row or column, corrected for their number.
 
     Treatments with less than two values are left out.
@@ -129,7 +129,7 @@ def write_tables(found: Mapping[Run, Arrays], out: Path, about: Mapping[str, Any
         cells = cells_of(measured)
         summary["definitions"][definition] = {
             "cells": [row for name in MEASURES for row in summarise(cells[name], name, environments)],
-            "tests": {name: tests_between(cells[name]) for name in MEASURES},
+            "tests": {name: compare_cells(cells[name]) for name in MEASURES},
         }
         runs += [(definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
                  for (t, run), m in measured.items()]  # fmt: skip
