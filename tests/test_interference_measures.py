@@ -14,8 +14,9 @@ from optim.measures.catastrophic_interference import (
     measure_run,
     measure_run_as_computed,
 )
-from optim.studies.interference_champions import asymmetry, divergence, time_near, turned, typical, warping
+from optim.studies.interference_champions import Champions, time_near, typical
 from optim.studies.interference_curves import curve, mutations
+from optim.studies.interference_likeness import asymmetry, divergence, turned, warping, write_likeness
 from optim.studies.interference_settings import Treatment, treatments
 from optim.studies.interference_tables import cells_of, compare_cells, measure, summarise, write_tables
 from robots.quadruped import ENVIRONMENTS, TWO_ENVIRONMENTS
@@ -191,10 +192,18 @@ def test_warping_compares_each_two_environments_without_offset_and_scale():
 
 
 def test_time_near_the_light_is_told_in_all_and_at_the_end():
-    from optim.studies.interference_champions import Champions
-
     light = np.array([[[1, 5, 1, 5, 5]], [[5, 5, 5, 5, 1]]], float)
     seen = Champions(0.1 * np.arange(5), np.zeros((2, 1, 5, 2)), light, np.array([[0.3], [1.0]]))
     near, waiting = time_near(seen)
     assert near[:, 0] == pytest.approx([0.3, 0.4]) and waiting[:, 0] == pytest.approx([0.2, 0])
     assert typical(seen) == 0
+
+
+def test_tables_of_likeness_hold_means_and_tests_between_robots(tmp_path):
+    cells = {("min", "legged"): np.arange(8.0), ("min", "whegged"): np.arange(8.0) + 20, ("sum", "legged"): np.ones(1)}
+    found = write_likeness({"warping": cells}, tmp_path)
+    (test,) = found["warping"]["tests"]["min"]
+    assert (test["first"], test["second"], test["A12"]) == ("legged", "whegged", 1) and test["p_bonferroni"] < 0.001
+    assert found["warping"]["tests"]["sum"] == [] and found["warping"]["means"][1]["mean"] == 23.5
+    assert "| min | 3.500 | 23.500 | legged and whegged: p = 0.0" in (tmp_path / "likeness.md").read_text()
+    assert len((tmp_path / "likeness.csv").read_text().splitlines()) == 18

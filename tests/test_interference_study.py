@@ -145,7 +145,8 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     assert [(row["robot"], row["light"][0]) for row in document["alone"]] == [
         (robot, x) for x in (9, -9) for robot in ("legged", "wheeled", "whegged")
     ]
-    assert json.loads((tmp_path / "a/summary.json").read_text())["likeness"]["warping"]["means"]
+    likeness = json.loads((tmp_path / "a/summary.json").read_text())["likeness"]
+    assert len(likeness["warping"]["means"]) == 12 and len(likeness["asymmetry"]["tests"]["min"]) == 3
     monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
     code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
     assert (code, error) == (0, "") and "M1: whegged min" in out

@@ -6,24 +6,29 @@ to M4, tests and pictures say which of them suffer when what helps in one enviro
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from optim.search.method import check_choice
-from optim.studies.comparison import compare
 from optim.studies.interference_alone import Alone, train_alone
-from optim.studies.interference_champions import champions_of, likeness
+from optim.studies.interference_champions import champions_of
 from optim.studies.interference_curves import all_mutations, write_curves
 from optim.studies.interference_evolution import Run, evolve
+from optim.studies.interference_likeness import likeness, write_likeness
 from optim.studies.interference_settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
 from optim.studies.interference_tables import measure, write_tables
 from optim.studies.results import Progress, part_of, write_json
-from optim.studies.tables import write_table
 
-TABLES = ("tables.md", "tables.csv", "runs.csv", "tests.csv", "curves.csv", "likeness.csv", "summary.json")
+TABLES = (
+    "tables.md",
+    "tables.csv",
+    "runs.csv",
+    "tests.csv",
+    "curves.csv",
+    "likeness.md",
+    "likeness.csv",
+    "summary.json",
+)
 PICTURES = ("curves.png", "traces.png")
 PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
 
@@ -71,7 +76,7 @@ def train(
     about = {**asdict(settings), "runs": runs, "generations": generations}
     summary = write_tables(found, out, about)
     champions = champions_of(settings, found, threads)
-    summary["likeness"] = _write_likeness(likeness(champions, settings, threads), out)
+    summary["likeness"] = write_likeness(likeness(champions, settings, threads), out)
     write_json(out / "summary.json", summary)
     curves = write_curves(found, out / "curves.csv")
     if figures:
@@ -95,21 +100,6 @@ def _draw_changes(found: Mapping[Run, Arrays], out: Path) -> None:
 
     draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
     draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
-
-
-def _write_likeness(found: Mapping[str, Mapping[Treatment, Any]], out: Path) -> dict[str, Any]:
-    """Write how alike environments are to champions, and return means and tests between robots of a row."""
-    summary: dict[str, Any] = {}
-    rows = []
-    for name, cells in found.items():
-        rows += [(name, t.row, t.robot, number) for t, numbers in cells.items() for number in numbers.tolist()]
-        summary[name] = {"means": [{"fitness": t.row, "robot": t.robot, "mean": float(np.mean(numbers))}
-                                   for t, numbers in cells.items() if len(numbers)], "tests": {}}  # fmt: skip
-        for row in dict.fromkeys(t.row for t in cells):
-            samples = {t.robot: numbers for t, numbers in cells.items() if t.row == row and len(numbers) > 1}
-            summary[name]["tests"][row] = compare(samples, list(combinations(samples, 2)), "two-sided")
-    write_table(out / "likeness.csv", ("quantity", "fitness", "robot", "value"), rows)
-    return summary
 
 
 def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
