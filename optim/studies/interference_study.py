@@ -51,7 +51,7 @@ class Effort:
 
 
 EFFORTS: Mapping[str, Effort] = {
-    "small": Effort(20, 3, 25, Alone(2, 25)),
+    "small": Effort(20, 3, 40, Alone(2, 40)),
     "full": Effort(100, 30, 3000, Alone(5, 400)),
 }
 
