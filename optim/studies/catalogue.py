@@ -42,15 +42,6 @@ class Item:
 
 CATALOGUE: Mapping[str, Item] = MappingProxyType(
     {
-        "interference": Item(
-            "chapter 2, tables M1 to M4 and figures",
-            "which robots, trained in several environments, suffer when what helps in one harms in another",
-            "interference_study",
-            (
-                *("two/tables.md", "two/changes.png", "two/changes-of-champions.png", "two/curves.png"),
-                *("two/traces.png", "four/tables.md", "four/curves.png", "four/traces.png", "alone.csv"),
-            ),
-        ),
         "sensor-placement": Item(
             "chapters 3 and 4, figures of designs, metrics and their correlation",
             "all controllers in bodies of the published grid: learnability and resistance to interference",
@@ -103,6 +94,15 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "whether homeostasis as an objective helps",
             "homeostasis_objective",
             ("summary.json", "reported.csv", "homeostasis-objective.png"),
+        ),
+        "interference": Item(
+            "chapter 2, tables M1 to M4 and figures",
+            "which robots, trained in several environments, suffer when what helps in one harms in another",
+            "interference_study",
+            (
+                *("two/tables.md", "two/changes.png", "two/changes-of-champions.png", "two/curves.png"),
+                *("two/traces.png", "four/tables.md", "four/curves.png", "four/traces.png", "alone.csv"),
+            ),
         ),
     }
 )

@@ -63,7 +63,7 @@ def train_alone(
         found = evolve(single, chosen, effort.runs, effort.generations, folder, threads,
                        part_of(progress, n, len(settings.lights)))  # fmt: skip
         for treatment, seen in champions_of(single, found, threads).items():
-            near, waiting = time_near(seen)
+            near, waiting = time_near(seen, single.lights)
             numbers = np.column_stack([seen.distance, near, waiting])
             rows += [(treatment.robot, *light, run, *values) for run, values in enumerate(numbers.tolist())]
             means = dict(zip(COLUMNS[4:], numbers.mean(axis=0).tolist(), strict=True))

@@ -1,6 +1,6 @@
 """Champions, run once more: their paths and what they saw."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,12 +56,12 @@ def follow(settings: Interference, robot: str, weights: Floats, threads: int | N
                      frames.readings[:, :, -1].T.reshape(shape), result.distance)  # fmt: skip
 
 
-def time_near(seen: Champions) -> tuple[Floats, Floats]:
-    """Time within half a metre of the light [s], (R, E): in all, and without leaving until the end."""
-    near: NDArray[np.bool_] = seen.light >= 1 / NEAR**2
+def time_near(seen: Champions, lights: Sequence[Sequence[float]]) -> tuple[Floats, Floats]:
+    """Time within half a metre of the light, seen from above [s], (R, E): in all, and without leaving to the end."""
+    near: NDArray[np.bool_] = np.linalg.norm(seen.paths - np.array(lights, float)[:, None], axis=-1) <= NEAR
     step = seen.times[1] - seen.times[0] if len(seen.times) > 1 else TIME_STEP
-    last = np.cumprod(near[..., ::-1], axis=-1)
-    return near.sum(axis=-1) * step, last.sum(axis=-1) * step
+    waiting = np.cumprod(near[..., ::-1], axis=-1)
+    return near.sum(axis=-1) * step, waiting.sum(axis=-1) * step
 
 
 def typical(seen: Champions) -> int:

@@ -104,6 +104,8 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
 
     Typical is the champion with the median worst distance (the better of two).
     """
+    from matplotlib.ticker import MultipleLocator
+
     rows, columns = _layout(list(champions))
     data: list[tuple[Any, ...]] = []
     colours = dict(zip(ROBOTS, ("#D55E00", "#009E73", "#0072B2"), strict=True))
@@ -125,6 +127,7 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
                 data += [(treatment.row, treatment.robot, run, n, *moment) for moment in moments]
             axes.plot(0, 0, "s", color="black", ms=3, zorder=3)
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+            axes.yaxis.set_major_locator(MultipleLocator(5))
         _name(panels, rows, columns)
         drawn.supxlabel("x [m]", fontsize=8)
         drawn.supylabel("y [m]", fontsize=8)
