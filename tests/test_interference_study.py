@@ -11,6 +11,7 @@ from optim.studies import interference_evolution as evolution
 from optim.studies.interference_climbers import HillClimbers
 from optim.studies.interference_evolution import evolve
 from optim.studies.interference_settings import Interference, Treatment, treatments
+from optim.studies.interference_study import train
 
 BRIEF = Interference(population=4, steps=60)
 CHOSEN = [Treatment("whegged", "min"), Treatment("legged", "sum")]
@@ -128,6 +129,27 @@ def test_folders_of_other_settings_or_that_went_further_are_refused(tmp_path):
         evolve(replace(BRIEF, population=5), CHOSEN[:1], 1, 2, tmp_path)
     with pytest.raises(ValueError, match=r"generations: 1 is not allowed; .* holds 2"):
         evolve(BRIEF, CHOSEN[:1], 1, 1, tmp_path)
+
+
+class Idle(HillClimbers):
+    """A trainer that never changes anything."""
+
+    def ask(self):
+        return self.weights if self.generation else super().ask()
+
+
+def test_other_trainers_take_part_as_a_row_of_their_own(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(evolution, "TRAINERS", {**evolution.TRAINERS, "idle-hands": Idle})
+    chosen = [*CHOSEN, Treatment("whegged", "min", "idle-hands")]
+    train(BRIEF, chosen, 2, 6, tmp_path, figures=True, threads=1)
+    found = evolve(BRIEF, chosen, 2, 6, tmp_path / "runs")
+    assert all(same(found[run], whole[run]) for run in whole)
+    assert found[chosen[2], 1]["born"].tolist() == [0] * 4
+    assert (tmp_path / "tables.md").read_text().count("| min, idle-hands | – | – |") == 6
+    likeness = json.loads((tmp_path / "summary.json").read_text())["likeness"]
+    assert [row["fitness"] for row in likeness["warping"]["means"]] == ["min", "sum", "min, idle-hands"] + [
+        "random"
+    ] * 2
 
 
 SMALL = "--population 3 --steps 40 --generations 2 --runs 2 --threads 1 --quiet"

@@ -167,15 +167,15 @@ def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
         yield f"| {name} | " + " | ".join(robots) + " |"
         yield "| --- |" + " --- |" * len(robots)
         for way in fitness:
-            yield f"| {way} | " + " | ".join(_cell(cells[way, robot]) for robot in robots) + " |"
+            yield f"| {way} | " + " | ".join(_cell(cells.get((way, robot))) for robot in robots) + " |"
         marked = [t for t in part["tests"][name] if t["significant"]]
         yield f"\nOf {len(part['tests'][name])} pairs, {len(marked)} differ at the 0.05 level (Bonferroni)" + (
             ": " + "; ".join(_mark(t["first"], t["second"]) for t in marked) + ".\n" if marked else ".\n"
         )
 
 
-def _cell(row: Mapping[str, Any]) -> str:
-    if row["mean"] is None:
+def _cell(row: Mapping[str, Any] | None) -> str:
+    if row is None or row["mean"] is None:
         return "–"
     text = f"{row['mean']:.2f}"
     if row["deviation"] is not None:
