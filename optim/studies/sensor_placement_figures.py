@@ -131,7 +131,7 @@ def save_examples(examples: Mapping[int, Example], path: Path) -> None:
             else:
                 row[1].axis("off")
                 row[1].annotate("no controller solves all", (0.5, 0.5), xycoords="axes fraction", ha="center")
-            image = _draw_overlap(row[2], example.overlap, weights)
+            image = draw_overlap(row[2], example.overlap, weights)
         bar = drawn.colorbar(image, ax=panels[:, 2].tolist(), ticks=range(len(OVERLAP_COLOURS)), aspect=40)
         bar.set_label("environments solved")
         letter(panels)
@@ -177,7 +177,8 @@ def _draw_paths(axes: "Axes", places: NDArray[np.float64], task: VehicleTask, we
                   va="bottom", fontsize=7)  # fmt: skip
 
 
-def _draw_overlap(axes: "Axes", overlap: NDArray[np.uint8], weights: NDArray[np.float64] | None) -> Any:
+def draw_overlap(axes: "Axes", overlap: NDArray[np.uint8], weights: NDArray[np.float64] | None = None) -> Any:
+    """Environments that each controller solves, w1 to the right and w2 upwards, and one controller as a cross."""
     from matplotlib.colors import ListedColormap
 
     outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights

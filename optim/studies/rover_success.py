@@ -1,0 +1,85 @@
+"""Success of all controllers in the canonical and the best body of chapter 3, in both of its models.
+
+Source: dissertation, chapter 3, figures "landscape" (D to F) and section "Empirical results", and the theoretical model
+of the same bodies (``robots.braitenberg``).
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.measures.overlap import interference, learnability
+from optim.studies.figures import COLUMN, figure, letter, save_arrays
+from optim.studies.results import part_of, write_json
+from optim.studies.rover_grid import RoverGrid, successes
+from optim.studies.sensor_placement_figures import OVERLAP_COLOURS, draw_overlap
+from optim.studies.sweep_table import overlaps_of
+from optim.studies.tables import write_table
+from robots.braitenberg import Sweep
+from robots.rover import BEST, CANONICAL, Rover
+
+Overlap = NDArray[np.uint8]
+BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
+# Of 121 x 121 controllers: those that solve all environments, M_L and M_CF.
+PUBLISHED = {"canonical": (1, 0.000068, 0.00052), "best": (57, 0.0039, 0.038)}
+MODELS = ("rigid bodies", "theoretical")
+COLUMNS = ("body", "model", "controllers", "solving_0", "solving_1", "solving_2", "solving_3", "solving_4", "M_L",
+           "M_CF", "published_solving_4", "published_M_L", "published_M_CF")  # fmt: skip
+
+
+def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None) -> None:
+    """Success on 31 x 31 (``"small"``) or 121 x 121 weights; ``summary.json``, a table, a figure. Resumable.
+
+    Args:
+        folder: takes the results.
+        budget: ``"small"`` or ``"full"``.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: in one line, for an unknown budget or a folder of something else.
+    """
+    if budget not in ("small", "full"):
+        raise ValueError(f"budget: {budget!r} is unknown; choose one of small, full")
+    study(folder, RoverGrid(31) if budget == "small" else RoverGrid(), Sweep(31) if budget == "small" else Sweep(),
+          progress)  # fmt: skip
+
+
+def study(folder: Path, grid: RoverGrid, theory: Sweep, progress: Callable[[float], None] | None = None) -> None:
+    """The same with any settings."""
+    vehicles = [rover.vehicle for rover in BODIES.values()]
+    designs = [vehicle.design for vehicle in vehicles if vehicle.design is not None]  # both are of the grid
+    reached = successes(designs, grid, folder / "success", progress=part_of(progress, 0, 2))
+    expected = overlaps_of(vehicles, theory, folder / "theory", progress=part_of(progress, 1, 2))
+    overlaps = {
+        (body, model): overlap
+        for model, found in zip(MODELS, (reached.sum(-1, dtype=np.uint8), expected), strict=True)
+        for body, overlap in zip(BODIES, found, strict=True)
+    }
+    rows = [_row(body, model, overlap) for (body, model), overlap in overlaps.items()]
+    write_table(folder / "rover-success.csv", COLUMNS, rows)
+    lights = {body: found.sum((0, 1)).tolist() for body, found in zip(BODIES, reached, strict=True)}
+    summary = {"rows": [dict(zip(COLUMNS, row, strict=True)) for row in rows], "reaching_each_light": lights}
+    write_json(folder / "summary.json", summary)
+    draw(overlaps, folder / "rover-success.png")
+
+
+def _row(body: str, model: str, overlap: Overlap) -> tuple[Any, ...]:
+    counts = np.bincount(overlap.ravel(), minlength=5).tolist()
+    measured = float(learnability(overlap)), float(interference(overlap))
+    return body, model, overlap.size, *counts, *measured, *(PUBLISHED[body] if model == MODELS[0] else [None] * 3)
+
+
+def draw(overlaps: dict[tuple[str, str], Overlap], path: Path) -> None:
+    """Success matrices, a column a body and a row a model; their numbers beside it as ``.npz``."""
+    with figure(path, 2 * COLUMN, 5.6, nrows=len(MODELS), ncols=len(BODIES)) as (drawn, panels):
+        for axes, ((body, model), overlap) in zip(panels.flat, overlaps.items(), strict=True):
+            image = draw_overlap(axes, overlap)
+            axes.annotate(f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all", (0.5, 1.02),
+                          xycoords="axes fraction", ha="center", va="bottom", fontsize=7)  # fmt: skip
+        bar = drawn.colorbar(image, ax=panels.ravel().tolist(), ticks=range(len(OVERLAP_COLOURS)), aspect=40)
+        bar.set_label("environments solved")
+        letter(panels)
+    save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})
