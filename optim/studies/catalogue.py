@@ -104,5 +104,23 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
                 *("two/traces.png", "four/tables.md", "four/curves.png", "four/traces.png", "alone.csv"),
             ),
         ),
+        "rover-success": Item(
+            "chapter 3, figure of landscapes, empirical model",
+            "all controllers in the canonical and the best body of the two-wheel vehicle, as rigid bodies",
+            "rover_success",
+            ("summary.json", "rover-success.csv", "rover-success.png"),
+        ),
+        "rover-sweep": Item(
+            "chapter 3, figure of distributions, empirical model",
+            "learnability of random bodies of the two-wheel vehicle, as rigid bodies and in theory",
+            "rover_sweep",
+            ("summary.json", "rover-sweep.csv", "rover-sweep.png"),
+        ),
+        "rover-pre-optimisation": Item(
+            "chapter 3, the empirical model",
+            "the search for the two-wheel vehicle's base body: distance from the light against effort of its drives",
+            "rover_pre_optimisation",
+            ("summary.json", "rover-fronts.csv", "rover-pre-optimisation.png"),
+        ),
     }
 )
