@@ -81,7 +81,11 @@ class Rover:
     sensor_height: float = 0.05
 
     def __post_init__(self) -> None:
-        if len(self.sensors) != 2 or any(len(site) != 2 for site in self.sensors):
+        try:
+            sound = len(self.sensors) == 2 and all(len(site) == 2 for site in self.sensors)
+        except TypeError:
+            sound = False
+        if not sound:
             raise ValueError(f"sensors: {self.sensors!r} is not allowed; give two places (x, y)")
         half = WIDTH / 2
         sites = tuple(tuple(number("sensors", x, -half, half, "m, on the body") for x in s) for s in self.sensors)

@@ -141,7 +141,7 @@ def draw(metrics: dict[tuple[str, str], Floats], known: dict[tuple[str, str], di
             for (body, value), colour in zip(lines.items(), COLOURS[1:], strict=False):
                 axes.axvline(value, color=colour, linestyle="--", label=f"{body} body")
             axes.set(xlabel=f"{MEANINGS[name]}, {model}", yscale="log", ylim=(0.7, 2 * len(values)))
-            axes.annotate(f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0", (0.97, 0.93), ha="right",
+            axes.annotate(f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0", (0.5, 0.93), ha="center",
                           va="top", xycoords="axes fraction", fontsize=7)  # fmt: skip
         for axes in panels[:, 0]:
             axes.set_ylabel("bodies")
