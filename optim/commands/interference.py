@@ -22,6 +22,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--fitness", metavar="NAMES", help="how environments make one fitness (default: sum,product,min)"
     )
+    parser.add_argument("--trainers", metavar="NAMES", help="hill-climb, gradient or both (default: hill-climb)")
     parser.add_argument("--environments", type=int, choices=(2, 4), default=2, help="places of the light (default: 2)")
     parser.add_argument("--runs", type=options.whole(1), default=5, metavar="N", help="of each (default: 5)")
     parser.add_argument("--generations", type=options.whole(0), default=400, metavar="N", help="(default: 400)")
@@ -45,14 +46,21 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Train, then write tables of all that was asked for."""
     from optim.studies.interference_alone import Alone, train_alone
-    from optim.studies.interference_settings import FITNESS_NAMES, LIGHTS, ROBOTS, Interference, treatments
+    from optim.studies.interference_settings import (
+        FITNESS_NAMES,
+        HILL_CLIMB,
+        LIGHTS,
+        ROBOTS,
+        Interference,
+        treatments,
+    )
     from optim.studies.interference_study import files_of, train
 
     settings = Interference(
         LIGHTS[args.environments], args.population, args.steps, args.variant, args.precision, args.device
     )
     robots = _names(args.robots, ROBOTS)
-    chosen = treatments(robots, _names(args.fitness, FITNESS_NAMES))
+    chosen = treatments(robots, _names(args.fitness, FITNESS_NAMES), _names(args.trainers, (HILL_CLIMB,)))
     alone = None
     try:
         with shown_progress(f"{len(chosen)} treatments", 1.0, args.quiet) as update:

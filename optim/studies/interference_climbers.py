@@ -9,9 +9,10 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optim.search.method import generator
-from optim.studies.interference_settings import FITNESS_NAMES, HILL_CLIMB, Arrays, Floats, Interference, Treatment
+from optim.studies.interference_settings import FITNESS_NAMES, Arrays, Floats, Interference, Treatment
 from robots.quadruped import MOTORS, SENSORS
 
 STEP = 0.05  # standard deviation of mutations
@@ -23,7 +24,8 @@ FITNESS: Mapping[str, Callable[..., Floats]] = MappingProxyType(
 class Climbers(Protocol):
     """One run of climbers that the study evaluates, generation by generation: ask, then tell.
 
-    Another way to train controllers, as by gradients, offers the same and takes a place in ``TRAINERS``.
+    Another way to train controllers, as by gradients, offers the same and takes a place in
+    ``interference_trainers.TRAINERS``.
 
     Attributes:
         generation: how many have been told.
@@ -49,13 +51,14 @@ class Climbers(Protocol):
 class HillClimbers:
     """P hill climbers that know nothing of each other; see :class:`Climbers`."""
 
-    def __init__(self, treatment: Treatment, run: int, settings: Interference) -> None:
+    def __init__(self, treatment: Treatment, run: int, settings: Interference, threads: int | None = None) -> None:
         """Set up the climbers.
 
         Args:
             treatment: with a fitness of ``FITNESS``.
             run: seed of all random numbers. The same run of another treatment draws the same.
             settings: P, and whether weights stay between -1 and 1, as the text has it.
+            threads: CPU threads of trainers that simulate on their own.
         """
         self.fitness, self.run, self.bounded = FITNESS[treatment.fitness], run, settings.variant == "text"
         self.generation = 0
@@ -73,6 +76,10 @@ class HillClimbers:
 
     def tell(self, weights: Floats, light: Floats, distance: Floats) -> None:
         """Keep what is strictly better, Eq. survival; at the start, all."""
+        self._keep(weights, light, distance)
+
+    def _keep(self, weights: Floats, light: Floats, distance: Floats) -> NDArray[np.bool_]:
+        """What was kept, (P,)."""
         scores = np.nan_to_num(self.fitness(light, axis=-1), nan=-np.inf)
         kept = (scores > self.scores) | (self.generation == 0)
         self.weights = np.where(kept[:, None, None], weights, self.weights)
@@ -83,6 +90,7 @@ class HillClimbers:
             "light": light[which], "distance": distance[which].astype(np.float32),
         })  # fmt: skip
         self.generation += 1
+        return kept
 
     def state(self) -> Arrays:
         """Weights, scores, and all that was kept."""
@@ -95,8 +103,3 @@ class HillClimbers:
         self.generation = int(state["generation"])
         self.weights, self.scores = state["weights"], state["scores"]
         self._kept = [{name: state[name] for name in ("born", "climber", "light", "distance")}]
-
-
-TRAINERS: Mapping[str, Callable[[Treatment, int, Interference], Climbers]] = MappingProxyType(
-    {HILL_CLIMB: HillClimbers}
-)

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from optim.search.method import check_whole
-from optim.studies.interference_climbers import TRAINERS, Climbers
+from optim.studies.interference_climbers import Climbers
 from optim.studies.interference_settings import Arrays, Interference, Treatment
+from optim.studies.interference_trainers import TRAINERS
 from optim.studies.results import Progress
 from robots.results_folder import ResultsFolder
 
@@ -52,7 +53,7 @@ def evolve(
     for name, value, low in (("runs", runs, 1), ("generations", generations, 0)):
         check_whole(name, value, low)
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
-    members = {(treatment, run): TRAINERS[treatment.trainer](treatment, run, settings)
+    members = {(treatment, run): TRAINERS[treatment.trainer](treatment, run, settings, threads)
                for treatment in chosen for run in range(runs)}  # fmt: skip
     for (treatment, run), climbers in members.items():
         for state in folder.load(treatment.file(run)) if folder else ():

@@ -26,6 +26,7 @@ Arrays = dict[str, NDArray[Any]]
 Lights = tuple[tuple[float, float], ...]
 
 HILL_CLIMB = "hill-climb"
+TRAINER_NAMES = (HILL_CLIMB, "gradient")
 ROBOTS: dict[str, Quadruped] = {robot.kind: robot for robot in (LEGGED, WHEELED, WHEGGED)}
 FITNESS_NAMES = ("sum", "product", "min")
 LIGHTS: dict[int, Lights] = {2: TWO_ENVIRONMENTS, 4: ENVIRONMENTS}  # by the number of environments
@@ -38,7 +39,7 @@ class Treatment:
     Attributes:
         robot: a name of ``ROBOTS``.
         fitness: ``"sum"``, ``"product"`` or ``"min"``.
-        trainer: a name of ``TRAINERS``.
+        trainer: a name of ``TRAINER_NAMES``.
     """
 
     robot: str
@@ -56,20 +57,28 @@ class Treatment:
         return f"{self.robot}_{self.fitness}_{trainer}{run}"
 
 
-def treatments(robots: Sequence[str] = tuple(ROBOTS), fitness: Sequence[str] = FITNESS_NAMES) -> list[Treatment]:
-    """Every fitness with every robot, row by row.
+def treatments(
+    robots: Sequence[str] = tuple(ROBOTS),
+    fitness: Sequence[str] = FITNESS_NAMES,
+    trainers: Sequence[str] = (HILL_CLIMB,),
+) -> list[Treatment]:
+    """Every fitness with every robot, row by row, trainer by trainer.
 
     Raises:
         ValueError: in one line, for no names, unknown ones, or one given twice.
     """
-    for field, names, known in (("robots", robots, tuple(ROBOTS)), ("fitness", fitness, FITNESS_NAMES)):
+    for field, names, known in (
+        ("robots", robots, tuple(ROBOTS)),
+        ("fitness", fitness, FITNESS_NAMES),
+        ("trainers", trainers, TRAINER_NAMES),
+    ):
         if not names:
             raise ValueError(f"{field}: none given; give some of {', '.join(known)}")
         for name in names:
             if name not in known or list(names).count(name) > 1:
                 problem = "given twice" if name in known else "unknown"
                 raise ValueError(f"{field}: {name!r} is {problem}; choose some of {', '.join(known)}")
-    return [Treatment(robot, way) for way in fitness for robot in robots]
+    return [Treatment(robot, way, trainer) for trainer in trainers for way in fitness for robot in robots]
 
 
 @dataclass(frozen=True)
