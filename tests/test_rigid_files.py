@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robots.quadruped import LEGS, TEXT, WHEGGED, Quadruped
-from taichi_sim.rigid import Capsule, Hinge, RigidEngine, Sphere, Weld, World
+from taichi_sim.rigid import Capsule, Hinge, RigidEngine, Sphere, State, Weld, World
 from taichi_sim.rigid.files import load_model, parse_model
 from taichi_sim.rigid.tables import parameters_of, points_of
 
@@ -241,6 +241,33 @@ def test_turns_are_read_in_all_ways_of_giving_them(turn, expected):
     rotation, inertia = np.array(expected), np.array([[0.3, 0.01, 0.02], [0.01, 0.4, 0.03], [0.02, 0.03, 0.5]])
     assert np.allclose(found.position, [0, 0, 1] + rotation @ [0.1, 0.2, 0.3])
     assert np.allclose(found.inertia, rotation @ inertia @ rotation.T)
+
+
+CHAIN = """<body name="a" pos="0.1 0.2 50" euler="10 20 30"><freejoint/>
+  <geom type="capsule" fromto="0 0 0 .1 .2 .3" size="0.03"/>
+  <geom type="cylinder" size="0.05 0.2" pos=".1 0 .2" euler="40 -20 10" density="300"/>
+  <body name="b" pos=".2 .1 -.1" axisangle="1 2 3 50"><joint axis="1 1 0" pos=".02 .03 .04"/>
+    <geom type="sphere" size=".1" pos=".1 .1 .1"/><geom type="capsule" size="0.02 0.2" zaxis="1 2 -1" mass=".5"/>
+    <body name="c" quat=".5 .1 .2 .3"><joint axis="0 1 3"/>
+      <inertial pos=".1 .2 .3" quat=".9 .1 .2 .3" mass="2" diaginertia=".1 .12 .2"/></body>
+    <body name="d" xyaxes="1 2 0 -1 1 1"><joint type="hinge" axis="0 0 2"/>
+      <geom type="sphere" size=".1 .2 .3" pos=".1 0 0" contype="0" conaffinity="0" mass="1"/></body></body></body>"""
+
+
+@pytest.mark.parametrize("integration", ["momentum", "velocity"])
+def test_a_chain_that_is_thrown_moves_as_in_mujoco(integration):
+    """To first order in the time step: numbers of its Runge-Kutta integrator with steps of 0.1 ms, after 1 s."""
+    tree = parse_model(mjcf(CHAIN, '<compiler eulerseq="zyx"/>')).tree
+    expected = [0.46080671, 0.58970554, 49.81613182, 2.30081259, -2.48561735, -0.98396627]
+    errors = []
+    for steps in (500, 2000):
+        engine = RigidEngine(tree, World(1 / steps, -1.0, integration=integration), precision="f64", threads=1)
+        rest, thrown = engine.rest(), np.array([[0.5, -1.0, 2.0, 0.3, 0.2, 0.1]])
+        done = engine.run(
+            steps, start=State(rest.position, rest.orientation, rest.angles, thrown, np.array([[1.0, -2, 0.7]]))
+        )
+        errors.append(np.abs(np.array([*done.position[0], *done.angles[0]]) - expected))
+    assert errors[1].max() < 0.01 and np.all(errors[1] < errors[0] / 3)
 
 
 def with_joint(joint):
