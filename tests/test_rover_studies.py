@@ -64,8 +64,12 @@ def test_a_front_falls_and_its_base_is_the_least_effort_that_solves_all():
     objectives = np.array([[-4, -9], [-4, -7], [-9, -2], [-5, -6], [-9, -3], [np.nan, np.nan]], float)
     solved = np.array([4, 4, 1, 3, 2, 0], np.int8)
     front = Front.of([Trials(np.arange(6.0)[None, :, None], objectives[None], solved[None], np.zeros((1, 6), bool))])
-    assert front.points.ravel().tolist() == [1, 3, 2] and front.effort.tolist() == [7, 6, 2] and front.base == 0
-    assert Front(front.points, front.distance, front.effort, front.solved * 0).base is None
+    assert (
+        front.points.ravel().tolist() == [1, 3, 2]
+        and front.effort.tolist() == [7, 6, 2]
+        and front.least_effort(front.solved == 4) == 0
+    )
+    assert front.least_effort(front.solved > 4) is None and front.least_effort(front.distance < 6) == 1
 
 
 GRID = RoverGrid(5, steps=300, precision="f64")
@@ -99,6 +103,10 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
     assert {path: path.read_bytes() for path in files} == files  # bit for bit, the part that was missing too
     with pytest.raises(ValueError, match="of other settings; name another folder"):
         study(folder, RoverGrid(5, steps=301, precision="f64"))
+    if name == "rover-pre-optimisation":
+        header, rows = read_table(folder / "rover-fronts.csv")
+        assert header[-2:] == ["w1", "w2"] and all(row[-2:] == ["1.0", "1.0"] for row in rows if row[0] == "unit")
+        assert {len(row) for row in rows} == {len(header)} and {row[0] for row in rows} == {"unit", "evolved"}
     if name == "rover-sweep":
         the_table_holds_the_metrics_of_the_grids(folder)
 

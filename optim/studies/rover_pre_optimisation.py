@@ -96,10 +96,9 @@ class Front:
         chosen = chosen[np.argsort(objectives[chosen, 1], kind="stable")]
         return cls(points[chosen], -objectives[chosen, 0], -objectives[chosen, 1], solved[chosen])
 
-    @property
-    def base(self) -> int | None:
-        """Place of the member of least effort that reaches the light in all environments; None without one."""
-        places = np.flatnonzero(self.solved == 4)
+    def least_effort(self, allowed: NDArray[np.bool_]) -> int | None:
+        """Place of the member of least effort among those allowed, (F,); None if none is."""
+        places = np.flatnonzero(allowed)
         return int(places[-1]) if len(places) else None
 
 
@@ -138,22 +137,26 @@ def study(folder: Path, settings: PreOptimisation, progress: Callable[[float], N
                 progress((n * settings.runs + run + 1) / parts)
         fronts[name] = Front.of(trials)
     rows = [
-        (name, front.distance[i], front.effort[i], front.solved[i], *front.points[i].tolist())
+        (name, front.distance[i], front.effort[i], front.solved[i], *problems[name].named(front.points[i]).values())
         for name, front in fronts.items()
         for i in range(len(front.points))
     ]
-    names = problems["evolved"].space.names
-    write_table(folder / "rover-fronts.csv", ("controller", "distance", "effort", "solved", *names), rows)
+    header = ("controller", "distance", "effort", "solved", *RoverProblem("evolved").space.names)
+    write_table(folder / "rover-fronts.csv", header, rows)
     published = _judged("published", Rover(), settings, results)
     summary: dict[str, Any] = {"published_base": published}
     for name, front in fronts.items():
-        base = None if front.base is None else problems[name].rover(front.points[front.base])
+        near = front.least_effort(front.distance <= published["distance_with_weights_1"])
+        base = front.least_effort(front.solved == 4)
+        bodies = [None if i is None else problems[name].rover(front.points[i]) for i in (base, near)]
         summary[name] = {
             "front": len(front.points),
-            "base": None if base is None else _judged(name, base, settings, results),
-            "distance_at_published_effort": _least(front.distance, front.effort <= published["effort"]),
-            "effort_at_published_distance": _least(front.effort, front.distance <= published["distance"]),
-        }
+            "base": None if bodies[0] is None else _judged(name, bodies[0], settings, results),
+            "as_near_as_published": None if bodies[1] is None or near is None else {
+                "parameters": _shown(bodies[1]), "effort": float(front.effort[near]),
+                "distance": float(front.distance[near]),
+            },
+        }  # fmt: skip
     write_json(folder / "summary.json", summary)
     draw(fronts, published, folder / "rover-pre-optimisation.png")
 
@@ -175,10 +178,10 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
 
     found = kept(results, f"judged_{name}", compute)
     return {
-        "parameters": {key: value / math.pi if key in DRIVES else value for key, value in _parameters(base).items()},
+        "parameters": _shown(base),
         "effort": float(effort([base])[0]),
-        "distance": float(distances([base], found["closest"])[0]),
-        "solved": int((found["closest"] <= base.success_distance).sum()),
+        "distance_with_weights_1": float(distances([base], found["closest"])[0]),
+        "solved_with_weights_1": int((found["closest"] <= base.success_distance).sum()),
         "controllers": settings.weights**2,
         "grids": {
             sites: {
@@ -194,8 +197,9 @@ def _parameters(base: Rover) -> dict[str, float]:
     return {name: getattr(base, name) for name in (*MASSES, "wheel_radius", *DRIVES)}
 
 
-def _least(values: Vector, allowed: NDArray[np.bool_]) -> float | None:
-    return float(values[allowed].min()) if allowed.any() else None
+def _shown(base: Rover) -> dict[str, float]:
+    """Parameters, the drives' in units of pi."""
+    return {key: value / math.pi if key in DRIVES else value for key, value in _parameters(base).items()}
 
 
 def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> None:
@@ -208,7 +212,12 @@ def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> Non
             every = front.solved == 4
             axes.plot(front.effort[every], front.distance[every], "o", color=colour, markersize=3)
         axes.plot(
-            published["effort"], published["distance"], "*", color=COLOURS[7], markersize=8, label="published base"
+            published["effort"],
+            published["distance_with_weights_1"],
+            "*",
+            color=COLOURS[7],
+            markersize=8,
+            label="published base",
         )
         axes.set(xlabel="torque + speed + rate [$\\pi$]", ylabel="sum of smallest distances [m]", ylim=(0, None))
         axes.legend(loc="upper right")

@@ -70,6 +70,10 @@ class RoverProblem:
         }
         return Space(tuple(Variable(name, low, high, step=STEP * (high - low)) for name, (low, high) in ranges.items()))
 
+    def named(self, point: ArrayLike) -> dict[str, float]:
+        """Values of a point, shape (D,), by name, with the weights."""
+        return {**self.space.to_dict(point), **(dict.fromkeys(WEIGHTS, 1.0) if self.controller == "unit" else {})}
+
     def rover(self, point: ArrayLike) -> Rover:
         """The body of a point, shape (D,), as in this search."""
         values = self.space.to_dict(point)
