@@ -141,9 +141,9 @@ def draw(metrics: dict[tuple[str, str], Floats], known: dict[tuple[str, str], di
             for (body, value), colour in zip(lines.items(), COLOURS[1:], strict=False):
                 axes.axvline(value, color=colour, linestyle="--", label=f"{body} body")
             axes.set(xlabel=f"{MEANINGS[name]}, {model}", yscale="log", ylim=(0.7, 2 * len(values)))
-            axes.annotate(f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0", (0.5, 0.93), ha="center",
-                          va="top", xycoords="axes fraction", fontsize=7)  # fmt: skip
+            axes.annotate(f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0", (0.5, 1.02), ha="center",
+                          va="bottom", xycoords="axes fraction", fontsize=7)  # fmt: skip
         for axes in panels[:, 0]:
             axes.set_ylabel("bodies")
-        panels[0, 0].legend(loc="center right")
+        panels[1, 0].legend(loc="upper right")
         letter(panels)
