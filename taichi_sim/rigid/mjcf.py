@@ -207,7 +207,8 @@ class _Reader:
             command, actuator = self.drives[name]
             step = self._option("timestep", "0.002")[0]
             motor, also = drive(actuator, span, rest, number(joint, "damping", "0"), self.speed, self.fastest, 1 / step)
-            lacking = [each for each in lacking if each != "damping"] + also
+            used = "damping" if actuator.tag == "position" else ""
+            lacking = [each for each in lacking if each != used] + also
         self.ignored.update(dict.fromkeys(each if " " in each else f"{each} of joints" for each in lacking))
         stops = None if span is None else (span[0] - rest, span[1] - rest)
         return moved, HingeOf(anchor, axis, motor, command, stops)
