@@ -1,8 +1,7 @@
 """A second implementation of the rigid engine's step, slow and plain: explicit Jacobians, dense matrices, pivoting.
 
-It shares descriptions (``Tree``, ``World``) with the engine and nothing else. A body's velocity is J u, with u the
-angular and linear velocity of the base and the rates of hinges; what motors, stops and normals ask of u is one mixed
-linear complementarity problem.
+It shares descriptions (``Tree``, ``World``) with the engine and nothing else. A body's velocity is J u, u being that
+of the base and the rates of hinges; what motors, stops and normals ask of u is a linear complementarity problem.
 """
 
 import numpy as np
@@ -10,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from taichi_sim.rigid import Hinge
 
-COMPLIANCE = 2e-9  # s/kg, of normals, as in the engine in f64
-ROUNDING = 1e-12
+COMPLIANCE, ROUNDING = 2e-9, 1e-12  # s/kg, of normals, as in the engine in f64
 
 
 def complementarity(matrix, right, low, high):
@@ -133,8 +131,8 @@ class Oracle:
     def solve(self, matrix, right, rows, demands, slides):
         """Velocities: first without friction, then with that of points that push; Coulomb's by repetition."""
         (rates, low, high), normals = demands, np.arange(len(rows) - len(slides), len(rows))
-        soft, free = np.zeros(len(rows)), slice(6 * self.tree.fixed, None)
-        soft[normals] = COMPLIANCE
+        soft = COMPLIANCE * (np.arange(len(rows)) >= len(rows) - len(slides))
+        free = slice(6 * self.tree.fixed, None)
         strength = np.zeros(len(slides))
         for phase in range(1 if not slides else 2 if np.isinf(self.world.friction) else 5):
             inertia = matrix + sum(s * motion.T @ motion for s, (motion, _) in zip(strength, slides, strict=True))
