@@ -134,7 +134,7 @@ class Oracle:
         soft = COMPLIANCE * (np.arange(len(rows)) >= len(rows) - len(slides))
         free = slice(6 * self.tree.fixed, None)
         strength = np.zeros(len(slides))
-        for phase in range(1 if not slides else 2 if np.isinf(self.world.friction) else 5):
+        for phase in range(1 if not slides else 2 if np.isinf(self.world.friction) else 8):
             inertia = matrix + sum(s * motion.T @ motion for s, (motion, _) in zip(strength, slides, strict=True))
             drive = right + sum(s * motion.T @ slip for s, (motion, slip) in zip(strength, slides, strict=True))
             inverse = np.zeros_like(matrix)
@@ -142,9 +142,12 @@ class Oracle:
             system = rows @ inverse @ rows.T + np.diag(soft)
             impulses = complementarity(system, rates - rows @ inverse @ drive, low, high)
             u = inverse @ (drive + rows.T @ impulses)
+            speeds = np.array([np.linalg.norm([*(motion @ u - slip), 1e-6]) for motion, slip in slides])
             if phase == 0:
                 strength = most = np.where(impulses[normals] > 0, self.world.time_step / self.world.slip, 0.0)
+                free_speeds = speeds
             elif np.isfinite(self.world.friction):
-                speeds = [np.linalg.norm([*(motion @ u - slip), 1e-6]) for motion, slip in slides]
-                strength = np.minimum(self.world.friction * impulses[normals] / speeds, most)
+                largest = self.world.friction * impulses[normals]
+                slowed = np.maximum(free_speeds / speeds - 1, 0) / np.maximum(strength, 1e-20)
+                strength = np.minimum(largest / np.maximum(free_speeds - largest * slowed, 1e-20), most)
         return u

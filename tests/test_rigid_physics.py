@@ -229,13 +229,13 @@ def test_a_wheel_beside_one_that_stands_still_drives_at_half_speed(joints, share
 @BOTH
 def test_with_a_coefficient_of_friction_a_plate_stops_after_v_over_mu_g(integration):
     """At the end it creeps at slip times force, as long as that is inside the cone."""
-    tree, world = plate(), World(0.01, -GRAVITY, slip=0.01, friction=0.3, integration=integration)
+    tree, world = plate(), World(0.01, -GRAVITY, slip=1e-5, friction=0.3, integration=integration)
     found = simulate(tree, world, 120, moving(tree, (0, 0, 0, 1.2, -1.6, 0)))
     along = found.frames.position[:, 0, :2] @ [0.6, -0.8]
     speeds = np.diff(along) / world.time_step
     expected = np.maximum(2.0 - 0.3 * GRAVITY * world.time_step * np.arange(1, 121), 0)
     assert expected[66] > 0 and expected[67] == 0
-    assert np.abs(speeds - expected).max() < 0.02 and np.abs(speeds[85:]).max() < 1e-6
+    assert np.abs(speeds - expected).max() < 1e-4 and np.abs(speeds[68:]).max() < 1e-7
 
 
 # resting, stops, motors, welds

@@ -9,6 +9,7 @@ from taichi_sim import runtime
 from taichi_sim.lanes import NATIVE_WIDTH, Real
 from taichi_sim.rigid import batch, memory
 from taichi_sim.rigid import step_stage as step
+from taichi_sim.rigid.friction_stage import ENDLESS
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.settings import Network, World
@@ -185,7 +186,7 @@ class RigidEngine:
         found[[step.TIME_STEP, step.GRAVITY, step.ERROR_REDUCTION]] = (
             world.time_step, world.gravity, world.error_reduction)  # fmt: skip
         found[step.SLIP_STRENGTH] = world.time_step / world.slip
-        found[step.FRICTION] = min(world.friction, 1e30)
+        found[step.FRICTION] = min(world.friction, ENDLESS)
         found[step.COMPLIANCE], found[step.TOLERANCE] = COMPLIANCE[self.precision], TOLERANCE[self.precision]
         found[[step.MEMORY, step.GAIN]] = network.memory, network.gain
         found[[step.APART, step.TOUCHING]] = network.touch_values

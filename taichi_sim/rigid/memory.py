@@ -41,9 +41,9 @@ TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER = 16, 17, 18, 19, 20, 21
 PARAMETER_WIDTH = 22
 
 # Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
-# its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; then its
-# hinges' entries.
-AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, HINGES = 0, 3, 4, 6, 7, 13, 14, 15, 16, 17
+# its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast
+# it slides without friction; then its hinges' entries.
+AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, SLIDES, HINGES = 0, 3, 4, 6, 7, 13, 14, 15, 16, 17, 18
 POINT_PARAMETER_WIDTH = 4  # offset from the body's centre, radius
 LIGHT_PARAMETER_WIDTH = 3
 

@@ -17,7 +17,7 @@ from taichi_sim.rigid.tables import Tables
 from taichi_sim.rigid.tree import Tree
 from taichi_sim.runtime import GRAIN, Configuration
 
-VISCOUS_PHASES, COULOMB_PHASES = 2, 5  # solutions of a step; Coulomb's cone is found by repetition
+VISCOUS_PHASES, COULOMB_PHASES = 2, 8  # solutions of a step; Coulomb's cone is found by repetition
 
 
 @dataclass(frozen=True, eq=False)
