@@ -66,9 +66,15 @@ class Oracle:
         return rotations @ [body.inertia for body, _ in self.tree.ordered] @ rotations.transpose(0, 2, 1)
 
     def carry(self, places, inertias, velocities):
-        """What goes into the next step: velocities, or momenta about the origin of the world."""
+        """What goes into the next step: velocities, or momenta and their moments relative to the centre of mass."""
         linear, spin = self.masses[:, None] * velocities[:, 3:], np.einsum("bij,bj->bi", inertias, velocities[:, :3])
-        self.velocities, self.momenta = velocities, (spin + np.cross(places, linear), linear)
+        self.velocities, self.momenta = velocities, (spin + self.moments(places, linear), linear)
+
+    def moments(self, places, linear):
+        """Of momenta; where the base floats, about the centre of mass of those relative to it."""
+        floats, masses = not self.tree.fixed, self.masses[:, None]
+        centre, going = (floats * x.sum(0) / masses.sum() for x in (masses * places, linear))
+        return np.cross(places - centre, linear - masses * going)
 
     def step(self, commands):
         """One time step with these commands to the motors."""
@@ -83,7 +89,7 @@ class Oracle:
             spin = spin - h * np.cross(turning, spin)
             linear = self.masses[:, None] * (self.velocities[:, 3:] + push_out * drift)
         else:
-            spin, linear = self.momenta[0] - np.cross(places, self.momenta[1]), self.momenta[1]
+            spin, linear = self.momenta[0] - self.moments(places, self.momenta[1]), self.momenta[1]
         linear = linear + h * self.world.gravity * np.outer(self.masses, [0, 0, 1])
         matrix = np.einsum("bij,bik,bkl->jl", jacobians[:, :3], inertias, jacobians[:, :3])
         matrix += np.einsum("bij,b,bil->jl", jacobians[:, 3:], self.masses, jacobians[:, 3:])

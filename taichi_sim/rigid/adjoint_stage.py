@@ -67,7 +67,7 @@ from taichi_sim.rigid.memory import (
     put,
     row,
 )
-from taichi_sim.rigid.motion_stage import moving_body
+from taichi_sim.rigid.motion_stage import common_motion, moving_body
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import pull_back, select
 
@@ -91,9 +91,46 @@ def clear_work(g: ti.template(), k, plan: ti.template()):
 
 
 @ti.func
-def unmove(m: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(), time_step, correction,
-           drifting: ti.template(), conserving: ti.template()):  # fmt: skip
+def unshift_moments(m: ti.template(), c: ti.template(), g: ti.template(), k, plan: ti.template(), floating,
+                    sign):  # fmt: skip
+    """``shift_moments`` reversed; momenta are those that c carries."""
+    x, y, z, vx, vy, vz, share = common_motion(m, c, k, plan, floating)
+    zero = 0.0 * x
+    g0, g1, g2, g3, g4, g5 = zero, zero, zero, zero, zero, zero
+    for b in range(plan[BODIES]):
+        body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
+        inputs = ti.static(spatial.joined(
+            load(m, k, given + MASS), row(m, k, body + PLACE, 3), row(c, k, body + CARRIED + 3, 3), x, y, z, vx, vy,
+            vz))  # fmt: skip
+        seeds = ti.static([sign * s for s in row(g, k, body + CARRIED, 3)])
+        to = ti.static(pull_back(laws.moment_shift, inputs, (), seeds))
+        accumulate(g, k, given + MASS, to[0])
+        add(g, k, body + PLACE, to[1:4])
+        add(g, k, body + CARRIED + 3, to[4:7])
+        g0, g1, g2 = g0 + to[7], g1 + to[8], g2 + to[9]
+        g3, g4, g5 = g3 + to[10], g4 + to[11], g5 + to[12]
+    of_centre, of_going = (
+        ti.static((g0 * share, g1 * share, g2 * share)),
+        ti.static((g3 * share, g4 * share, g5 * share)),
+    )
+    for b in range(plan[BODIES]):
+        body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
+        mass = load(m, k, given + MASS)
+        arm = ti.static(spatial.minus_times(row(m, k, body + PLACE, 3), (x, y, z), 1.0))
+        accumulate(g, k, given + MASS, spatial.dot(of_centre, arm) - spatial.dot(of_going, (vx, vy, vz)))
+        add(g, k, body + PLACE, [mass * s for s in of_centre])
+        add(g, k, body + CARRIED + 3, of_going)
+
+
+@ti.func
+def unmove(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(),
+           time_step, correction, floating, drifting: ti.template(), conserving: ti.template()):  # fmt: skip
     """From the state after a step to velocities, hinges' rates and the state before."""
+    if ti.static(conserving):
+        for b in range(plan[BODIES]):  # momenta after the step
+            moved = ti.static(laws.carried_on(*moving_body(m, k, plan, b), time_step, correction, drifting, conserving))
+            put(a, k, body_at(plan, b) + CARRIED, moved[:6])
+        unshift_moments(m, a, g, k, plan, floating, -1.0)
     root = body_at(plan, 0)
     velocity = ti.static(row(m, k, root + VELOCITY, 6))
     base = ti.static(spatial.joined(row(m, k, POSITION, 7), velocity))
@@ -103,7 +140,7 @@ def unmove(m: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti
     add(g, k, root + VELOCITY, to_base[7:])
     for b in range(plan[BODIES]):
         body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
-        before = ti.static(spatial.joined(moving_body(m, k, plan, b), velocity[3:]))
+        before = ti.static(moving_body(m, k, plan, b))
         after = ti.static(spatial.joined(row(g, k, body + CARRIED, 6), row(g, k, body + OWN, 3)))
         to_body = ti.static(pull_back(laws.carried_on, before, (time_step, correction, drifting, conserving), after))
         add(g, k, given + MASS, to_body[:7])
@@ -111,8 +148,7 @@ def unmove(m: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti
         add(g, k, body + PLACE, to_body[16:19])
         add(g, k, body + DRIFT, to_body[19:22])
         put(g, k, body + OWN, to_body[22:25])
-        add(g, k, body + VELOCITY, to_body[25:31])
-        add(g, k, root + VELOCITY + 3, to_body[31:])
+        add(g, k, body + VELOCITY, to_body[25:])
         if table[b * BODY_COLUMNS + HINGED] == 1:
             accumulate(g, k, body + RATE, time_step * load(g, k, body + ANGLE))
 

@@ -115,26 +115,35 @@ def fill(slots: np.ndarray, plan: NDArray[np.int32], given: Given, trees: Sequen
     for section, values in (*numbers.items(), (memory.WEIGHT, given.weights), (memory.COMMAND, given.commands)):
         flat = values.reshape(len(values), -1)
         slots[plan[section] : plan[section] + flat.shape[1]] = flat.T
-    carried, places = _carried(trees, state, by_momentum)
+    carried, places, moving = _carried(trees, state, by_momentum)
     for n in range(len(trees[0].bodies)):
         body = plan[memory.BODY] + n * memory.BODY_WIDTH
         slots[body + memory.CARRIED : body + memory.CARRIED + 6] = carried[:, n].T
         slots[body + memory.OWN : body + memory.OWN + 3] = places[:, n].T
+        slots[body + memory.MOVING : body + memory.MOVING + 6] = moving[:, n].T
     for h, n in enumerate(trees[0].hinged):
         slots[plan[memory.BODY] + n * memory.BODY_WIDTH + memory.ANGLE] = state.angles[:, h]
 
 
-def _carried(trees: Sequence[Tree], state: State, by_momentum: bool) -> tuple[Floats, Floats]:
-    """Momenta or velocities of all bodies, (B, bodies, 6), and their places, (B, bodies, 3)."""
+def _carried(trees: Sequence[Tree], state: State, by_momentum: bool) -> tuple[Floats, Floats, Floats]:
+    """What bodies carry, (B, bodies, 6), their places, (B, bodies, 3), and velocities, (B, bodies, 6)."""
     if len(trees) == 1:
         return _of_tree(trees[0], state, by_momentum)
     each = [_of_tree(tree, State(*(getattr(state, f.name)[n : n + 1] for f in fields(State))), by_momentum)
             for n, tree in enumerate(trees)]  # fmt: skip
-    carried, places = zip(*each, strict=True)
-    return np.concatenate(carried), np.concatenate(places)
+    carried, places, moving = (np.concatenate(parts) for parts in zip(*each, strict=True))
+    return carried, places, moving
 
 
-def _of_tree(tree: Tree, state: State, by_momentum: bool) -> tuple[Floats, Floats]:
+def _of_tree(tree: Tree, state: State, by_momentum: bool) -> tuple[Floats, Floats, Floats]:
     places, turns = poses(tree, state.position, state.orientation, state.angles)
     moving = velocities(tree, places, turns, state.velocity, state.rates)
-    return momenta(tree, places, turns, moving) if by_momentum else moving, places
+    if not by_momentum:
+        return moving, places, moving
+    carried = momenta(tree, places, turns, moving)
+    if not tree.fixed:  # as ``motion_stage.shift_moments`` has them
+        masses = np.array([body.mass for body, _ in tree.ordered])[:, None]
+        arms = places - places[..., :1, :]
+        centre, velocity = ((masses * x).sum(-2, keepdims=True) / masses.sum() for x in (arms, moving[..., 3:]))
+        carried[..., :3] -= np.cross(centre, carried[..., 3:]) + np.cross(arms - centre, masses * velocity)
+    return carried, places, moving

@@ -200,9 +200,6 @@ class RigidEngine:
         found = np.where(diverged & (np.arange(len(found)) != memory.DIVERGED)[:, None], np.nan, found)
         bodies = plan[memory.BODY] + memory.BODY_WIDTH * np.arange(counts.bodies)
         angles = found[[bodies[n] + memory.ANGLE for n in tree.hinged]].T.reshape(found.shape[1], -1)
-        spatial = np.stack([found[b + memory.VELOCITY : b + memory.VELOCITY + 6].T for b in bodies], 1)
-        places = np.stack([found[b + memory.PLACE : b + memory.PLACE + 3].T for b in bodies], 1)
-        spatial[..., 3:] += np.cross(spatial[..., :3], places)
         sensors = counts.touches + counts.lights
         steps = np.where(diverged, found[memory.DIVERGED], plan[memory.STEPS]).astype(np.int64)
         recorded: Frames | None = None
@@ -215,7 +212,7 @@ class RigidEngine:
             position=found[memory.POSITION : memory.POSITION + 3].T,
             orientation=found[memory.ORIENTATION : memory.ORIENTATION + 4].T,
             angles=angles,
-            velocities=spatial,
+            velocities=np.stack([found[b + memory.MOVING : b + memory.MOVING + 6].T for b in bodies], 1),
             readings=found[plan[memory.READING] : plan[memory.READING] + sensors].T,
             closest=np.sqrt(found[memory.CLOSEST]),
             status=np.where(diverged, "diverged", "ok"),

@@ -11,6 +11,7 @@ from taichi_sim.rigid.adjoint_stage import (
     unmove,
     unplace,
     unsense,
+    unshift_moments,
     unsolve,
     unthink,
 )
@@ -78,10 +79,12 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, conserving: bool) ->
                         respond(m, k, plan, table, points, paths, listed, settings, block, count, phases, drifting,
                                 conserving)  # fmt: skip
                         rows = ti.min(count, 1)
-                        unmove(m, g, k, plan, table, h, push_out, drifting, conserving)
+                        unmove(m, a, g, k, plan, table, h, push_out, settings[FLOATING], drifting, conserving)
                         solve_adjoint(m, a, g, k, plan, table, points, paths, listed, settings, block, count, rows)
                         unsolve(m, a, g, k, plan, table, points, listed, block, count, rows, h, settings[GRAVITY],
                                 push_out, drifting, conserving)  # fmt: skip
+                        if ti.static(conserving):
+                            unshift_moments(m, m, g, k, plan, settings[FLOATING], 1.0)
                         uncommand(m, a, g, k, plan, table, rows, h, push_out)
                         unthink(m, g, k, plan, t, settings[MEMORY], settings[GAIN])
                     unsense(m, g, k, plan, eyes)

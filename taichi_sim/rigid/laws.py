@@ -109,21 +109,34 @@ def welded_place(*values: Any) -> tuple[Any, ...]:
 def carried_on(*values: Any) -> tuple[Any, ...]:
     """What a body carries on (6), and where it is then (3).
 
-    Values: mass, inertia at rest (6), rotation (9), place (3), drift (3), own place (3), velocity (6), velocity of the
-    base's centre (3); then time step, correction, drifting, conserving.
+    Values: mass, inertia at rest (6), rotation (9), place (3), drift (3), own place (3), velocity (6); then time step,
+    correction, drifting, conserving.
     """
-    (mass,), at_rest, rotation, place, drift, own, velocity, base = _cut(values, 1, 6, 9, 3, 3, 3, 6, 3)
-    time_step, correction, drifting, conserving = values[34:]
-    if conserving:
+    (mass,), at_rest, rotation, place, drift, own, velocity = _cut(values, 1, 6, 9, 3, 3, 3, 6)
+    time_step, correction, drifting, conserving = values[31:]
+    if conserving:  # see ``moment_shift``
         turned = spatial.turned_inertia(rotation, at_rest)
-        p = spatial.times(spatial_inertia(mass, turned, place), velocity)
-        # The common point moves on with the base, and the moment about it changes.
-        return (*spatial.minus_times(p[:3], spatial.cross(base, p[3:]), time_step), *p[3:], *own)
+        return (*spatial.times(spatial_inertia(mass, turned, place), velocity), *own)
     linear = spatial.plus(velocity[3:], spatial.cross(velocity[:3], place))
     if drifting:
         linear = spatial.minus_times(linear, drift, correction)
         own = spatial.plus_times(own, linear, time_step)
     return (*velocity[:3], *linear, *own)
+
+
+@primitive
+def moment_shift(*values: Any) -> tuple[Any, ...]:
+    """What a body's moment of momentum about the common point has beside that which it carries from step to step.
+
+    It carries that of its motion relative to the robot's centre of mass, about it. So their sum is the robot's about
+    its centre of mass, which is conserved, and the speed of the whole is of no consequence to what its bodies do.
+
+    Values: mass, place (3), momentum (3); centre of mass (3), its velocity (3).
+    """
+    (mass,), place, linear, centre, going = _cut(values, 1, 3, 3, 3, 3)
+    arm = spatial.minus_times(place, centre, 1.0)
+    whole = [mass * x for x in going]
+    return tuple(spatial.plus(spatial.cross(centre, linear), spatial.cross(arm, whole)))
 
 
 @primitive

@@ -32,6 +32,7 @@ STATE_WIDTH = 12
 ROTATION, PLACE, DRIFT, SCREW, INERTIA, MOMENTUM = 12, 21, 24, 27, 33, 39
 ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
 TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
+MOVING = MOMENTUM  # after a step: its velocity, that of its centre
 BODY_WIDTH = 92
 
 # Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,

@@ -17,6 +17,7 @@ from taichi_sim.rigid.memory import (
     INERTIA,
     MASS,
     MOMENTUM,
+    MOVING,
     ORIENTATION,
     OWN,
     PARAMETER,
@@ -67,9 +68,45 @@ def place_bodies(m: ti.template(), k, plan: ti.template(), table: ti.template(),
 
 
 @ti.func
-def gather_momentum(m: ti.template(), k, plan: ti.template(), time_step, weight, correction,
+def common_motion(m: ti.template(), c: ti.template(), k, plan: ti.template(), floating):
+    """Centre of mass relative to the base, its velocity, and one over the mass, all zero where the base is fixed.
+
+    Masses and places are those of memory m, momenta those that c carries.
+    """
+    total = 0.0 * load(m, k, 0)
+    x, y, z, vx, vy, vz = total, total, total, total, total, total
+    for b in range(plan[BODIES]):
+        body = body_at(plan, b)
+        mass = load(m, k, plan[PARAMETER] + b * PARAMETER_WIDTH + MASS)
+        total = total + mass
+        x = x + mass * load(m, k, body + PLACE)
+        y = y + mass * load(m, k, body + PLACE + 1)
+        z = z + mass * load(m, k, body + PLACE + 2)
+        vx = vx + load(c, k, body + CARRIED + 3)
+        vy = vy + load(c, k, body + CARRIED + 4)
+        vz = vz + load(c, k, body + CARRIED + 5)
+    share = floating / total
+    return x * share, y * share, z * share, vx * share, vy * share, vz * share, share
+
+
+@ti.func
+def shift_moments(m: ti.template(), k, plan: ti.template(), floating, sign):
+    """Moments of momentum about the common point from those carried from step to step (or back: -1)."""
+    x, y, z, vx, vy, vz, _share = common_motion(m, m, k, plan, floating)
+    for b in range(plan[BODIES]):
+        body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
+        before = ti.static(spatial.joined(
+            load(m, k, given + MASS), row(m, k, body + PLACE, 3), row(m, k, body + CARRIED + 3, 3)))  # fmt: skip
+        shift = ti.static(laws.moment_shift(*before, x, y, z, vx, vy, vz))
+        put(m, k, body + CARRIED, spatial.plus_times(row(m, k, body + CARRIED, 3), shift, sign))
+
+
+@ti.func
+def gather_momentum(m: ti.template(), k, plan: ti.template(), time_step, weight, correction, floating,
                     drifting: ti.template(), conserving: ti.template()):  # fmt: skip
     """Inertias about the common point, and the momentum of each body."""
+    if ti.static(conserving):
+        shift_moments(m, k, plan, floating, 1.0)
     for b in range(plan[BODIES]):
         body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
         mass = load(m, k, given + MASS)
@@ -82,19 +119,26 @@ def gather_momentum(m: ti.template(), k, plan: ti.template(), time_step, weight,
 
 
 @ti.func
-def move_bodies(m: ti.template(), k, plan: ti.template(), table: ti.template(), time_step, correction,
+def move_bodies(m: ti.template(), k, plan: ti.template(), table: ti.template(), time_step, correction, floating,
                 drifting: ti.template(), conserving: ti.template()):  # fmt: skip
     """Carry velocities or momenta, and move on: semi-implicit Euler."""
     velocity = ti.static(row(m, k, body_at(plan, 0) + VELOCITY, 6))
     for b in range(plan[BODIES]):
         body = body_at(plan, b)
-        moved = ti.static(laws.carried_on(*moving_body(m, k, plan, b), *velocity[3:], time_step, correction, drifting,
-                                          conserving))  # fmt: skip
+        moved = ti.static(laws.carried_on(*moving_body(m, k, plan, b), time_step, correction, drifting, conserving))
         put(m, k, body + CARRIED, moved[:6])
+        if ti.static(conserving):
+            w, v = ti.static(row(m, k, body + VELOCITY, 3)), ti.static(row(m, k, body + VELOCITY + 3, 3))
+            linear = ti.static(spatial.plus(v, spatial.cross(w, row(m, k, body + PLACE, 3))))
+            put(m, k, body + MOVING, spatial.joined(w, linear))
+        else:
+            put(m, k, body + MOVING, moved[:6])
         if ti.static(drifting):
             put(m, k, body + OWN, moved[6:])
         if table[b * BODY_COLUMNS + HINGED] == 1:
             store(m, k, body + ANGLE, load(m, k, body + ANGLE) + time_step * load(m, k, body + RATE))
+    if ti.static(conserving):
+        shift_moments(m, k, plan, floating, -1.0)
     base = ti.static(row(m, k, POSITION, 7))
     moved_base = ti.static(laws.moved_base(*base, *velocity, time_step))
     put(m, k, POSITION, moved_base)

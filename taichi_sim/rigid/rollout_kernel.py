@@ -24,7 +24,7 @@ from taichi_sim.rigid.memory import (
     body_at,
 )
 from taichi_sim.rigid.motion_stage import move_bodies
-from taichi_sim.rigid.step_stage import ERROR_REDUCTION, TIME_STEP, observe, quarantine, respond
+from taichi_sim.rigid.step_stage import ERROR_REDUCTION, FLOATING, TIME_STEP, observe, quarantine, respond
 from taichi_sim.rigid.tape_stage import keep
 from taichi_sim.runtime import ti
 
@@ -77,7 +77,8 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, conserving: bool, rec
                     if t < plan[STEPS]:
                         respond(m, k, plan, table, points, paths, listed, settings, block, count, phases, drifting,
                                 conserving)  # fmt: skip
-                        move_bodies(m, k, plan, table, h, settings[ERROR_REDUCTION] / h, drifting, conserving)
+                        move_bodies(m, k, plan, table, h, settings[ERROR_REDUCTION] / h, settings[FLOATING], drifting,
+                                    conserving)  # fmt: skip
                         quarantine(m, k, plan, ti.cast(t, real.scalar))
 
     return run

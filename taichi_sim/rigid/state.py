@@ -56,7 +56,8 @@ class RigidResult:
         position: of the base's centre, (B, 3) [m].
         orientation: of the base, (B, 4).
         angles: of the hinges, (B, H) [rad].
-        velocities: of all bodies in the tree's order, angular, then linear, (B, bodies, 6) [rad/s, m/s].
+        velocities: of all bodies in the tree's order in the last step, angular, then that of the centre, (B, bodies, 6)
+            [rad/s, m/s].
         readings: of the sensors, (B, S).
         closest: smallest distance of the base from the light, seen from above, at any step (B,) [m].
         status: ``"ok"`` or ``"diverged"``, (B,).

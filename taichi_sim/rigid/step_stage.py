@@ -70,7 +70,7 @@ def respond(m: ti.template(), k, plan: ti.template(), table: ti.template(), poin
     h = settings[TIME_STEP]
     push_out = settings[ERROR_REDUCTION] / h
     command_hinges(m, k, plan, table, h, push_out)
-    gather_momentum(m, k, plan, h, settings[GRAVITY], push_out, drifting, conserving)
+    gather_momentum(m, k, plan, h, settings[GRAVITY], push_out, settings[FLOATING], drifting, conserving)
     for phase in range(phases):
         if phase == 0 or count > 0:
             solve_phase(m, k, plan, table, points, paths, listed, settings, block, count, phase, push_out, drifting)
