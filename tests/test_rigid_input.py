@@ -12,6 +12,7 @@ from taichi_sim.rigid import (
     Capsule,
     Hinge,
     Motor,
+    Network,
     RigidEngine,
     Senses,
     Sphere,
@@ -207,3 +208,18 @@ def test_the_order_of_bodies_changes_no_result(tree, random, integration):
         angles = dict(zip([hinge.child for hinge in one.hinges], result.angles[0], strict=True))
         found.append([*result.position[0], *result.orientation[0], *(angles[name] for name in sorted(angles))])
     assert np.allclose(*found, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Network(memory=np.nan), "memory: nan is not allowed; give a finite number"),
+        (lambda: Network(touch_values=(0.0, np.inf)), "touch_values: .* is not allowed; give two finite numbers"),
+        (lambda: World(friction="x"), "friction: 'x' is not allowed; give a number of at least 0, or infinity"),
+        (lambda: World(error_reduction="x"), "error_reduction: 'x' is not allowed; give a number from 0 to 1"),
+        (lambda: Motor.velocity("x", 1.0), "by_command: 'x' is not allowed; give a finite number"),
+    ],
+)
+def test_settings_that_are_no_numbers_are_refused_in_one_line(make, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        make()

@@ -142,10 +142,14 @@ def row_impulse(m: ti.template(), k, body):
 
 
 @ti.func
-def switch_rows(m: ti.template(), k, plan: ti.template(), table: ti.template(), phase, tolerance):
-    """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one, change; how many did."""
+def switch_rows(m: ti.template(), k, plan: ti.template(), table: ti.template(), phase, tolerance, together):
+    """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one, change; whether any did.
+
+    All at once; where that goes on in circles, ``together`` being 0, the last one only, which ends (Murty).
+    """
     changes = 0.0 * load(m, k, 0)
-    for b in range(1, plan[BODIES]):
+    for back in range(1, plan[BODIES]):
+        b = plan[BODIES] - back
         if table[b * BODY_COLUMNS + HINGED] == 1:
             body = body_at(plan, b)
             impulse = row_impulse(m, k, body)
@@ -157,6 +161,8 @@ def switch_rows(m: ti.template(), k, plan: ti.template(), table: ti.template(), 
             passed = ((mode > 0.5) & (ahead > tolerance)) | ((mode < -0.5) & (ahead < 0.0 - tolerance))
             kept = select(passed & (low < high), MODE_DRIVEN, mode)
             after = select(driven, beyond, kept)
+            if together == 0:
+                after = select(changes > 0.0, mode, after)
             store(m, k, body + MODES + phase, after)
             changes = larger(changes, (after - mode) * (after - mode))
     return changes

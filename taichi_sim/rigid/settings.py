@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from taichi_sim.rigid.shapes import positive
+from taichi_sim.rigid.shapes import is_number, positive
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class World:
     def __post_init__(self) -> None:
         positive("time_step", self.time_step)
         positive("slip", self.slip)
-        if not np.isfinite(self.gravity):
+        if not is_number(self.gravity):
             raise ValueError(f"gravity: {self.gravity!r} is not allowed; give a finite number")
-        if not self.friction >= 0:
+        if not (is_number(self.friction) or self.friction == np.inf) or self.friction < 0:
             raise ValueError(f"friction: {self.friction!r} is not allowed; give a number of at least 0, or infinity")
-        if not 0 <= self.error_reduction <= 1:
+        if not is_number(self.error_reduction) or not 0 <= self.error_reduction <= 1:
             raise ValueError(f"error_reduction: {self.error_reduction!r} is not allowed; give a number from 0 to 1")
         if self.integration not in ("momentum", "velocity"):
             raise ValueError(f"integration: {self.integration!r} is unknown; choose momentum or velocity")
@@ -56,3 +56,9 @@ class Network:
     memory: float = 1.0
     gain: float = 1.0
     touch_values: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name, values in (("memory", [self.memory]), ("gain", [self.gain]), ("touch_values", self.touch_values)):
+            if not all(is_number(value) for value in values) or (name == "touch_values" and len(values) != 2):
+                allowed = "two finite numbers" if name == "touch_values" else "a finite number"
+                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; give {allowed}")

@@ -27,14 +27,18 @@ def vector(field: str, value: Vector) -> Floats:
     return found
 
 
+def is_number(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def positive(field: str, value: float, zero: bool = False) -> float:
     """A finite number above zero, or zero where that is allowed.
 
     Raises:
         ValueError: in one line, for anything else.
     """
-    sound = isinstance(value, int | float | np.number) and math.isfinite(value)
-    if not sound or value < 0 or (value == 0 and not zero):
+    if not is_number(value) or value < 0 or (value == 0 and not zero):
         allowed = "a finite number, at least 0" if zero else "a positive finite number"
         raise ValueError(f"{field}: {value!r} is not allowed; give {allowed}")
     return float(value)

@@ -37,7 +37,7 @@ from taichi_sim.rigid.motion_stage import gather_momentum, place_bodies
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import select
 
-MOST_SWITCHES = 12  # solutions a phase, while hinges' rows change
+MOST_SWITCHES, SWITCHES_TOGETHER = 30, 8  # solutions a phase, while hinges' rows change; all at once in the first
 MOST_PIVOTS = 60
 FARTHEST = 1e6  # m, or m/s: beyond it a robot has exploded
 
@@ -97,7 +97,10 @@ def solve_phase(m: ti.template(), k, plan: ti.template(), table: ti.template(), 
             solve_normals(m, k, plan, listed, block, count, rows, settings[TOLERANCE], MOST_PIVOTS)
             apply_normals(m, k, plan, points, paths, table, listed, block, count, rows)
         spread(m, k, plan, table)
-        changes = switch_rows(m, k, plan, table, rows, settings[TOLERANCE])
+        together = 0
+        if left > MOST_SWITCHES - SWITCHES_TOGETHER:
+            together = 1
+        changes = switch_rows(m, k, plan, table, rows, settings[TOLERANCE], together)
         left -= 1
         if any_lane(changes > 0.0):
             if left == 0:

@@ -68,6 +68,8 @@ def tables_of(tree: Tree, senses: Senses, commands: int) -> Tables:
     for name in senses.touch:
         if tree.place_of(name) not in touchable:
             raise ValueError(f"touch: {name!r} has no shape that could touch; give a body with one")
+    if len(set(senses.touch)) < len(senses.touch):
+        raise ValueError(f"touch: {list(senses.touch)!r} is not allowed; give each body once")
     feeling = {tree.place_of(name): s for s, name in enumerate(senses.touch)}
     paths: list[list[int]] = []
     rows = np.full((len(tree.bodies), memory.BODY_COLUMNS), -1, np.int32)

@@ -3,14 +3,13 @@
 Everything is given as it lies at rest, in the frame of the world: all bodies' axes are then the world's.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from taichi_sim.rigid.shapes import Floats, Solid, Vector, positive, unit, vector
+from taichi_sim.rigid.shapes import Floats, Solid, Vector, is_number, positive, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class Motor:
     def __post_init__(self) -> None:
         positive("torque", self.torque, zero=True)
         for name in ("by_command", "by_angle", "offset"):
-            if not math.isfinite(getattr(self, name)):
+            if not is_number(getattr(self, name)):
                 raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; give a finite number")
 
     @classmethod
