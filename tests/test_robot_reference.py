@@ -16,21 +16,24 @@ RUNS = ("inch_flat", "roll_flat", "mixed_hill")
 
 
 def load() -> tuple[dict, dict]:
-    """The runs' settings, and (steps, poses) of each with the early ones first."""
+    """The runs' settings, and (steps, positions of voxels [m]) of each with the early ones first.
+
+    Kept are changes from one recorded step to the next in whole micrometres, and early positions exactly.
+    """
     with np.load(Path(__file__).parent / "data" / "robot_runs.npz") as data:
         meta = json.loads(str(data["meta"]))
-        poses = {}
+        positions = {}
         for name in RUNS:
-            steps, pose = data[f"{name}/step"], data[f"{name}/pose"]
+            steps, places = data[f"{name}/step"], data[f"{name}/position"].cumsum(axis=0) * 1e-6
             if f"{name}/early_step" in data:
                 steps = np.concatenate([data[f"{name}/early_step"], steps])
-                pose = np.concatenate([data[f"{name}/early_pose"], pose])
+                places = np.concatenate([data[f"{name}/early_position"], places])
             order = np.argsort(steps, kind="stable")
-            poses[name] = steps[order], pose[order]
-    return meta, poses
+            positions[name] = steps[order], places[order]
+    return meta, positions
 
 
-def joint_program(meta: dict, poses: dict) -> LatticeProgram:
+def joint_program(meta: dict, positions: dict) -> LatticeProgram:
     """The three runs as one batch; each ends with its last recorded pose."""
     events, lengths = [], []
     for robot, name in enumerate(RUNS):
@@ -40,23 +43,23 @@ def joint_program(meta: dict, poses: dict) -> LatticeProgram:
         part = program.events.copy()
         part["robot"] = robot
         events.append(part)
-        lengths.append(int(poses[name][0].max()))
-    marks = np.full((len(RUNS), max(len(poses[n][0]) for n in RUNS)), -1)
+        lengths.append(int(positions[name][0].max()))
+    marks = np.full((len(RUNS), max(len(positions[n][0]) for n in RUNS)), -1)
     for robot, name in enumerate(RUNS):
-        marks[robot, : len(poses[name][0])] = poses[name][0]
+        marks[robot, : len(positions[name][0])] = positions[name][0]
     return LatticeProgram(lengths, np.concatenate(events), marks)
 
 
 def errors(precision: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Steps and largest position error [m] at each, per run."""
-    meta, poses = load()
+    meta, positions = load()
     engine = LatticeEngine(PUBLISHED.body, 3, time_step=PUBLISHED.time_step, floor=True, precision=precision, threads=2)
-    result = engine.run(joint_program(meta, poses))
+    result = engine.run(joint_program(meta, positions))
     assert (result.status == "ok").all()
     found = {}
     for robot, name in enumerate(RUNS):
-        steps, pose = poses[name]
-        error = np.abs(result.positions[robot, : len(steps)] - pose[:, :, :3]).max(axis=(1, 2))
+        steps, places = positions[name]
+        error = np.abs(result.positions[robot, : len(steps)] - places).max(axis=(1, 2))
         found[name] = steps, error
     return found
 
