@@ -90,7 +90,7 @@ class Interference:
         population: climbers of a run.
         steps: looks at the sensors in a simulation.
         variant: a name of ``VARIANTS``: the published experiment or its text, which also bounds weights.
-        precision: ``"f64"``; in ``"f32"`` wheeled robots end elsewhere more often than chance allows.
+        precision: ``"f64"`` or ``"f32"``: the same distributions, not the same robots.
         device: ``"cpu"`` or one of Taichi's.
     """
 
