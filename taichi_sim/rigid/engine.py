@@ -18,7 +18,7 @@ from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, points_of, tables_of
 from taichi_sim.rigid.tree import Tree
 
-BLOCKS_AT_ONCE = 4  # a thread: their memory should stay in the cache
+BLOCKS_AT_ONCE = 32  # a thread: so many that threads rarely wait for each other
 ROBOTS_AT_ONCE = 1 << 15  # on a GPU
 COMPLIANCE = {"f64": 2e-9, "f32": 2e-6}  # s/kg, of normals: decides between equal solutions
 TOLERANCE = {"f64": 1e-12, "f32": 1e-7}

@@ -1,4 +1,4 @@
-"""Some robots of a batch at a time, in memory that fits the cache: what kernels are called with."""
+"""Some robots of a batch at a time: what kernels are called with."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
