@@ -37,7 +37,8 @@ class ResultsFolder:
         text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
         if file.exists():
             if read_text(file) != text:
-                raise ValueError(f"out: {path} holds a {kind} of other settings; name another folder")
+                article = "an" if kind[0] in "aeiou" else "a"
+                raise ValueError(f"out: {path} holds {article} {kind} of other settings; name another folder")
             return
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ValueError(f"out: {path} holds something else; name a new folder")

@@ -12,6 +12,7 @@ from optim.studies.interference_climbers import HillClimbers
 from optim.studies.interference_evolution import evolve
 from optim.studies.interference_settings import Interference, Treatment, treatments
 from optim.studies.interference_study import train
+from taichi_sim.runtime import ti
 
 BRIEF = Interference(population=4, steps=60)
 CHOSEN = [Treatment("whegged", "min"), Treatment("legged", "sum")]
@@ -125,10 +126,17 @@ def test_bad_input_is_one_line(call, message):
 
 def test_folders_of_other_settings_or_that_went_further_are_refused(tmp_path):
     evolve(BRIEF, CHOSEN[:1], 1, 2, tmp_path, threads=1)
-    with pytest.raises(ValueError, match="of other settings; name another folder"):
+    with pytest.raises(ValueError, match="holds an interference of other settings; name another folder"):
         evolve(replace(BRIEF, population=5), CHOSEN[:1], 1, 2, tmp_path)
     with pytest.raises(ValueError, match=r"generations: 1 is not allowed; .* holds 2"):
         evolve(BRIEF, CHOSEN[:1], 1, 1, tmp_path)
+
+
+def test_a_device_that_is_not_there_leaves_no_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(ti.lang.misc, "is_arch_supported", lambda architecture: False)
+    with pytest.raises(ValueError, match=r"^device: 'vulkan' is not available on this machine"):
+        evolve(replace(BRIEF, device="vulkan"), CHOSEN[:1], 1, 0, tmp_path / "study", threads=1)
+    assert not (tmp_path / "study").exists()
 
 
 class Idle(HillClimbers):

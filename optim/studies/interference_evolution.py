@@ -13,6 +13,7 @@ from optim.studies.interference_settings import Arrays, Interference, Treatment
 from optim.studies.interference_trainers import TRAINERS
 from optim.studies.results import Progress
 from robots.results_folder import ResultsFolder
+from taichi_sim import runtime
 
 KIND = "interference"
 SECONDS_BETWEEN_FILES = 60.0  # a kill loses so much
@@ -47,11 +48,12 @@ def evolve(
         Of every treatment and run, the state of its climbers, as ``Climbers.state`` tells.
 
     Raises:
-        ValueError: in one line, for numbers that are not allowed, or a folder of other settings, or of runs that went
-            further.
+        ValueError: in one line, for numbers that are not allowed, a device that is not there, or a folder of other
+            settings, or of runs that went further.
     """
     for name, value, low in (("runs", runs, 1), ("generations", generations, 0)):
         check_whole(name, value, low)
+    runtime.start(settings.device, settings.precision, threads)  # refuses what is not there before a folder is made
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
     members = {(treatment, run): TRAINERS[treatment.trainer](treatment, run, settings, threads)
                for treatment in chosen for run in range(runs)}  # fmt: skip
