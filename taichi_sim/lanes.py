@@ -15,6 +15,7 @@ from taichi_sim.runtime import aligned, inside_kernel, ti
 from taichi_sim.tracing import Condition, law, primitive, select
 
 NATIVE_WIDTH = {"f32": 16, "f64": 8}  # 512 bits; LLVM splits them where the machine has less
+WIDTHS = (1, 2, 4, 8, 16, 32)  # LLVM lays out no others without gaps
 
 
 @dataclass(frozen=True)
@@ -24,10 +25,17 @@ class Real:
     Attributes:
         precision: ``"f32"`` or ``"f64"``.
         width: robots per real.
+
+    Raises:
+        ValueError: in one line, for a width that is none of ``WIDTHS``.
     """
 
     precision: str
     width: int
+
+    def __post_init__(self) -> None:
+        if self.width not in WIDTHS:
+            raise ValueError(f"width: {self.width!r} is not allowed; give one of {', '.join(map(str, WIDTHS))}")
 
     @property
     def scalar(self) -> Any:

@@ -67,6 +67,11 @@ BAD = {
         "stops of b: (0.1, 0.5) is not allowed; give two angles around the start",
     ),
     "stops the wrong way round": (lambda: Hinge("a", "b", (0, 0, 0), (1, 0, 0), stops=(0.5, -0.5)), "stops of b"),
+    "stops that are three": (lambda: Hinge("a", "b", (0, 0, 0), (1, 0, 0), stops=(-1, 0, 1)), "stops of b"),
+    "a single stop": (lambda: Hinge("a", "b", (0, 0, 0), (1, 0, 0), stops=1.0), "stops of b: 1.0 is not allowed"),
+    "a motor that flees": (lambda: Motor.position(-1, 1, -5.0, 1), "speed: -5.0 is not allowed"),
+    "an angle that is none": (lambda: Motor.position(-1, None, 5.0, 1), "highest: None is not allowed"),
+    "a solid without a list": (lambda: Body("b", (0, 0, 0), 1.0, Sphere(1)), "shapes of b: Sphere("),
     "no bodies": (lambda: Tree([]), "bodies: [] is not allowed"),
     "a name twice": (lambda: Tree([BALL, BALL]), "bodies: ['ball', 'ball'] is not allowed"),
     "a loop": (
@@ -88,6 +93,10 @@ BAD = {
         "touch: 'b' has no shape that could touch",
     ),
     "steps that are no number": (lambda: engine().run(1.5), "steps: 1.5 is not allowed"),
+    "steps that are a truth": (lambda: engine().run(True), "steps: True is not allowed"),
+    "a width with gaps": (lambda: engine(width=3).run(1), "width: 3 is not allowed; give one of 1, 2, 4, 8, 16, 32"),
+    "no width": (lambda: engine(width=0).run(1), "width: 0 is not allowed"),
+    "no commands over time": (lambda: engine().run(1, commands=np.zeros((1, 0, 1))), "commands: none over time"),
     "commands held for no time": (lambda: engine().run(1, hold=0), "hold: 0 is not allowed"),
     "commands beside weights": (
         lambda: engine().run(1, commands=np.zeros((1, 1, 1)), weights=np.zeros((1, 2, 1))),
@@ -131,6 +140,10 @@ BAD = {
     "a start without an angle": (
         lambda: engine().run(1, start=state(angles=[[0, 0]])),
         "angles: shape (1, 2) is not allowed; give (B, 1)",
+    ),
+    "a start without any angle": (
+        lambda: engine().run(1, start=state(angles=np.zeros((1, 0)))),
+        "angles: shape (1, 0) is not allowed; give (B, 1)",
     ),
 }
 

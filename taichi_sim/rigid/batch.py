@@ -57,9 +57,9 @@ def check(trees: Sequence[Tree], sensors: int, weights: Floats | None, commands:
         raise ValueError("commands: not allowed beside weights; give one of them")
     if weights is None and commands is None:
         commands = np.zeros((1, 1, motors))
-    arrays = {
-        "weights": (np.zeros((1, 0, 0)) if weights is None else weights, (sensors, motors)),
-        "commands": (np.zeros((1, 0, motors)) if commands is None else commands, (None, motors)),
+    arrays: dict[str, tuple[Floats, tuple[int | None, ...]]] = {
+        "weights": (np.zeros((1, 0, 0)), (0, 0)) if weights is None else (weights, (sensors, motors)),
+        "commands": (np.zeros((1, 0, motors)), (0, motors)) if commands is None else (commands, (None, motors)),
         "lights": (_FAR_AWAY if lights is None else lights, (3,)),
         "position": (start.position, (3,)),
         "orientation": (start.orientation, (4,)),
@@ -67,8 +67,9 @@ def check(trees: Sequence[Tree], sensors: int, weights: Floats | None, commands:
         "velocity": (start.velocity, (6,)),
         "rates": (start.rates, (hinges,)),
     }
-    found = {name: _check(name, value, shape if np.size(value) else np.shape(value)[1:])
-             for name, (value, shape) in arrays.items()}  # fmt: skip
+    found = {name: _check(name, value, shape) for name, (value, shape) in arrays.items()}
+    if commands is not None and found["commands"].shape[1] == 0:
+        raise ValueError("commands: none over time are not allowed; give at least one")
     batch = max(len(trees), *map(len, found.values()))
     for name, value in (*found.items(), ("trees", np.empty(len(trees)))):
         if len(value) not in (1, batch):

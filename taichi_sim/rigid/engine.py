@@ -13,7 +13,7 @@ from taichi_sim.rigid.friction_stage import ENDLESS
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.settings import Network, World
-from taichi_sim.rigid.shapes import Floats
+from taichi_sim.rigid.shapes import Floats, is_whole
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, points_of, tables_of
 from taichi_sim.rigid.tree import Tree
@@ -35,7 +35,7 @@ class RigidEngine:
         precision: ``"f32"`` or ``"f64"``.
         device: ``"cpu"``, ``"cuda"``, ...
         threads: CPU threads; all available cores if None.
-        width: robots side by side; results do not depend on it.
+        width: robots side by side on a CPU, 1, 2, 4, 8, 16 or 32; results do not depend on it.
 
     Raises:
         ValueError: in one line, for trees of different structure or anything else that is not allowed.
@@ -96,8 +96,8 @@ class RigidEngine:
             commands: instead of these, commands to all motors over time, (B, K, M), each kept for ``hold`` steps, the
                 last one to the end.
             hold: steps that a command is kept.
-            lights: place of each robot's light, (B, 3) [m].
-            start: where robots start; at rest if None.
+            lights: place of each robot's light, (B, 3) [m]; far away if None.
+            start: where robots start; at rest, as their trees describe them, if None.
             record_every: record every so many steps; nothing if None.
 
         Raises:
@@ -151,24 +151,25 @@ class RigidEngine:
     def _setup(self, steps: int, weights: Floats | None, commands: Floats | None, hold: int, lights: Floats | None,
                start: State | None, record_every: int | None) -> Setup:  # fmt: skip
         """Check what a run is given, and start Taichi."""
-        if not isinstance(steps, int | np.integer) or steps < 0:
+        if not is_whole(steps) or steps < 0:
             raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
         for name, value in (("record_every", record_every), ("hold", hold)):
-            if value is not None and (not isinstance(value, int | np.integer) or value < 1):
+            if value is not None and (not is_whole(value) or value < 1):
                 raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least 1")
         given = batch.check(self.trees, self.senses.count, weights, commands, lights, start or self.rest())
         running = runtime.start(self.device, self.precision, self.threads)
         tables = tables_of(self.tree, self.senses, given.commands.shape[1])
         plan = tables.counts.plan(hold, steps, record_every or max(1, steps))
         on_cpu = self.device == "cpu"
-        width = (self.width or NATIVE_WIDTH[self.precision]) if on_cpu else 1
-        at_once = width * BLOCKS_AT_ONCE * running.threads if on_cpu else ROBOTS_AT_ONCE
-        return Setup(self.trees, given, tables, plan, running, width, at_once)
+        width = NATIVE_WIDTH[self.precision] if self.width is None else self.width
+        real = Real(self.precision, width if on_cpu else 1)
+        at_once = real.width * BLOCKS_AT_ONCE * running.threads if on_cpu else ROBOTS_AT_ONCE
+        return Setup(self.trees, given, tables, plan, running, real, start is None, at_once)
 
     def _part(self, setup: Setup, chosen: NDArray[np.int64]) -> Part:
         """Some robots, ready to start; the last real is filled up with the first robots again."""
-        real, blocks = Real(self.precision, setup.width), -(-len(chosen) // setup.width)
-        padded = np.resize(chosen, blocks * setup.width)
+        real, blocks = setup.real, -(-len(chosen) // setup.real.width)
+        padded = np.resize(chosen, blocks * real.width)
         sections = {memory.PARAMETER: self._parameters, memory.POINT_PARAMETER: self._points,
                     memory.LIGHT_PARAMETER: eyes_of(self.senses)[None]}  # fmt: skip
         several = len(self.trees) > 1

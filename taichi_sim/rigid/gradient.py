@@ -39,7 +39,8 @@ class RigidGradient:
         orientation: of the base at the start, (B, 4).
         angles: at the start, (B, H) [1/rad].
         places: of bodies on their own at the start, (B, bodies, 3) [1/m]; zero unless they may drift.
-        carried: velocities, or momenta, of bodies at the start, (B, bodies, 6).
+        carried: velocities, or momenta, of bodies at the start, (B, bodies, 6); all other derivatives hold them fixed.
+        described: whether robots started as their trees describe them.
     """
 
     weights: Floats
@@ -53,14 +54,20 @@ class RigidGradient:
     angles: Floats
     places: Floats
     carried: Floats
+    described: bool
 
     def by_design(self, tree_of: Callable[[float], Tree], value: float) -> Floats:
-        """Derivative by a number that a robot is described by, robots starting at rest, (B,).
+        """Derivatives by a number that robots are described by, (B,): of each robot, if its tree is that of the number.
 
         Args:
             tree_of: the tree that the number gives.
             value: the number.
+
+        Raises:
+            ValueError: in one line, for a run with a ``start``, which would have to follow the number.
         """
+        if not self.described:
+            raise ValueError("start: derivatives by a design are those of robots that start as described; give None")
         shift = _SHIFT * max(abs(value), 1e-3)
         lower, upper = (_numbers(tree_of(value + side * shift)) for side in (-1, 1))
         slopes = [(high - low) / (2 * shift) for low, high in zip(lower, upper, strict=True)]
@@ -161,4 +168,5 @@ class RigidTape:
             angles=bodies[:, tree.hinged, memory.ANGLE],
             places=bodies[..., memory.OWN : memory.OWN + 3],
             carried=bodies[..., memory.CARRIED : memory.CARRIED + 6],
+            described=self._setup.described,
         )

@@ -30,7 +30,8 @@ class Setup:
         tables: integers of the tree.
         plan: places of sections.
         running: what Taichi was started with.
-        width: robots side by side.
+        real: what a real is.
+        described: whether robots start as their trees describe them.
         at_once: robots of a part.
     """
 
@@ -39,7 +40,8 @@ class Setup:
     tables: Tables
     plan: NDArray[np.int32]
     running: Configuration
-    width: int
+    real: Real
+    described: bool
     at_once: int
 
     def chunks(self) -> Iterator[NDArray[np.int64]]:

@@ -32,6 +32,11 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def positive(field: str, value: float, zero: bool = False) -> float:
     """A finite number above zero, or zero where that is allowed.
 

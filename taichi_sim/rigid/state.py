@@ -59,7 +59,8 @@ class RigidResult:
         velocities: of all bodies in the tree's order in the last step, angular, then that of the centre, (B, bodies, 6)
             [rad/s, m/s].
         readings: of the sensors, (B, S).
-        closest: smallest distance of the base from the light, seen from above, at any step (B,) [m].
+        closest: smallest distance of the base from the light, seen from above, at any step, (B,) [m]; of no meaning
+            without lights.
         status: ``"ok"`` or ``"diverged"``, (B,).
         steps: steps before divergence, else all, (B,).
         residual: largest violation of the conditions of contacts that a step was left with, 0 where all were solved

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from taichi_sim.rigid.shapes import Floats, Solid, Vector, is_number, positive, unit, vector
+from taichi_sim.rigid.shapes import Floats, Solid, Vector, is_number, is_whole, positive, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +33,8 @@ class Body:
     def __post_init__(self) -> None:
         vector(f"position of {self.name}", self.position)
         positive(f"mass of {self.name}", self.mass)
+        if not isinstance(self.shapes, Sequence) or not all(isinstance(shape, Solid) for shape in self.shapes):
+            raise ValueError(f"shapes of {self.name}: {self.shapes!r} is not allowed; give a list of solids")
         if self.inertia is None:
             if len(self.shapes) != 1 or np.any(self.shapes[0].centre):
                 raise ValueError(f"inertia of {self.name}: None is not allowed; give it for all but one centred solid")
@@ -67,7 +69,15 @@ class Motor:
 
     @classmethod
     def position(cls, lowest: float, highest: float, speed: float, torque: float) -> "Motor":
-        """Commands from -1 to 1 mean angles from lowest to highest [rad]; the rate is speed [1/s] times what lacks."""
+        """Commands from -1 to 1 mean angles from lowest to highest [rad]; the rate is speed [1/s] times what lacks.
+
+        Raises:
+            ValueError: in one line, for angles that are no numbers, or a speed that is not positive.
+        """
+        for name, angle in (("lowest", lowest), ("highest", highest)):
+            if not is_number(angle):
+                raise ValueError(f"{name}: {angle!r} is not allowed; give a finite number")
+        positive("speed", speed)
         return cls(torque, speed * (highest - lowest) / 2, -speed, speed * (highest + lowest) / 2)
 
     @classmethod
@@ -101,12 +111,18 @@ class Hinge:
     def __post_init__(self) -> None:
         vector(f"anchor of {self.child}", self.anchor)
         unit(f"axis of {self.child}", self.axis)
-        if self.stops is not None and not (self.stops[0] <= 0 <= self.stops[1] and self.stops[0] < self.stops[1]):
+        if self.stops is not None and not _around_zero(self.stops):
             raise ValueError(
                 f"stops of {self.child}: {self.stops!r} is not allowed; give two angles around the start, 0"
             )
-        if self.motor is not None and (not isinstance(self.command, int) or self.command < 0):
+        if self.motor is not None and (not is_whole(self.command) or self.command < 0):
             raise ValueError(f"command of {self.child}: {self.command!r} is not allowed; give the number of a command")
+
+
+def _around_zero(stops: object) -> bool:
+    if not isinstance(stops, Sequence | np.ndarray) or len(stops) != 2 or not all(map(is_number, stops)):
+        return False
+    return bool(stops[0] <= 0 <= stops[1] and stops[0] < stops[1])
 
 
 @dataclass(frozen=True)
