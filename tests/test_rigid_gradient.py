@@ -16,7 +16,7 @@ from robots.quadruped import (
     engine,
     simulate,
 )
-from taichi_sim.rigid import Network, RigidEngine, World
+from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Network, RigidEngine, Sphere, Tree, World
 
 ROBOTS = 4
 LIGHT = np.array([[3.0, 1.0, 0.15]])
@@ -91,6 +91,35 @@ def test_derivatives_of_pose_and_angles_and_by_commands(integration):
         gradient = tape.pull_back(**{name: np.tile(aim, (2, 1))})
         found, expected = (gradient.commands * direction).sum((1, 2)), differences(cost, commands, direction)
         assert np.abs(found / expected - 1).max() < 1e-6
+
+
+def ball(radius: float) -> Tree:
+    """A ball that starts a little inside the ground."""
+    return Tree([Body("ball", (0, 0, 0.0999), 1.0, [Sphere(radius)])])
+
+
+def arm(length: float) -> Tree:
+    """An arm on a fixed base, too heavy for its motor."""
+    hinge = Hinge("base", "arm", (0, 0, 1), (0, 1, 0), Motor.position(-1, 1, 2, 0.5))
+    base = Body("base", (0, 0, 1), 1.0, [Sphere(0.05)])
+    return Tree([base, Body("arm", (length / 2, 0, 1), 0.5, [Capsule(0.02, length, (1, 0, 0))])], [hinge], fixed=True)
+
+
+@pytest.mark.parametrize("integration", ["momentum", "velocity"])
+@pytest.mark.parametrize("tree, value, name", [(ball, 0.1, "position"), (arm, 0.4, "angles")])
+def test_derivatives_of_a_body_without_hinges_and_of_a_fixed_one(tree, value, name, integration):
+    def robots(x: float) -> RigidEngine:
+        return RigidEngine(tree(x), World(0.01, integration=integration), precision="f64", threads=1)
+
+    def cost(x: float) -> float:
+        return getattr(robots(x).run(20), name)[0, -1]
+
+    tape = robots(value).record(20)
+    aim = np.zeros_like(getattr(tape.result, name))
+    aim[0, -1] = 1
+    found = tape.pull_back(**{name: aim}).by_design(tree, value)
+    expected = (cost(value + 1e-6) - cost(value - 1e-6)) / 2e-6
+    assert abs(expected) > 0.01 and abs(found[0] / expected - 1) < 1e-7
 
 
 def test_neighbours_and_lanes_change_no_bit_of_a_gradient():
