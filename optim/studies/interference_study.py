@@ -17,7 +17,7 @@ from optim.studies.interference_evolution import Run, evolve
 from optim.studies.interference_likeness import likeness, write_likeness
 from optim.studies.interference_settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
 from optim.studies.interference_tables import measure, write_tables
-from optim.studies.results import Progress, part_of, write_json
+from optim.studies.results import Progress, check_folder, part_of, write_json
 
 TABLES = (
     "tables.md",
@@ -114,6 +114,7 @@ def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
         ValueError: in one line, for an unknown budget or a folder of something else.
     """
     check_choice("budget", budget, tuple(EFFORTS))
+    check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
     effort = EFFORTS[budget]
     settings = Interference(population=effort.population)
     for n, (name, environments) in enumerate((("two", 2), ("four", 4))):

@@ -1,7 +1,7 @@
 """What studies share: budgets, results of parts that are computed once, progress, and summaries."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -22,6 +22,20 @@ def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
         if name == budget:
             return settings
     raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
+
+
+def check_folder(folder: Path, names: Collection[str]) -> None:
+    """Refuse a folder of something else before a study whose parts have folders of their own fills it.
+
+    Args:
+        folder: may be new.
+        names: of all that the study puts there.
+
+    Raises:
+        ValueError: in one line, for a file, or a folder that holds anything else.
+    """
+    if folder.exists() and (not folder.is_dir() or any(path.name not in names for path in folder.iterdir())):
+        raise ValueError(f"out: {folder} holds something else; name a new folder")
 
 
 def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from optim.measures.overlap import interference, learnability
 from optim.studies.figures import COLUMN, figure, letter, save_arrays
-from optim.studies.results import part_of, write_json
+from optim.studies.results import check_folder, part_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.sensor_placement_figures import OVERLAP_COLOURS, draw_overlap
 from optim.studies.sweep_table import overlaps_of
@@ -49,6 +49,7 @@ def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | 
 
 def study(folder: Path, grid: RoverGrid, theory: Sweep, progress: Callable[[float], None] | None = None) -> None:
     """The same with any settings."""
+    check_folder(folder, ("success", "theory", "summary.json", "rover-success.csv", "rover-success.png"))
     vehicles = [rover.vehicle for rover in BODIES.values()]
     designs = [vehicle.design for vehicle in vehicles if vehicle.design is not None]  # both are of the grid
     reached = successes(designs, grid, folder / "success", progress=part_of(progress, 0, 2))

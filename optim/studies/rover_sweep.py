@@ -15,7 +15,7 @@ from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
 from optim.search.method import check_whole
 from optim.studies.figures import COLOURS, PAGE, figure, letter
-from optim.studies.results import part_of, write_json
+from optim.studies.results import check_folder, part_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.rover_success import BODIES, MODELS
 from optim.studies.sweep_table import overlaps_of
@@ -84,6 +84,7 @@ def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | 
 
 def study(folder: Path, settings: RoverSweep, progress: Callable[[float], None] | None = None) -> None:
     """The same with any settings, such as ``FULL_GRID``."""
+    check_folder(folder, ("success", "theory", "summary.json", "rover-sweep.csv", "rover-sweep.png"))
     named = {name: rover.vehicle for name, rover in BODIES.items()}
     vehicles = [*named.values(), *map(VehicleBody.published, settings.designs)]
     designs = [vehicle.design for vehicle in vehicles if vehicle.design is not None]  # all are of the grid
