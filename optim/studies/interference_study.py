@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from optim.search.method import check_choice
 from optim.studies.interference_alone import Alone, train_alone
 from optim.studies.interference_champions import champions_of
 from optim.studies.interference_curves import all_mutations, write_curves
@@ -17,7 +16,7 @@ from optim.studies.interference_evolution import Run, evolve
 from optim.studies.interference_likeness import likeness, write_likeness
 from optim.studies.interference_settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
 from optim.studies.interference_tables import measure, write_tables
-from optim.studies.results import Progress, check_folder, part_of, write_json
+from optim.studies.results import Budget, Progress, check_folder, part_of, scale_of, write_json
 
 TABLES = (
     "tables.md",
@@ -50,7 +49,7 @@ class Effort:
     alone: Alone
 
 
-EFFORTS: Mapping[str, Effort] = {
+EFFORTS: Mapping[Budget, Effort] = {
     "small": Effort(20, 3, 40, Alone(2, 40)),
     "full": Effort(100, 30, 3000, Alone(5, 400)),
 }
@@ -113,9 +112,8 @@ def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
     Raises:
         ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    check_choice("budget", budget, tuple(EFFORTS))
+    effort = scale_of(budget, EFFORTS)
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
-    effort = EFFORTS[budget]
     settings = Interference(population=effort.population)
     for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
         train(replace(settings, lights=LIGHTS[environments]), treatments(), effort.runs, effort.generations,

@@ -6,7 +6,7 @@ reaches the light in all environments.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from optim.measures.pareto import non_dominated
 from optim.search.method import check_whole
 from optim.space import Vector
 from optim.studies.figures import COLOURS, COLUMN, figure
-from optim.studies.results import Arrays, kept, write_json
+from optim.studies.results import Arrays, Budget, kept, scale_of, write_json
 from optim.studies.rover_grid import RoverGrid
 from optim.studies.rover_problem import (
     CONTROLLERS,
@@ -102,7 +102,7 @@ class Front:
         return int(places[-1]) if len(places) else None
 
 
-SCALES = {"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()}
+SCALES: Mapping[Budget, PreOptimisation] = {"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()}
 
 
 def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None) -> None:
@@ -116,9 +116,7 @@ def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | 
     Raises:
         ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    if budget not in SCALES:
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(SCALES)}")
-    study(folder, SCALES[budget], progress)
+    study(folder, scale_of(budget, SCALES), progress)
 
 
 def study(folder: Path, settings: PreOptimisation, progress: Callable[[float], None] | None = None) -> None:

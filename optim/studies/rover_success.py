@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from optim.measures.overlap import interference, learnability
 from optim.studies.figures import COLUMN, figure, letter, save_arrays
-from optim.studies.results import check_folder, part_of, write_json
+from optim.studies.results import check_folder, part_of, scale_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.sensor_placement_figures import OVERLAP_COLOURS, draw_overlap
 from optim.studies.sweep_table import overlaps_of
@@ -41,15 +41,15 @@ def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | 
     Raises:
         ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    if budget not in ("small", "full"):
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of small, full")
-    study(folder, RoverGrid(31) if budget == "small" else RoverGrid(), Sweep(31) if budget == "small" else Sweep(),
-          progress)  # fmt: skip
+    grid, theory = scale_of(budget, {"small": (RoverGrid(31), Sweep(31)), "full": (RoverGrid(), Sweep())})
+    study(folder, grid, theory, progress)
 
 
 def study(folder: Path, grid: RoverGrid, theory: Sweep, progress: Callable[[float], None] | None = None) -> None:
     """The same with any settings."""
-    check_folder(folder, ("success", "theory", "summary.json", "rover-success.csv", "rover-success.png"))
+    check_folder(
+        folder, ("success", "theory", "summary.json", *(f"rover-success.{end}" for end in ("csv", "npz", "png")))
+    )
     vehicles = [rover.vehicle for rover in BODIES.values()]
     designs = [vehicle.design for vehicle in vehicles if vehicle.design is not None]  # both are of the grid
     reached = successes(designs, grid, folder / "success", progress=part_of(progress, 0, 2))

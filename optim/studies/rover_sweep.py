@@ -3,7 +3,7 @@
 Source: dissertation, chapter 3, figure "histogram": the distributions of both metrics in both models.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
 from optim.search.method import check_whole
 from optim.studies.figures import COLOURS, PAGE, figure, letter
-from optim.studies.results import check_folder, part_of, write_json
+from optim.studies.results import Budget, check_folder, part_of, scale_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.rover_success import BODIES, MODELS
 from optim.studies.sweep_table import overlaps_of
@@ -63,7 +63,10 @@ class RoverSweep:
 
 
 FULL_GRID = RoverSweep(DESIGNS, grid=RoverGrid(), theory=Sweep(), device="cuda")
-SCALES = {"small": RoverSweep(12, grid=RoverGrid(11), theory=Sweep(11)), "full": RoverSweep()}
+SCALES: Mapping[Budget, RoverSweep] = {
+    "small": RoverSweep(12, grid=RoverGrid(11), theory=Sweep(11)),
+    "full": RoverSweep(),
+}
 
 
 def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None) -> None:
@@ -77,9 +80,7 @@ def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | 
     Raises:
         ValueError: in one line, for an unknown budget or a folder of something else.
     """
-    if budget not in SCALES:
-        raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(SCALES)}")
-    study(folder, SCALES[budget], progress)
+    study(folder, scale_of(budget, SCALES), progress)
 
 
 def study(folder: Path, settings: RoverSweep, progress: Callable[[float], None] | None = None) -> None:
