@@ -1,0 +1,219 @@
+"""Motions: anything that moves, as solids with poses over time, ready to be shown.
+
+Builders of motions: ``soft_motion`` for voxel robots, ``rigid_motion`` for articulated ones, ``vehicle_motion`` for
+traces. What shows them: ``glb`` and ``player``.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.checks import whole_number
+from taichi_sim import rotations
+from taichi_sim.rigid import Box, Sphere
+from taichi_sim.rigid.shapes import Solid
+
+Floats = NDArray[np.float64]
+Colour = tuple[float, float, float]
+
+CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size, given their sizes by scale
+WINDOW = 1 / 40  # of a motion's time over which its speed is taken
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Something that changes in time: a row of the timeline.
+
+    Attributes:
+        name: of the row.
+        unit: of the values; empty if they have none.
+        times: of the values, increasing [s], shape (K,).
+        values: shape (K,); of a switch 0 or 1.
+        colour: red, green, blue from 0 to 1.
+        switch: whether a value holds until the next one; otherwise they are joined by lines.
+        logarithmic: whether the values, all positive, are better seen by their logarithms.
+    """
+
+    name: str
+    unit: str
+    times: Floats
+    values: Floats
+    colour: Colour = (0.35, 0.35, 0.35)
+    switch: bool = False
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        times, values = (_finite(f"{self.name}: {field}", getattr(self, field)) for field in ("times", "values"))
+        if times.ndim != 1 or values.shape != times.shape or not len(times):
+            raise ValueError(f"{self.name}: values of shape {values.shape} are not allowed; give one for each time")
+        if (np.diff(times) < 0).any():
+            raise ValueError(f"{self.name}: times that go back are not allowed; give them in order")
+        if self.logarithmic and (values <= 0).any():
+            raise ValueError(f"{self.name}: {values.min()} has no logarithm; give positive values")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+
+@dataclass(frozen=True)
+class Node:
+    """A solid that moves as one.
+
+    Attributes:
+        name: of the node.
+        solid: centred, its axis along z, in the node's frame, before it is scaled.
+        colour: red, green, blue from 0 to 1.
+        channel: number of the channel that shows on it: pale at the channel's smallest value, in full colour at its
+            largest; None: always in full colour.
+    """
+
+    name: str
+    solid: Solid
+    colour: Colour
+    channel: int | None = None
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A plane across z, in the frame of the motion.
+
+    Attributes:
+        level: its z [m].
+        slope: [degrees], positive uphill.
+        heading: the direction that is uphill [degrees] from x towards y.
+    """
+
+    level: float = 0.0
+    slope: float = 0.0
+    heading: float = 0.0
+
+    @property
+    def upright(self) -> Floats:
+        """The rotation from the frame of the motion to one in which gravity points along -z, (w, x, y, z)."""
+        half, heading = np.deg2rad([self.slope / 2, self.heading])
+        return np.array([np.cos(half), np.sin(half) * np.sin(heading), -np.sin(half) * np.cos(heading), 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Solids that move: F frames of N nodes.
+
+    Attributes:
+        name: what it shows, in a few words.
+        times: of the frames [s], increasing, shape (F,).
+        nodes: what moves.
+        translation: of the nodes' centres [m], shape (F, N, 3).
+        rotation: of the nodes, unit quaternions (w, x, y, z), shape (F, N, 4); of the two that are one rotation,
+            what is kept is the one nearer to the frame before.
+        scale: of the nodes along their own axes, shape (F, N, 3).
+        path: where the whole is, for the camera to follow [m], shape (F, 3).
+        channels: rows of the timeline.
+        lights: places of lights [m], shape (L, 3).
+        light_radius: of the balls that they are shown as [m].
+        ground: below everything.
+
+    Raises:
+        ValueError: in one line, for shapes that do not fit, numbers that are not finite, no frames and no nodes.
+    """
+
+    name: str
+    times: Floats
+    nodes: tuple[Node, ...]
+    translation: Floats
+    rotation: Floats
+    scale: Floats
+    path: Floats
+    channels: tuple[Channel, ...] = ()
+    lights: Floats = ()  # type: ignore[assignment]
+    light_radius: float = 0.05
+    ground: Ground = Ground()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nodes", tuple(self.nodes))
+        object.__setattr__(self, "channels", tuple(self.channels))
+        times = _finite("times", self.times)
+        if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
+            raise ValueError(f"times: shape {times.shape} is not allowed; give at least one frame, times increasing")
+        if not self.nodes:
+            raise ValueError("nodes: there are none; give at least one")
+        frames, count = len(times), len(self.nodes)
+        object.__setattr__(self, "times", times)
+        for field, shape in (
+            ("translation", (frames, count, 3)), ("rotation", (frames, count, 4)), ("scale", (frames, count, 3)),
+            ("path", (frames, 3)),
+        ):  # fmt: skip
+            values = _finite(field, getattr(self, field))
+            if values.shape != shape:
+                raise ValueError(f"{field}: shape {values.shape} is not allowed; give {shape}")
+            object.__setattr__(self, field, values)
+        object.__setattr__(self, "rotation", _continuous(self.rotation))
+        object.__setattr__(self, "lights", _finite("lights", self.lights).reshape(-1, 3))
+        wrong = [n.channel for n in self.nodes if n.channel is not None and not 0 <= n.channel < len(self.channels)]
+        if wrong:
+            raise ValueError(f"channel: {wrong[0]} of a node is not allowed; there are {len(self.channels)}")
+
+    def every(self, step: int) -> Self:
+        """The same with every so many of its frames, the first one first."""
+        part = slice(None, None, whole_number("every", step, 1))
+        several = ("times", "translation", "rotation", "scale", "path")
+        return replace(self, **{field: getattr(self, field)[part] for field in several})  # type: ignore[arg-type]
+
+
+def whole_frames(*arrays: NDArray[np.floating]) -> int:
+    """Frames from the first on in which all numbers are finite: a robot has none after its end.
+
+    Args:
+        *arrays: shape (F, ...).
+
+    Raises:
+        ValueError: in one line, if there are none.
+    """
+    whole = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
+    count = len(whole) if whole.all() else int(np.argmin(whole))
+    if not count:
+        raise ValueError("frames: the robot has none; it diverged at once, or nothing was recorded")
+    return count
+
+
+def speed_channels(times: Floats, way: Floats, colour: Colour = (0.2, 0.2, 0.2)) -> tuple[Channel, Channel]:
+    """Rows with the way [m] that a robot has gone, shape (F,), and its speed over a short while."""
+    half = max((times[-1] - times[0]) * WINDOW / 2, 1e-9)
+    before, after = np.maximum(times - half, times[0]), np.minimum(times + half, times[-1])
+    gone = np.interp(after, times, way) - np.interp(before, times, way)
+    speed = gone / np.maximum(after - before, 1e-9)
+    return Channel("distance", "m", times, way - way[0], colour), Channel("speed", "m/s", times, speed, colour)
+
+
+def unit_quaternion(from_z_to: ArrayLike) -> Floats:
+    """A rotation (w, x, y, z) that turns the z axis into a direction, shape (3,)."""
+    x, y, z = np.asarray(from_z_to, float) / np.linalg.norm(from_z_to)
+    if z < -1 + 1e-12:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    found = np.array([1 + z, -y, x, 0.0])
+    return found / np.linalg.norm(found)
+
+
+def product(a: Floats, b: Floats) -> Floats:
+    """Products of quaternions, shapes (..., 4)."""
+    return np.stack(np.broadcast_arrays(*rotations.multiply(*np.moveaxis(a, -1, 0), *np.moveaxis(b, -1, 0))), -1)
+
+
+def _finite(field: str, values: ArrayLike) -> Floats:
+    try:
+        found = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{field}: these are not allowed; give an array of numbers") from None
+    if not np.isfinite(found).all():
+        raise ValueError(f"{field}: numbers that are not finite are not allowed")
+    return found
+
+
+def _continuous(rotation: Floats) -> Floats:
+    """Unit quaternions, each with the sign that is nearer to the frame before; signs are those of the first frame."""
+    length = np.linalg.norm(rotation, axis=-1, keepdims=True)
+    if (np.abs(length - 1) > 1e-3).any():
+        raise ValueError("rotation: quaternions of other lengths than 1 are not allowed")
+    flips = np.einsum("fnk,fnk->fn", rotation[1:], rotation[:-1]) < 0
+    signs = np.where(np.cumsum(flips, axis=0) % 2, -1.0, 1.0)
+    return rotation / length * np.concatenate([np.ones((1, rotation.shape[1])), signs])[..., None]

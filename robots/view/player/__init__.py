@@ -1,0 +1,67 @@
+"""The player: motions in one HTML file that needs no network, no server and no installation.
+
+It works from disk, in notebooks and on any site; what it needs is a browser with WebGL 2. three.js (MIT licence, see
+``LICENSE.three``) is part of the file.
+"""
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+
+from robots.checks import whole_number
+from robots.files import write_text
+from robots.view.motion import Motion
+from robots.view.player.page import page
+
+__all__ = ["Player", "page", "save_player", "show"]
+
+
+def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, title: str = "") -> int:
+    """Write a page that plays motions.
+
+    Args:
+        motions: one, or up to four to see side by side.
+        path: of the file, which must not exist yet.
+        title: above them.
+
+    Returns:
+        Bytes written.
+
+    Raises:
+        ValueError: in one line, for a file that exists, no motions or too many of them.
+    """
+    if Path(path).exists():
+        raise ValueError(f"path: {path} exists; name a new file")
+    text = page(motions, title)
+    write_text(path, text)
+    return len(text.encode())
+
+
+@dataclass(frozen=True)
+class Player:
+    """A page that notebooks show.
+
+    Attributes:
+        page: as text.
+        height: in the notebook [px].
+    """
+
+    page: str = field(repr=False)
+    height: int
+
+    def _repr_html_(self) -> str:
+        style = f"width:100%;height:{self.height}px;border:0"
+        return f'<iframe srcdoc="{html.escape(self.page)}" style="{style}"></iframe>'
+
+
+def show(motions: Motion | Sequence[Motion], *, title: str = "", height: int = 860) -> Player:
+    """Play motions below a notebook's cell.
+
+    Args:
+        motions: as of :func:`save_player`.
+        title: above them.
+        height: of the player [px].
+    """
+    return Player(page(motions, title), whole_number("height", height, 200))

@@ -1,0 +1,164 @@
+"""The player's page: motions, three.js and the program that plays them in one HTML file."""
+
+import base64
+import html
+import json
+from collections.abc import Sequence
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from robots.view.motion import Channel, Floats, Motion, product
+from robots.view.player.packing import Packed, pack
+from taichi_sim.rigid.shapes import Box, Capsule, Solid
+
+MOST_MOTIONS = 4
+PROGRAM = ("decode.js", "stage.js", "timeline.js", "player.js")
+Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
+FAR = 5.0  # lengths of a robot: those that go farther are followed
+READOUTS = ("core pressure", "distance", "speed")
+MOST_VALUES = 2000  # of a channel in the chart
+
+
+def page(motions: Motion | Sequence[Motion], title: str = "") -> str:
+    """The page as text.
+
+    Args:
+        motions: one, or up to four to see side by side.
+        title: above them.
+
+    Raises:
+        ValueError: in one line, for no motions or too many of them.
+    """
+    several = [motions] if isinstance(motions, Motion) else list(motions)
+    if not 1 <= len(several) <= MOST_MOTIONS:
+        raise ValueError(f"motions: {len(several)} are not allowed; give one, or up to {MOST_MOTIONS}")
+    packed = [pack(motion) for motion in several]
+    about = [_about(motion, poses) for motion, poses in zip(several, packed, strict=True)]
+    data = "\n".join(
+        f'<script id="motion-{n}" type="application/octet-stream">{base64.b64encode(poses.data).decode()}</script>'
+        for n, poses in enumerate(packed)
+    )
+    parts = {
+        "title": html.escape(title),
+        "style": _file("player.css"),
+        "about": json.dumps(about, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
+        "data": data,
+        "three": f"/*\n{_file('LICENSE.three')}*/\n{_file('three.min.js')}",
+        "program": "\n".join(_file(name) for name in PROGRAM),
+    }
+    first, *rest = _file("page.html").split("{{")
+    return first + "".join(parts[piece.partition("}}")[0]] + piece.partition("}}")[2] for piece in rest)
+
+
+@cache
+def _file(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
+    """All but the poses, as JSON."""
+    solids = list(dict.fromkeys(node.solid for node in motion.nodes))
+    colours = list(dict.fromkeys(node.colour for node in motion.nodes))
+    upright = product(Z_UP_TO_Y_UP, motion.ground.upright)
+    return {
+        "name": motion.name,
+        "frames": packed.frames,
+        "nodes": packed.nodes,
+        "steps": packed.steps,
+        "planes": packed.planes,
+        "times": _list(motion.times - motion.times[0], 6),
+        "upright": np.roll(upright, -1).tolist(),
+        "solids": [_solid(solid) for solid in solids],
+        "colours": [_list(np.array(colour), 4) for colour in colours],
+        "solid_of": [solids.index(node.solid) for node in motion.nodes],
+        "colour_of": [colours.index(node.colour) for node in motion.nodes],
+        "channel_of": [node.channel for node in motion.nodes],
+        "path": _list(motion.path, 5),
+        "channels": [_channel(channel, motion.times[0]) for channel in motion.channels],
+        "readouts": [channel.name for channel in motion.channels if channel.name in READOUTS],
+        "lights": _list(motion.lights, 4),
+        "light_radius": motion.light_radius,
+        **_view(motion),
+    }
+
+
+def _view(motion: Motion) -> dict[str, Any]:
+    """What is to be seen at first, and the ground below it."""
+    heading = np.deg2rad(motion.ground.heading)
+    along = np.array([np.cos(heading), np.sin(heading)])
+    gone = (motion.path[-1] - motion.path[0])[:2]
+    if not motion.ground.slope and not motion.ground.heading and np.linalg.norm(gone) > 1e-3:
+        along = gone / np.linalg.norm(gone)
+    reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [_reach(node.solid) for node in motion.nodes]
+    # The whole way, and the robot around its place in the first frame, as it may turn.
+    size = 2 * float((np.linalg.norm(motion.translation[0] - motion.path[0], axis=1) + reach[:, 0]).max())
+    places = np.concatenate([motion.path, motion.lights])
+    low, high = places.min(axis=0), places.max(axis=0)
+    far = float(np.linalg.norm(high - low)) / 2 + size / 2
+    frame = np.stack([along, [-along[1], along[0]]])
+    on_ground = places[:, :2] @ frame.T
+    margin = 0.9 * size
+    grid = _grid(max(size / 4, np.ptp(on_ground, axis=0).max() / 40))
+    first = np.floor((on_ground.min(axis=0) - margin) / grid) * grid
+    last = np.ceil((on_ground.max(axis=0) + margin) / grid) * grid
+    return {
+        "along": along.tolist(),
+        "size": size,
+        "follow": bool(np.linalg.norm(motion.path - motion.path[0], axis=1).max() > FAR * size),
+        "view": {"middle": ((low + high) / 2).tolist(), "far": 0.9 * far, "near": 0.95 * size},
+        "ground": {
+            "level": motion.ground.level,
+            "middle": ((first + last) / 2 @ frame).tolist(),
+            "size": (last - first).tolist(),
+            "grid": grid,
+            "label": f"{grid:g} m" if grid >= 1 else f"{100 * grid:g} cm",
+        },
+    }
+
+
+def _grid(length: float) -> float:
+    """A round length [m] about as large."""
+    power = 10 ** np.floor(np.log10(length))
+    return float(power * min((1, 2, 5, 10), key=lambda digit: abs(np.log(digit * power / length))))
+
+
+def _reach(solid: Solid) -> float:
+    """Of a centred solid, twice [m]."""
+    if isinstance(solid, Box):
+        return float(np.linalg.norm(np.asarray(solid.size, float)))
+    return 2 * solid.radius + (solid.length if isinstance(solid, Capsule) else 0.0)
+
+
+def _solid(solid: Solid) -> dict[str, Any]:
+    if isinstance(solid, Box):
+        return {"kind": "box", "size": np.asarray(solid.size, float).tolist()}
+    if isinstance(solid, Capsule):
+        return {"kind": "capsule", "radius": solid.radius, "length": solid.length}
+    return {"kind": "sphere", "radius": solid.radius}
+
+
+def _channel(channel: Channel, start: float) -> dict[str, Any]:
+    step = 1 if channel.switch else -(-len(channel.times) // MOST_VALUES)
+    times, values = channel.times[::step] - start, channel.values[::step]
+    if channel.switch:  # what stays as it was need not be told again
+        told = np.flatnonzero(np.diff(values, prepend=np.nan) != 0) if len(times) > 200 else np.arange(len(times))
+        times, values = times[told], values[told]
+    digits = 6 - int(np.floor(np.log10(max(np.abs(values).max(), 1e-9))))
+    told_values = [float(f"{v:.5g}") for v in values] if channel.logarithmic else _list(values, digits)
+    return {
+        "name": channel.name,
+        "unit": channel.unit,
+        "times": _list(times, 6),
+        "values": told_values,
+        "range": [min(told_values), max(told_values)],
+        "colour": _list(np.array(channel.colour), 4),
+        "switch": channel.switch,
+        "logarithmic": channel.logarithmic,
+    }
+
+
+def _list(values: Floats, digits: int) -> Any:
+    return np.round(values, digits).tolist()

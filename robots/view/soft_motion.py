@@ -1,0 +1,153 @@
+"""Motions of voxel robots: the inflatable robot, walkers."""
+
+import numpy as np
+
+from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableDesign, InflatableResult
+from robots.inflatable_actuation import play
+from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+from robots.view.motion import CUBE, Channel, Colour, Floats, Ground, Motion, Node, speed_channels, whole_frames
+from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
+from robots.walker import ACTIVE, ANTIPHASE, PASSIVE, WalkerActuation, WalkerDesign, WalkerResult
+from taichi_sim.lattice import LatticeBody
+from taichi_sim.lattice.faces import mean_of_face_corners, rotate
+
+
+def inflatable_motion(
+    result: InflatableResult,
+    design: InflatableDesign,
+    terrain: Terrain | None = None,
+    *,
+    actuation: InflatableActuation = ACTUATION,
+    robot: int = 0,
+    name: str = "inflatable robot",
+) -> Motion:
+    """The motion of a gait that was simulated, a node for each voxel.
+
+    Channels: bladders 1 to 8 and feet 1 and 2 as they are told, pressure of the core, distance and speed along the
+    heading.
+
+    Args:
+        result: of ``simulate``, with frames.
+        design: of the robot.
+        terrain: where it was; flat ground by default.
+        actuation: how it was driven.
+        robot: place in the batch.
+        name: of the motion.
+
+    Raises:
+        ValueError: in one line, for results without frames, and frames of other robots.
+    """
+    frames = _recorded(result.frames, result.body, robot)
+    regions = np.asarray(result.body.regions)
+    if regions.max() != REGION_COUNT - 1:
+        raise ValueError(f"frames: they are of a body with {regions.max() + 1} regions; give the inflatable robot's")
+    columns, steps = play(design.schedule, actuation)
+    edges = np.array([*(column.start for column in columns), steps]) * result.time_step
+    switches = _schedule_channels(design.schedule, edges)
+    slope = (terrain or Terrain()).slope
+    return _voxels(
+        name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(regions)],
+        switches, [Channel("core pressure", "kPa", edges[[0, -1]], np.full(2, design.pressure / 1000), _colour(INK))],
+        Ground(-0.5 * result.body.voxel_size, slope, design.orientation),
+    )  # fmt: skip
+
+
+def walker_motion(
+    result: WalkerResult,
+    designs: WalkerDesign | list[WalkerDesign],
+    terrain: Terrain | None = None,
+    *,
+    actuation: WalkerActuation | None = None,
+    robot: int = 0,
+    name: str = "walker",
+) -> Motion:
+    """The motion of a walker that was simulated, a node for each voxel.
+
+    Channels: size of active voxels as driven, distance and speed along x.
+
+    Args:
+        result: of ``simulate``, with frames.
+        designs: as they were simulated.
+        terrain: where it was; flat ground by default.
+        actuation: how it was driven.
+        robot: place in the batch.
+        name: of the motion.
+
+    Raises:
+        ValueError: in one line, for results without frames, designs that are no robots, and frames of other robots.
+    """
+    design = designs if isinstance(designs, WalkerDesign) else designs[robot]
+    if not 0 <= robot < len(result.bodies):
+        raise ValueError(f"robot: {robot} is not allowed; the batch has {len(result.bodies)}")
+    body = result.bodies[robot]
+    if body is None:
+        raise ValueError(f"frames: robot {robot} has none, as it is no robot: {result.reason[robot]}")
+    kinds = design.connected[1]
+    frames = _recorded(result.frames[robot], body, 0)
+    if len(kinds) != body.voxel_count:
+        raise ValueError(f"frames: they have {body.voxel_count} voxels, the design {len(kinds)}; give its own")
+    drive = actuation or WalkerActuation()
+    times = frames.times
+    edge = 1 + drive.amplitude * np.sin(2 * np.pi * drive.frequency * times)
+    driven = [Channel("active edges", "", times, edge, _colour(BLADDERS[0])),
+              Channel("antiphase edges", "", times, 2 - edge, _colour(BLADDERS[3]))]  # fmt: skip
+    colours = {PASSIVE: _colour(SKIN_COLOUR), ACTIVE: driven[0].colour, ANTIPHASE: driven[1].colour}
+    channels = {PASSIVE: None, ACTIVE: 0, ANTIPHASE: 1}
+    nodes = [Node(f"voxel {v}", CUBE, colours[int(k)], channels[int(k)]) for v, k in enumerate(kinds)]
+    slope = (terrain or Terrain()).slope
+    return _voxels(name, frames, body, 0, nodes, driven, [], Ground(-0.5 * body.voxel_size, slope))
+
+
+def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
+    """Frames that there are, of this body, with this robot."""
+    if frames is None or not len(frames.times):
+        raise ValueError("frames: nothing was recorded; simulate with record_every")
+    _, batch, voxels, _ = frames.positions.shape
+    if voxels != body.voxel_count:
+        raise ValueError(f"frames: they have {voxels} voxels, the body {body.voxel_count}; give its own")
+    if not 0 <= robot < batch:
+        raise ValueError(f"robot: {robot} is not allowed; the batch has {batch}")
+    return frames
+
+
+def _voxels(
+    name: str, frames: Frames, body: LatticeBody, robot: int, nodes: list[Node], driven: list[Channel],
+    more: list[Channel], ground: Ground,
+) -> Motion:  # fmt: skip
+    """Cubes that are as large as the voxels, and in the middle between their sides."""
+    places, turns, extents = (a[:, robot] for a in (frames.positions, frames.orientations, frames.extents))
+    last = whole_frames(places, turns, extents)
+    places, turns, extents = (a[:last].astype(float) for a in (places, turns, extents))
+    path, times = mean_of_face_corners(body, places, turns, extents), frames.times[:last]
+    heading = np.deg2rad(ground.heading)
+    middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
+    way = path[:, :2] @ np.array([np.cos(heading), np.sin(heading)])
+    channels = [*driven, *more, *speed_channels(times, way, _colour(INK))]
+    sizes = extents[..., 1::2] + extents[..., 0::2]
+    return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground)
+
+
+def _schedule_channels(schedule: GaitSchedule, edges: Floats) -> list[Channel]:
+    """Rows of a gait's matrix, as played."""
+    colours = [_colour(c) for c in (*BLADDERS, *FEET)]
+    names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in schedule.row_names]
+    return [Channel(n, "", edges, [*map(float, bits), 0.0], c, switch=True)  # type: ignore[arg-type]
+            for n, bits, c in zip(names, schedule.played, colours, strict=True)]  # fmt: skip
+
+
+def _inflatable_node(voxel: int, region: int) -> Node:
+    """A voxel of the inflatable robot: bladders and feet show what they are told."""
+    if region >= FIRST_BLADDER:
+        row = region - FIRST_BLADDER
+        return Node(f"voxel {voxel}, bladder {row + 1}", CUBE, _colour(BLADDERS[row]), row)
+    if region in (SKIN, SEAM, FOOT_SEAM):
+        return Node(f"voxel {voxel}, skin", CUBE, _colour(SKIN_COLOUR if region == SKIN else SEAM_COLOUR))
+    foot = region - FOOT_1
+    return Node(f"voxel {voxel}, foot {foot + 1}", CUBE, _colour(FEET[foot]), BLADDER_COUNT + foot)
+
+
+def _colour(values: Floats) -> Colour:
+    red, green, blue = (float(v) for v in values)
+    return red, green, blue
