@@ -96,6 +96,20 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
+class Skin:
+    """How cubes that are joined are seen from outside, without gaps between them.
+
+    Attributes:
+        knots: which corners of the cubes are one point, in the middle of them: a number for each, counted from 0,
+            shape (N, 8); corner 4 i + 2 j + k is at the signs (i, j, k).
+        faces: that are seen: cube, and its side -x, +x, -y, ..., shape (M, 2).
+    """
+
+    knots: NDArray[np.int64]
+    faces: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Solids that move: F frames of N nodes.
 
@@ -112,6 +126,7 @@ class Motion:
         lights: places of lights [m], shape (L, 3).
         light_radius: of the balls that they are shown as [m].
         ground: below everything.
+        skin: of nodes that are all cubes, if they are joined.
 
     Raises:
         ValueError: in one line, for shapes that do not fit, numbers that are not finite, no frames and no nodes.
@@ -128,6 +143,7 @@ class Motion:
     lights: Floats = ()  # type: ignore[assignment]
     light_radius: float = 0.05
     ground: Ground = Ground()
+    skin: Skin | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", tuple(self.nodes))
@@ -149,6 +165,8 @@ class Motion:
             object.__setattr__(self, field, values)
         object.__setattr__(self, "rotation", _continuous(self.rotation))
         object.__setattr__(self, "lights", _finite("lights", self.lights).reshape(-1, 3))
+        if self.skin is not None and self.skin.knots.shape != (count, 8):
+            raise ValueError(f"skin: knots of shape {self.skin.knots.shape} are not allowed; give ({count}, 8)")
         wrong = [n.channel for n in self.nodes if n.channel is not None and not 0 <= n.channel < len(self.channels)]
         if wrong:
             raise ValueError(f"channel: {wrong[0]} of a node is not allowed; there are {len(self.channels)}")

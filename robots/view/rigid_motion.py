@@ -1,6 +1,7 @@
 """Motions of articulated robots: any tree, quadrupeds, the two-wheel vehicle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,7 +43,8 @@ def rigid_motion(
     name: str = "rigid robot",
     style: Style | None = None,
     channels: Sequence[Channel] = (),
-    balls: Sequence[tuple[str, float]] = (),
+    balls: Mapping[str, float] = MappingProxyType({}),
+    hidden: Collection[str] = (),
     lights: ArrayLike = (),
     light_radius: float = 0.1,
 ) -> Motion:
@@ -58,6 +60,7 @@ def rigid_motion(
         style: colour of a body of a name, and the number of the channel that it shows.
         channels: rows of the timeline before distance and speed.
         balls: bodies without solids that are to be seen, with radii [m].
+        hidden: bodies that are not to be seen.
         lights: their places [m], shape (L, 3).
         light_radius: [m]
 
@@ -70,11 +73,12 @@ def rigid_motion(
     last = whole_frames(*base)
     times = frames.times[:last]
     places, turns = poses(tree, *(a[:last].astype(float) for a in base))
-    extra = {body: radius for body, radius in balls}
     nodes, centres, quaternions, scales = list[Node](), list[Floats](), list[Floats](), list[float]()
     for n, (body, _) in enumerate(tree.ordered):
+        if body.name in hidden:
+            continue
         colour, channel = style(body.name) if style else (SLATE if n == 0 else STEEL, None)
-        solids: list[Solid] = [*body.shapes, *([Sphere(extra[body.name])] if body.name in extra else ())]
+        solids: list[Solid] = [*body.shapes, *([Sphere(balls[body.name])] if body.name in balls else ())]
         for k, solid in enumerate(solids):
             still, turn, scale = _canonical(solid)
             nodes.append(Node(f"{body.name} {k + 1}" if len(solids) > 1 else body.name, still, colour, channel))
@@ -134,9 +138,10 @@ def quadruped_motion(
         part, _, leg = body.partition(" ")
         return (HUES[int(leg)], int(leg)) if part == feet else (STEEL if leg else SLATE, None)
 
-    light = np.asarray(lights, float)[environment]
+    place = [*np.asarray(lights, float)[environment], LIGHT_HEIGHT]
+    hidden = [f"swivel {leg}" for leg in range(legs)]  # inside their wheels
     return rigid_motion(tree, frames, robot, name=name or f"{quadruped.kind} quadruped", style=style, channels=rows,
-                        lights=[[*light, LIGHT_HEIGHT]], light_radius=0.12)  # fmt: skip
+                        hidden=hidden, lights=[place], light_radius=0.12)  # fmt: skip
 
 
 def rover_motion(
@@ -166,7 +171,7 @@ def rover_motion(
         sensor = {"sensor 1": 0, "sensor 2": 1}.get(body)
         return (SLATE if body == "body" else STEEL, None) if sensor is None else (hues[sensor], sensor)
 
-    balls = [("sensor 1", rover.sensor_radius), ("sensor 2", rover.sensor_radius)]
+    balls = dict.fromkeys(("sensor 1", "sensor 2"), rover.sensor_radius)
     place = [*np.asarray(lights, float)[environment], LIGHT_RADIUS]
     return rigid_motion(tree, frames, robot, name=name, style=style, channels=rows, balls=balls, lights=[place],
                         light_radius=LIGHT_RADIUS)  # fmt: skip

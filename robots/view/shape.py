@@ -38,7 +38,7 @@ def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surfac
     frames, body = recorded(result), result.body
     pose = (a[frame, robot] for a in (frames.positions, frames.orientations, frames.extents))
     loose = corners(body, *pose).reshape(-1, 3)
-    knot = _knots(body)
+    knot = knots(body)
     size = np.bincount(knot.ravel())
     joined = np.stack([np.bincount(knot.ravel(), along) / size for along in loose.T], axis=-1)
     voxels, sides = body.topology.faces.T
@@ -100,8 +100,11 @@ def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Array:
 
 
 @lru_cache(maxsize=16)
-def _knots(body: LatticeBody) -> NDArray[np.int64]:
-    """Which corners of voxels are one point, because links join them: a number for each, shape (V, 8)."""
+def knots(body: LatticeBody) -> NDArray[np.int64]:
+    """Which corners of voxels are one point, because links join them: a number for each, shape (V, 8).
+
+    Corners are ordered as in ``taichi_sim.lattice.faces.corners``.
+    """
     corner = np.arange(8 * body.voxel_count).reshape(-1, 8)
     minus, plus = body.topology.links.T
     bit = 4 >> body.topology.link_axes  # of a corner's number that says on which side of the axis it is

@@ -7,8 +7,9 @@ from robots.inflatable_actuation import play
 from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
-from robots.view.motion import CUBE, Channel, Colour, Floats, Ground, Motion, Node, speed_channels, whole_frames
+from robots.view.motion import CUBE, Channel, Colour, Floats, Ground, Motion, Node, Skin, speed_channels, whole_frames
 from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
+from robots.view.shape import knots
 from robots.walker import ACTIVE, ANTIPHASE, PASSIVE, WalkerActuation, WalkerDesign, WalkerResult
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import mean_of_face_corners, rotate
@@ -126,7 +127,8 @@ def _voxels(
     way = path[:, :2] @ np.array([np.cos(heading), np.sin(heading)])
     channels = [*driven, *more, *speed_channels(times, way, _colour(INK))]
     sizes = extents[..., 1::2] + extents[..., 0::2]
-    return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground)
+    return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground,
+                  skin=Skin(knots(body), body.topology.faces))  # fmt: skip
 
 
 def _schedule_channels(schedule: GaitSchedule, edges: Floats) -> list[Channel]:

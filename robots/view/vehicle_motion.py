@@ -27,7 +27,7 @@ def vehicle_motion(
     """The motion of a vehicle up to the light, or to the end; its sensors show what they read.
 
     The model is a point with a heading and sensors: box, bumper and wheels are there to be seen. Channels: sensors,
-    distance to the light, way gone and speed, both ahead.
+    distance from the light, way gone and speed, both ahead.
 
     Args:
         traces: of the vehicle.
@@ -58,7 +58,7 @@ def vehicle_motion(
     times, poses, away = traces.times[:last], poses[:last], away[:last]
     rows = [Channel(f"sensor {n + 1}", "1/m²", times, values[:last], _hue(n), logarithmic=True)
             for n, values in enumerate(readings)]  # fmt: skip
-    rows.append(Channel("light's distance", "m", times, away, SUN))
+    rows.append(Channel("from light", "m", times, away, SUN))
     moved = np.diff(poses[:, :2], axis=0)
     ahead = np.stack([np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])], axis=1)
     way = np.concatenate([[0.0], np.cumsum((moved * ahead).sum(axis=1))])

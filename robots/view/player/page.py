@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from robots.view.motion import Channel, Floats, Motion, product
+from robots.view.motion import Channel, Floats, Motion, Skin, product
 from robots.view.player.packing import Packed, pack
+from taichi_sim.lattice.faces import FACE_CORNERS
 from taichi_sim.rigid.shapes import Box, Capsule, Solid
 
 MOST_MOTIONS = 4
-PROGRAM = ("decode.js", "stage.js", "timeline.js", "player.js")
+PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "stage.js", "timeline.js", "player.js")
 Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 FAR = 5.0  # lengths of a robot: those that go farther are followed
 READOUTS = ("core pressure", "distance", "speed")
@@ -81,6 +82,7 @@ def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
         "readouts": [channel.name for channel in motion.channels if channel.name in READOUTS],
         "lights": _list(motion.lights, 4),
         "light_radius": motion.light_radius,
+        "skin": None if motion.skin is None else _skin(motion.skin),
         **_view(motion),
     }
 
@@ -93,14 +95,11 @@ def _view(motion: Motion) -> dict[str, Any]:
     if not motion.ground.slope and not motion.ground.heading and np.linalg.norm(gone) > 1e-3:
         along = gone / np.linalg.norm(gone)
     reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [_reach(node.solid) for node in motion.nodes]
-    # The whole way, and the robot around its place in the first frame, as it may turn.
     size = 2 * float((np.linalg.norm(motion.translation[0] - motion.path[0], axis=1) + reach[:, 0]).max())
     places = np.concatenate([motion.path, motion.lights])
-    low, high = places.min(axis=0), places.max(axis=0)
-    far = float(np.linalg.norm(high - low)) / 2 + size / 2
     frame = np.stack([along, [-along[1], along[0]]])
     on_ground = places[:, :2] @ frame.T
-    margin = 0.9 * size
+    margin = 0.7 * size
     grid = _grid(max(size / 4, np.ptp(on_ground, axis=0).max() / 40))
     first = np.floor((on_ground.min(axis=0) - margin) / grid) * grid
     last = np.ceil((on_ground.max(axis=0) + margin) / grid) * grid
@@ -108,7 +107,6 @@ def _view(motion: Motion) -> dict[str, Any]:
         "along": along.tolist(),
         "size": size,
         "follow": bool(np.linalg.norm(motion.path - motion.path[0], axis=1).max() > FAR * size),
-        "view": {"middle": ((low + high) / 2).tolist(), "far": 0.9 * far, "near": 0.95 * size},
         "ground": {
             "level": motion.ground.level,
             "middle": ((first + last) / 2 @ frame).tolist(),
@@ -130,6 +128,13 @@ def _reach(solid: Solid) -> float:
     if isinstance(solid, Box):
         return float(np.linalg.norm(np.asarray(solid.size, float)))
     return 2 * solid.radius + (solid.length if isinstance(solid, Capsule) else 0.0)
+
+
+def _skin(skin: Skin) -> dict[str, Any]:
+    """Its points, and for each face the cube and the points around it."""
+    cubes, sides = skin.faces.T
+    return {"knots": skin.knots.tolist(), "count": int(skin.knots.max()) + 1, "cubes": cubes.tolist(),
+            "corners": skin.knots[cubes[:, None], FACE_CORNERS[sides]].tolist()}  # fmt: skip
 
 
 def _solid(solid: Solid) -> dict[str, Any]:

@@ -1,6 +1,4 @@
 // One motion in three dimensions.
-const PALE = [0.97, 0.96, 0.94];
-
 class Stage {
   constructor(holder, about, whole) {
     this.about = about;
@@ -24,9 +22,9 @@ class Stage {
     this.#trail();
     this.controls = new THREE.OrbitControls(this.camera, this.renderer.domElement);
     this.controls.maxPolarAngle = 0.56 * Math.PI;
+    this.controls.addEventListener("start", () => { this.touched = true; });
     this.controls.addEventListener("change", () => { this.dirty = true; });
     this.time = about.times[0];
-    this.home();
     new ResizeObserver(() => this.#resize(holder)).observe(holder);
     this.#resize(holder);
   }
@@ -69,23 +67,13 @@ class Stage {
     flat.matrix.set(1, 0, -down.x / down.z, level * down.x / down.z, 0, 1, -down.y / down.z, level * down.y / down.z,
       0, 0, 0, level, 0, 0, 0, 1);
     const dark = new THREE.MeshBasicMaterial({ color: 0xdcd8cf, side: THREE.DoubleSide });
-    this.groups = about.solids.map((solid, number) => {
-      const nodes = about.solid_of.flatMap((s, node) => (s === number ? [node] : []));
-      const mesh = new THREE.InstancedMesh(geometryOf(solid), materialOf(solid), nodes.length);
-      mesh.instanceMatrix.setUsage(THREE.DynamicDrawUsage);
-      mesh.instanceColor = new THREE.InstancedBufferAttribute(new Float32Array(3 * nodes.length), 3);
-      const shadow = new THREE.InstancedMesh(mesh.geometry, dark, nodes.length);
-      shadow.instanceMatrix = mesh.instanceMatrix;
-      mesh.frustumCulled = shadow.frustumCulled = false;
-      this.world.add(mesh);
-      flat.add(shadow);
-      return { nodes, mesh };
-    });
+    this.seen = about.skin ? [new Skin(about.skin)] : about.solids.map((solid, number) => new Solids(about, solid, number));
+    for (const part of this.seen) {
+      this.world.add(part.mesh);
+      flat.add(part.shadow(dark));
+    }
     this.world.add(flat);
-    const colour = new THREE.Color();
-    const linear = (rgb) => colour.setRGB(...rgb, "srgb").toArray();
-    this.full = about.colours.map(linear);
-    this.pale = about.colours.map((rgb) => linear(rgb.map((c, k) => 0.32 * c + 0.68 * PALE[k])));
+    this.poses = new Poses(about, this.whole);
     for (const place of about.lights) {
       const ball = new THREE.Mesh(new THREE.SphereGeometry(about.light_radius, 24, 16),
         new THREE.MeshBasicMaterial({ color: 0xf2b01e }));
@@ -109,6 +97,7 @@ class Stage {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    if (!this.touched) this.home();
     this.dirty = true;
   }
 
@@ -119,46 +108,42 @@ class Stage {
     return new THREE.Vector3(...path[frame].map((x, k) => x + part * (next[k] - x))).applyQuaternion(this.world.quaternion);
   }
 
-  // The first view: from the right of the way and above it.
+  // The first view: from the right of the way and above it, as near as what is to be seen allows.
   home() {
-    const { about } = this, [x, y] = about.along;
-    const target = this.follow ? this.#middle(this.time) : this.#outside(new THREE.Vector3(...about.view.middle));
+    const { about, camera, follow } = this, [x, y] = about.along;
     const away = this.#outside(new THREE.Vector3(0.85 * y - 0.4 * x, -0.85 * x - 0.4 * y, 0.55)).normalize();
-    const radius = this.follow ? about.view.near : about.view.far;
-    const angle = Math.atan(Math.tan((this.camera.fov / 2) * Math.PI / 180) * Math.min(1, this.camera.aspect));
-    this.controls.target.copy(target);
-    this.camera.position.copy(target).addScaledVector(away, radius / Math.sin(angle));
-    this.camera.near = 0.01 * radius;
-    this.camera.far = 200 * Math.max(radius, about.view.far);
-    this.camera.updateProjectionMatrix();
+    camera.position.copy(away);
+    camera.up.set(0, 1, 0);
+    camera.lookAt(0, 0, 0);
+    camera.updateMatrixWorld();
+    const [right, up] = [0, 1].map((k) => new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, k));
+    const places = follow ? [this.#middle(this.time)] : [...about.path, ...about.lights].map((place) => this.#outside(new THREE.Vector3(...place)));
+    const middle = new THREE.Vector3();
+    for (const axis of [right, up]) {
+      const along = places.map((place) => place.dot(axis));
+      middle.addScaledVector(axis, (Math.min(...along) + Math.max(...along)) / 2);
+    }
+    middle.addScaledVector(away, places.reduce((sum, place) => sum + place.dot(away), 0) / places.length);
+    const high = Math.tan((camera.fov / 2) * Math.PI / 180), wide = high * camera.aspect, room = 0.56 * about.size;
+    let distance = 0;
+    for (const place of places) {
+      const seen = place.clone().sub(middle), near = seen.dot(away) + 0.3 * room;
+      distance = Math.max(distance, near + (Math.abs(seen.dot(right)) + room) / wide, near + (Math.abs(seen.dot(up)) + room) / high);
+    }
+    this.controls.target.copy(middle);
+    camera.position.copy(middle).addScaledVector(away, distance);
+    camera.near = 0.01 * distance;
+    camera.far = 100 * distance;
+    camera.updateProjectionMatrix();
     this.controls.update();
     this.last = this.#middle(this.time);
     this.dirty = true;
   }
 
   show(time) {
-    const { about, whole } = this;
     this.time = time;
-    const [frame, part] = placeOf(about.times, time);
-    const each = NUMBERS * about.nodes, here = frame * each;
-    const there = (Math.min(frame + 1, about.frames - 1)) * each;
-    const shades = about.channels.map((channel) => shadeOf(channel, time));
-    for (const { nodes, mesh } of this.groups) {
-      const matrices = mesh.instanceMatrix.array, colours = mesh.instanceColor.array;
-      const pose = new Float64Array(NUMBERS);
-      nodes.forEach((node, place) => {
-        for (let k = 0; k < NUMBERS; k++) {
-          const from = whole[here + k * about.nodes + node];
-          pose[k] = from + part * (whole[there + k * about.nodes + node] - from);
-        }
-        writeMatrix(matrices, 16 * place, pose, about.steps);
-        const channel = about.channel_of[node], shade = channel === null ? 1 : shades[channel];
-        const paint = about.colour_of[node], full = this.full[paint], pale = this.pale[paint];
-        for (let k = 0; k < 3; k++) colours[3 * place + k] = pale[k] + shade * (full[k] - pale[k]);
-      });
-      mesh.instanceMatrix.needsUpdate = true;
-      mesh.instanceColor.needsUpdate = true;
-    }
+    const frame = this.poses.go(time);
+    for (const part of this.seen) part.update(this.poses);
     this.trail.geometry.setDrawRange(0, frame + 1);
     const middle = this.#middle(time);
     if (this.follow && this.last) {
@@ -177,56 +162,4 @@ class Stage {
     this.renderer.render(this.scene, this.camera);
     return true;
   }
-}
-
-function shadeOf(channel, time) {
-  const of = channel.logarithmic ? Math.log : (x) => x;
-  const [low, high] = channel.range.map(of);
-  return high > low ? (of(valueAt(channel, time)) - low) / (high - low) : 1;
-}
-
-function geometryOf(solid) {
-  if (solid.kind === "box") return new THREE.BoxGeometry(...solid.size);
-  if (solid.kind === "sphere") return new THREE.SphereGeometry(solid.radius, 32, 20);
-  return new THREE.CapsuleGeometry(solid.radius, solid.length, 8, 20).rotateX(Math.PI / 2); // along z
-}
-
-// Matt, with fine lines along the edges of boxes, and marks on balls that show them roll.
-function materialOf(solid) {
-  const material = new THREE.MeshLambertMaterial();
-  const mark = {
-    box: "vec2 w = fwidth(vUv), d = min(vUv, 1.0 - vUv) / w;"
-      + "diffuseColor.rgb *= 1.0 - 0.3 * (1.0 - smoothstep(0.4, 1.4, min(d.x, d.y))) * clamp(1.6 - 8.0 * max(w.x, w.y), 0.0, 1.0);",
-    sphere: "if (fract(4.0 * vUv.x) < 0.5 != vUv.y < 0.5) diffuseColor.rgb *= 0.78;",
-  }[solid.kind];
-  if (!mark) return material;
-  material.defines = { USE_UV: "" };
-  material.onBeforeCompile = (shader) => {
-    shader.fragmentShader = shader.fragmentShader.replace("#include <color_fragment>", `#include <color_fragment>\n${mark}`);
-  };
-  material.customProgramCacheKey = () => solid.kind;
-  return material;
-}
-
-// A column-major matrix of translation, rotation (w, x, y, z; any length) and scale, in whole steps.
-function writeMatrix(out, at, p, steps) {
-  const length = 1 / Math.hypot(p[3], p[4], p[5], p[6]);
-  const w = p[3] * length, x = p[4] * length, y = p[5] * length, z = p[6] * length;
-  const a = p[7] * steps[2], b = p[8] * steps[2], c = p[9] * steps[2];
-  out[at] = (1 - 2 * (y * y + z * z)) * a;
-  out[at + 1] = 2 * (x * y + w * z) * a;
-  out[at + 2] = 2 * (x * z - w * y) * a;
-  out[at + 3] = 0;
-  out[at + 4] = 2 * (x * y - w * z) * b;
-  out[at + 5] = (1 - 2 * (x * x + z * z)) * b;
-  out[at + 6] = 2 * (y * z + w * x) * b;
-  out[at + 7] = 0;
-  out[at + 8] = 2 * (x * z + w * y) * c;
-  out[at + 9] = 2 * (y * z - w * x) * c;
-  out[at + 10] = (1 - 2 * (x * x + y * y)) * c;
-  out[at + 11] = 0;
-  out[at + 12] = p[0] * steps[0];
-  out[at + 13] = p[1] * steps[0];
-  out[at + 14] = p[2] * steps[0];
-  out[at + 15] = 1;
 }

@@ -1,5 +1,5 @@
 // The chart of a motion's channels over time, with a cursor.
-const LABELS = 112, VALUES = 92, SWITCH_ROW = 15, VALUE_ROW = 26, GAP = 8, AXIS = 20; // px
+const LABELS = 112, VALUES = 92, SWITCH_ROW = 15, GAP = 8, AXIS = 20; // px
 
 class Timeline {
   constructor(holder, about, duration, seek) {
@@ -8,9 +8,11 @@ class Timeline {
     this.cursor = holder.appendChild(document.createElement("div"));
     this.cursor.className = "cursor";
     let top = 4;
+    const lines = about.channels.filter((channel) => !channel.switch).length;
+    const line = Math.min(Math.max(210 / lines, 20), 36); // px of a row
     this.rows = about.channels.map((channel, number) => {
       if (number && channel.switch !== about.channels[number - 1].switch) top += GAP;
-      const height = channel.switch ? SWITCH_ROW : VALUE_ROW;
+      const height = channel.switch ? SWITCH_ROW : line;
       const value = holder.appendChild(document.createElement("div"));
       value.className = "value";
       value.style.top = `${top + height / 2 - 5}px`;
@@ -106,7 +108,7 @@ class Timeline {
       const now = valueAt(channel, time);
       const told = channel.switch
         ? `<i style="background:${now ? css(channel.colour) : "#e9e6df"}"></i>`
-        : `${textOf(now)} <small>${channel.unit}</small>`;
+        : `${textOf(channel, now)} <small>${channel.unit}</small>`;
       if (value.told !== told) value.innerHTML = value.told = told;
     }
   }
@@ -114,8 +116,10 @@ class Timeline {
 
 function css(colour) { return `rgb(${colour.map((c) => Math.round(255 * c)).join(" ")})`; }
 
-// Three digits, with a true minus.
-function textOf(value) {
-  const size = Math.abs(value), digits = size >= 99.95 || size === 0 ? 0 : size >= 9.995 ? 1 : size >= 0.9995 ? 2 : 3;
+// As many digits as tell the channel's values apart, with a true minus.
+function textOf({ range, logarithmic }, value) {
+  if (logarithmic) return value.toPrecision(3);
+  const size = Math.max(...range.map(Math.abs));
+  const digits = size >= 99.95 || size === 0 ? 0 : size >= 9.995 ? 1 : size >= 0.9995 ? 2 : 3;
   return value.toFixed(digits).replace(/^-(?=.*[1-9])/, "\u2212").replace(/^-/, "");
 }
