@@ -109,7 +109,7 @@ class Player {
     this.before = now;
     if (this.moved) this.#show();
     this.moved = false;
-    if (this.stages.map((stage) => stage.render()).some(Boolean)) this.renders++;
+    if (this.stages.map((stage) => stage.render(now)).some(Boolean)) this.renders++;
     requestAnimationFrame((next) => this.#tick(next));
   }
 }

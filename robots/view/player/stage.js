@@ -1,10 +1,14 @@
 // One motion in three dimensions.
+const REST = 250; // ms
+
 class Stage {
   constructor(holder, about, whole) {
     this.about = about;
     this.whole = whole;
-    this.renderer = new THREE.WebGLRenderer({ antialias: true });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    // Without a graphics card smooth edges take half of the time: they wait until nothing moves.
+    this.slow = isSoftware();
+    this.renderer = new THREE.WebGLRenderer({ antialias: !this.slow });
+    this.#sharpen(!this.slow);
     this.renderer.setClearColor(0xffffff);
     holder.prepend(this.renderer.domElement);
     this.scene = new THREE.Scene();
@@ -156,10 +160,27 @@ class Stage {
     this.dirty = true;
   }
 
-  render() {
-    if (!this.dirty) return false;
+  #sharpen(sharp) {
+    this.sharp = sharp;
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.renderer.setPixelRatio(this.slow ? (sharp ? 2 : 1) : ratio);
+  }
+
+  // Draws what has changed; returns whether something had.
+  render(now) {
+    const rested = !this.dirty && !this.sharp && now - this.drawn > REST;
+    if (!this.dirty && !rested) return false;
+    if (this.slow && this.sharp !== rested) this.#sharpen(rested);
+    if (this.dirty) this.drawn = now;
     this.dirty = false;
     this.renderer.render(this.scene, this.camera);
-    return true;
+    return !rested;
   }
+}
+
+function isSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2"), about = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
 }
