@@ -16,6 +16,7 @@ from robots.terrain import Terrain
 from robots.view.glb import save_glb
 from robots.view.motion import BALL, CUBE, Channel, Ground, Motion, Node, product
 from robots.view.rigid_motion import quadruped_motion, rigid_motion, rover_motion
+from robots.view.shape import path
 from robots.view.soft_motion import inflatable_motion, walker_motion
 from robots.view.vehicle_motion import vehicle_motion
 from taichi_sim.lattice.faces import corners, rotate
@@ -38,15 +39,15 @@ def legged():
     return quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=60, record_every=1, threads=1)
 
 
-def made(frames=4, nodes=3, **more) -> Motion:
-    """A motion that turns, grows and goes, as different for every node."""
-    t, n = np.linspace(0, 1, frames)[:, None], np.arange(nodes)
+def made(frames=4, count=3, **more) -> Motion:
+    """A motion that turns, grows and goes, each node in its own way."""
+    t, n = np.linspace(0, 1, frames)[:, None], np.arange(count)
     angle = (n + 1) * t
     zero = np.zeros_like(angle)
     rotation = np.stack([np.cos(angle), zero, np.sin(angle), zero], -1)
     translation = np.stack([angle, zero + 0.3 * n, zero + 0.2], -1)
     scale = 0.1 + np.stack([angle, zero, zero], -1)
-    parts = tuple(Node(f"part {k}", (CUBE, BALL)[k % 2], (0.2, 0.4, 0.1 * k)) for k in range(nodes))
+    parts = tuple(Node(f"part {k}", (CUBE, BALL)[k % 2], (0.2, 0.4, 0.1 * k)) for k in range(count))
     return replace(Motion("made", t[:, 0], parts, translation, rotation, scale, translation[:, 0]), **more)
 
 
@@ -72,7 +73,8 @@ def test_the_timeline_of_a_gait_is_its_matrix(inflatable):
     assert switches[0].times[-1] == pytest.approx(inflatable.steps[0] * inflatable.time_step)
     others = {channel.name: channel for channel in motion.channels if not channel.switch}
     assert others["core pressure"].values == pytest.approx(np.full(2, 6.0))
-    assert others["distance"].values[-1] == pytest.approx(inflatable.distance[0], abs=2e-4)
+    gone = np.diff(path(inflatable)[[0, -1], :2], axis=0)[0] @ [np.cos(np.pi / 6), np.sin(np.pi / 6)]
+    assert others["distance"].values[-1] == pytest.approx(gone, abs=1e-7)
     assert motion.ground == Ground(-0.01, 10.0, 30.0)
     lit = {node.channel for node in motion.nodes}
     assert lit == {None, *range(10)}
@@ -108,11 +110,11 @@ def test_a_quadruped_at_the_start_stands_as_built(legged):
     bodies = {body.name: body for body in quadruped.LEGGED.tree().bodies}
     for n, node in enumerate(motion.nodes):
         body = bodies[node.name]
-        assert motion.translation[0, n] == pytest.approx(np.array(body.position, float), abs=1e-12)
+        assert motion.translation[0, n] == pytest.approx(np.array(body.position, float), abs=1e-7)
         (solid,) = body.shapes
         if node.name != "main":
             axis = rotate(motion.rotation[0, n], np.array([0.0, 0.0, 1.0]))
-            assert axis == pytest.approx(np.array(solid.axis, float), abs=1e-12)
+            assert axis == pytest.approx(np.array(solid.axis, float), abs=1e-7)
     assert motion.path[-1] == pytest.approx(legged.position[1, 1], abs=0.05)
     assert motion.lights == pytest.approx(np.array([[0.0, 9.0, quadruped.LIGHT_HEIGHT]]))
     names = [channel.name for channel in motion.channels]
@@ -239,18 +241,18 @@ def test_tracks_of_a_glb_are_the_frames(tmp_path):
 
 def test_trimesh_loads_a_glb_with_all_nodes_in_place(tmp_path, inflatable):
     motion = inflatable_motion(inflatable, DESIGN, Terrain(15.0), actuation=QUICK)
-    path = tmp_path / "robot.glb"
-    save_glb(motion, path, rate=20.0)
-    scene = trimesh.load(path)
+    file = tmp_path / "robot.glb"
+    save_glb(motion, file, rate=200.0)
+    scene = trimesh.load(file)
     shown = [name for name in scene.graph.nodes_geometry if name.startswith("voxel")]
     assert len(shown) == len(motion.nodes)
     upright = product(np.array([np.sqrt(0.5), -np.sqrt(0.5), 0, 0]), motion.ground.upright)
     for n in (0, 17, len(motion.nodes) - 1):
         place, _ = scene.graph.get(motion.nodes[n].name)
         assert place[:3, 3] == pytest.approx(rotate(upright, motion.translation[0, n]), abs=1e-6)
-    document, values = read_glb(path)
+    document, values = read_glb(file)
     apart = np.diff(values(document["animations"][0]["samplers"][0]["input"])[:, 0])
-    assert apart == pytest.approx(np.full_like(apart, 0.05), rel=0.3)
+    assert apart == pytest.approx(np.full_like(apart, 0.005), rel=0.3)
 
 
 def test_a_glb_that_exists_is_kept(tmp_path):

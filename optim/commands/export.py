@@ -4,14 +4,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from optim.commands import Report, options
+from optim.commands.kept_points import kept_point
 
 if TYPE_CHECKING:
-    from optim.gait_problem import GaitProblem
-    from optim.runs.history import History
-    from optim.space import Vector
     from robots.inflatable import InflatableDesign
 
 
@@ -62,26 +58,6 @@ def _design(source: Path, member: int | None) -> "InflatableDesign":
     if not source.is_dir():
         raise ValueError(f"source: {source} is neither a run nor the file of a design")
     from optim.gait_problem import GaitProblem
-    from optim.runs.history import read_history
 
-    history = read_history(source)
-    problem = GaitProblem.from_description(history.config["problem"])
-    if member is not None:
-        return problem.design(_kept(history, problem, member))
-    best = history.generations[-1].best_point if history.generations else None
-    if best is None:
-        raise ValueError(f"source: {source} has no best design yet")
-    return problem.design(problem.space.from_dict(best))
-
-
-def _kept(history: "History", problem: "GaitProblem", member: int) -> "Vector":
-    """The point of the Nth design that the search keeps."""
-    from optim.runs.history import read_result
-
-    result = read_result(history, problem)
-    count = 0 if result is None else len(result.points)
-    if result is None or member > count:
-        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {count} designs")
-    if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
-        raise ValueError(f"member: {member} of {history.path} has failed; choose another")
-    return result.points[member - 1]
+    problem, point = kept_point(source, GaitProblem, member)
+    return problem.design(point)

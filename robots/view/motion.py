@@ -175,7 +175,7 @@ class Motion:
         """The same with every so many of its frames, the first one first."""
         part = slice(None, None, whole_number("every", step, 1))
         several = ("times", "translation", "rotation", "scale", "path")
-        return replace(self, **{field: getattr(self, field)[part] for field in several})  # type: ignore[arg-type]
+        return replace(self, **{field: getattr(self, field)[part] for field in several})
 
 
 def whole_frames(*arrays: NDArray[np.floating]) -> int:

@@ -13,9 +13,9 @@ from pathlib import Path
 from robots.checks import whole_number
 from robots.files import write_text
 from robots.view.motion import Motion
-from robots.view.player.page import page
+from robots.view.player.page import MOST_MOTIONS, page
 
-__all__ = ["Player", "page", "save_player", "show"]
+__all__ = ["MOST_MOTIONS", "Player", "page", "save_player", "show"]
 
 
 def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, title: str = "") -> int:

@@ -69,9 +69,10 @@ def unpack(packed: Packed) -> tuple[Floats, Floats, Floats]:
     unsigned = sum((plane.astype(np.int64) << (8 * k) for k, plane in enumerate(split)), np.zeros(1, np.int64))
     changes = ((unsigned >> 1) ^ -(unsigned & 1)).reshape(packed.frames, NUMBERS, packed.nodes)
     whole: NDArray[np.int64] = np.moveaxis(np.cumsum(changes, axis=0), 1, 2)
-    translation, rotation, scale = (part * step for part, step in
-                                    zip(np.split(whole, [3, 7], axis=2), packed.steps, strict=True))  # fmt: skip
-    return translation, rotation / np.linalg.norm(rotation, axis=-1, keepdims=True), scale
+    parts = zip(np.split(whole, [3, 7], axis=2), packed.steps, strict=True)
+    translation, rotation, scale = (part.astype(np.float64) * step for part, step in parts)
+    rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)
+    return translation, rotation, scale
 
 
 def _steps(motion: Motion) -> tuple[float, float, float]:

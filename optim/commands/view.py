@@ -1,0 +1,99 @@
+"""``morpholab view``: robots in motion, as a page for browsers and as files for other programs."""
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from optim.commands import Report, options
+from optim.commands.progress import shown_progress
+from robots.terrain import STEEPEST
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "view",
+        help="see robots move, in a browser",
+        description="Simulate robots and write a page that plays their motions side by side, with their actuation. It "
+        "is one file that needs no network; any browser opens it.",
+    )
+    parser.add_argument(
+        "sources", nargs="+", metavar="ROBOT",
+        help="inching or rolling; folder of a run, or file of a design; legged, wheeled or whegged quadruped; vehicle "
+        "or rover; up to four",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, metavar="FILE", help="page to write, such as gait.html")
+    parser.add_argument("--glb", type=Path, metavar="FILE", help="animation to write, of one robot, for Blender")
+    parser.add_argument("--title", default="", help="of the page")
+    parser.add_argument(
+        "--frames", type=options.whole(2), default=1000, metavar="N", help="at most, of each robot (default: 1000)"
+    )
+    parser.add_argument(
+        "--slope", type=options.number(-STEEPEST, STEEPEST, "degrees"), metavar="DEGREES",
+        help="of soft robots' ground, uphill is positive (default: 0, of runs their own)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--member", type=options.whole(1), metavar="N", help="the Nth design that a run keeps (default: the best)"
+    )
+    group = parser.add_argument_group("rigid robots and vehicles")
+    group.add_argument(
+        "--controller", metavar="W",
+        help="two numbers such as 1,-0.5 for vehicle and rover (default: 1,1); for quadrupeds a .npy or .json file "
+        "with 5 rows, the sensors, of 8 weights (default: random)",
+    )  # fmt: skip
+    group.add_argument("--seed", type=options.whole(0), default=0, help="of random weights (default: 0)")
+    group.add_argument(
+        "--design", type=options.whole(1), default=6553, metavar="N", help="sensors of vehicle and rover: a body of "
+        "the published grid, 1 to 6561 (default: 6553)",
+    )  # fmt: skip
+    group.add_argument(
+        "--environment", type=int, choices=(1, 2, 3, 4), default=1, help="place of the light, or of the vehicle "
+        "(default: 1)",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    options.add_robot(parser, precision="f32, of rigid robots f64")
+    options.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Simulate, and write the files asked for."""
+    from optim.commands.view_sources import motion_of
+    from robots.view.glb import save_glb
+    from robots.view.player import MOST_MOTIONS, save_player
+
+    if args.out is None and args.glb is None:
+        raise ValueError("out: there is nothing to write; give --out page.html or --glb file.glb")
+    for field, path in (("out", args.out), ("glb", args.glb)):
+        if path is not None and path.exists():
+            raise ValueError(f"{field}: {path} exists; name a new file")
+        if path is not None and not path.parent.is_dir():
+            raise ValueError(f"{field}: {path.parent} is not a folder; make it first")
+    count = len(args.sources)
+    if count > MOST_MOTIONS:
+        raise ValueError(f"sources: {count} robots are not allowed; give up to {MOST_MOTIONS}")
+    if args.glb is not None and count > 1:
+        raise ValueError(f"glb: {count} robots are not allowed in one file; give one")
+    with shown_progress(args.sources[0], float(count), args.quiet) as update:
+        motions = []
+        for done, source in enumerate(args.sources):
+            update(float(done), source)
+            motions.append(motion_of(source, args, partial(_tick, update, done)))
+    files = []
+    if args.out is not None:
+        files.append((args.out, save_player(motions, args.out, title=args.title or ", ".join(args.sources))))
+    if args.glb is not None:
+        files.append((args.glb, save_glb(motions[0], args.glb)))
+    lines = [f"{path}: {size / 1e6:.1f} MB" for path, size in files]
+    about = [{"source": source, "name": m.name, "frames": len(m.times), "nodes": len(m.nodes),
+              "seconds": float(m.times[-1] - m.times[0])}
+             for source, m in zip(args.sources, motions, strict=True)]  # fmt: skip
+    document = {"robots": about, "files": [{"path": str(path), "bytes": size} for path, size in files]}
+    told = [f"{a['name']}: {a['nodes']} parts, {a['frames']} frames, {a['seconds']:.1f} s" for a in about]
+    return Report(document, "\n".join([*told, *lines]))
+
+
+def _tick(update: Callable[[float, str | None], None], done: int, part: float) -> None:
+    update(done + part, None)

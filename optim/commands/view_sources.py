@@ -1,0 +1,181 @@
+"""From what the command line names to motions."""
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.commands import options
+from optim.commands.kept_points import kept_point
+from optim.problem import GAIT, VEHICLE, WALKER
+from robots.files import read_text
+from robots.terrain import Terrain
+from robots.view.motion import Motion
+
+Progress = Callable[[float], None]
+QUADRUPEDS = ("legged", "wheeled", "whegged")
+GAITS = ("inching", "rolling")
+
+
+def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Motion:
+    """Simulate what a source names, with frames.
+
+    Raises:
+        ValueError: in one line, for what is unknown or not allowed.
+    """
+    if source in QUADRUPEDS:
+        return _quadruped(source, args)
+    if source == "rover":
+        return _rover(args)
+    if source == "vehicle":
+        from robots.braitenberg import PUBLISHED, VehicleBody, contralateral
+
+        body = VehicleBody.published(args.design)
+        return _vehicle(body, contralateral(_pair(args)), PUBLISHED, f"vehicle {args.design}", args)
+    if source in GAITS:
+        return _inflatable(options.load_gait(source), source, args, None, progress)
+    path = Path(source)
+    if path.is_dir():
+        return _of_run(path, args, progress)
+    if path.is_file():
+        return _of_file(path, args, progress)
+    known = ", ".join((*GAITS, *QUADRUPEDS, "vehicle", "rover"))
+    raise ValueError(f"source: {source!r} is no robot ({known}), no run and no file of a design")
+
+
+def _of_run(folder: Path, args: argparse.Namespace, progress: Progress) -> Motion:
+    from optim.runs.config import read_config
+
+    kind = read_config(folder)["problem"].get("kind", GAIT)
+    if kind == GAIT:
+        from optim.gait_problem import GaitProblem
+
+        gaits, point = kept_point(folder, GaitProblem, args.member)
+        return _inflatable(gaits.design(point), folder.name, args, gaits, progress)
+    if kind == WALKER:
+        from optim.walker_problem import WalkerProblem
+
+        walkers, point = kept_point(folder, WalkerProblem, args.member)
+        return _walker(walkers.design(point), folder.name, args, walkers, progress)
+    if kind == VEHICLE:
+        from optim.vehicle_problem import VehicleProblem
+        from robots.braitenberg import VehicleBody
+
+        vehicles, point = kept_point(folder, VehicleProblem, args.member)
+        sites, controllers = vehicles.split(point)
+        return _vehicle(VehicleBody(sites[0]), controllers[0, 0], vehicles.task, folder.name, args)
+    raise ValueError(f"source: {folder} is a run of a {kind}, which has no view")
+
+
+def _of_file(path: Path, args: argparse.Namespace, progress: Progress) -> Motion:
+    from robots.inflatable import load_design
+    from robots.walker import load_walker
+    from robots.walker_body import DESIGN_FORMAT
+
+    if args.member is not None:
+        raise ValueError(f"member: {args.member} is not allowed, as {path} is the file of one design; name a run")
+    if f'"{DESIGN_FORMAT}"' in read_text(path):
+        return _walker(load_walker(path), path.stem, args, None, progress)
+    return _inflatable(load_design(path), path.stem, args, None, progress)
+
+
+def _where(args: argparse.Namespace, precision: str = "f32") -> dict[str, Any]:
+    return {"precision": args.precision or precision, "device": args.device or "cpu", "threads": args.threads}
+
+
+def _terrain(args: argparse.Namespace, own: Terrain | None) -> Terrain:
+    return Terrain(args.slope) if args.slope is not None else own or Terrain()
+
+
+def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
+    from robots import inflatable
+    from robots.view.soft_motion import inflatable_motion
+
+    design = dataclasses.replace(design, schedule=options.cut(design.schedule, args.columns, args.repeats))
+    geometry = inflatable.NAMED_GEOMETRIES[args.geometry or (run.geometry if run else "published")]
+    actuation = inflatable.InflatableActuation(weight=args.weight or (run.weight if run else "published"))
+    terrain = _terrain(args, run.terrains[0] if run else None)
+    steps = inflatable.predicted_steps(design, geometry, actuation) - actuation.initial_steps(design.pressure)
+    result = inflatable.simulate([design], terrain, geometry=geometry, actuation=actuation, **_where(args),
+                                 record_every=-(-steps // (args.frames - 1)), progress=progress)  # fmt: skip
+    return inflatable_motion(result, design, terrain, actuation=actuation, name=f"{name} on {terrain.name}")
+
+
+def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
+    from robots import walker
+    from robots.view.soft_motion import walker_motion
+
+    drive, terrain = run.actuation if run else walker.WalkerActuation(), _terrain(args, run.terrain if run else None)
+    if design.fault:
+        raise ValueError(f"source: {name} is no robot: {design.fault}")
+    seconds = (drive.cycles + 1) / drive.frequency
+    steps = seconds / drive.time_step(walker.WalkerTissue().on(terrain).time_step)
+    result = walker.simulate(design, terrain, actuation=drive, **_where(args), progress=progress,
+                             record_every=int(-(-steps // (args.frames - 1))))  # fmt: skip
+    return walker_motion(result, design, terrain, actuation=drive, name=f"{name} on {terrain.name}")
+
+
+def _vehicle(body: Any, controller: NDArray[np.float64], task: Any, name: str, args: argparse.Namespace) -> Motion:
+    from robots.braitenberg import trace
+    from robots.view.vehicle_motion import vehicle_motion
+
+    if args.environment > len(task.starts):
+        raise ValueError(f"environment: {args.environment} is not allowed; the task has {len(task.starts)}")
+    traces = trace([body], controller[None, None], task, **_where(args, "f64"))
+    motion = vehicle_motion(traces, body, task, environment=args.environment - 1, name=name)
+    return motion.every(-(-len(motion.times) // args.frames))
+
+
+def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
+    from robots import quadruped
+    from robots.neural import random_weights
+    from robots.view.rigid_motion import quadruped_motion
+
+    robot = {"legged": quadruped.LEGGED, "wheeled": quadruped.WHEELED, "whegged": quadruped.WHEGGED}[kind]
+    sizes = quadruped.SENSORS, quadruped.MOTORS
+    weights = (random_weights(1, *sizes, np.random.default_rng(args.seed)) if args.controller is None
+               else _matrix(Path(args.controller), sizes))  # fmt: skip
+    lights = [quadruped.ENVIRONMENTS[args.environment - 1]]
+    every = _every(quadruped.STEPS, args)
+    found = quadruped.simulate(robot, weights, lights, record_every=every, **_where(args, "f64"))
+    return quadruped_motion(robot, found, lights)
+
+
+def _rover(args: argparse.Namespace) -> Motion:
+    from robots import rover
+    from robots.view.rigid_motion import rover_motion
+
+    robot, lights = rover.Rover.published(args.design), [rover.LIGHTS[args.environment - 1]]
+    every = _every(rover.STEPS, args)
+    found = rover.simulate(robot, _pair(args), lights, record_every=every, **_where(args, "f64"))
+    return rover_motion(robot, found, lights, name=f"rover {args.design}")
+
+
+def _every(steps: int, args: argparse.Namespace) -> int:
+    return int(-(-steps // args.frames))
+
+
+def _pair(args: argparse.Namespace) -> NDArray[np.float64]:
+    """Two weights, as ``1,-0.5``."""
+    try:
+        first, second = (float(part) for part in (args.controller or "1,1").split(","))
+    except ValueError:
+        raise ValueError(f"controller: {args.controller!r} is not allowed; give two numbers, such as 1,-0.5") from None
+    return np.array([first, second])
+
+
+def _matrix(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Weights of a file."""
+    try:
+        found = np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))
+        weights = np.asarray(found, float)
+    except (OSError, ValueError, TypeError) as error:
+        raise ValueError(f"controller: {path} cannot be read ({' '.join(str(error).split())})") from None
+    if weights.shape != shape:
+        raise ValueError(f"controller: {path} has shape {weights.shape}, which is not allowed; give {shape}")
+    return weights
