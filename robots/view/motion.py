@@ -172,8 +172,9 @@ class Motion:
             raise ValueError(f"channel: {wrong[0]} of a node is not allowed; there are {len(self.channels)}")
 
     def every(self, step: int) -> Self:
-        """The same with every so many of its frames, the first one first."""
-        part = slice(None, None, whole_number("every", step, 1))
+        """The same with every so many of its frames, and the last one."""
+        count = len(self.times)
+        part = np.union1d(np.arange(0, count, whole_number("every", step, 1)), count - 1)
         several = ("times", "translation", "rotation", "scale", "path")
         return replace(self, **{field: getattr(self, field)[part] for field in several})
 

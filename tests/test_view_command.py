@@ -1,0 +1,101 @@
+"""``morpholab view``."""
+
+import json
+
+import numpy as np
+import pytest
+from stand_in import Simulator
+
+from optim.runs import open_run, run_search
+from optim.search import build_method
+from optim.vehicle_problem import VehicleProblem
+from robots.braitenberg import STARTS, VehicleTask
+from robots.inflatable import INCHING, save_design
+from robots.walker import ACTIVE, PASSIVE, WalkerDesign, save_walker
+
+QUICK = "--geometry small --columns 1 --repeats 1 --threads 1 --quiet"
+
+
+def test_vehicles_side_by_side(morpholab, tmp_path):
+    line = "view vehicle rover --environment 3 --controller 1,0.9 --frames 100 --threads 1 --out page.html --quiet"
+    code, out, _ = morpholab(f"{line} --json")
+    document = json.loads(out)
+    assert code == 0 and [robot["name"] for robot in document["robots"]] == ["vehicle 6553", "rover 6553"]
+    assert all(50 < robot["frames"] <= 101 for robot in document["robots"])
+    assert document["files"] == [{"path": "page.html", "bytes": (tmp_path / "page.html").stat().st_size}]
+    page = (tmp_path / "page.html").read_text()
+    assert "<title>vehicle, rover</title>" in page and 'id="motion-1"' in page
+
+
+def test_a_quadruped_with_weights_from_a_file(morpholab, tmp_path):
+    np.save(tmp_path / "w.npy", np.zeros((5, 8)))
+    line = "view legged --controller w.npy --threads 1 --frames 50 --glb walk.glb"
+    code, out, error = morpholab(line)
+    assert code == 0 and (tmp_path / "walk.glb").read_bytes()[:4] == b"glTF"
+    assert "legged quadruped: 9 parts, 50 frames, " in out and "walk.glb: 0.0 MB" in out and error == "legged\n"
+    np.save(tmp_path / "w.npy", np.zeros((8, 5)))
+    code, _, error = morpholab("view legged --controller w.npy --glb again.glb --quiet")
+    assert (code, error) == (2, "morpholab view: error: controller: w.npy has shape (8, 5), which is not allowed; "
+                                "give (5, 8)\n")  # fmt: skip
+
+
+def test_files_of_designs(morpholab, tmp_path):
+    save_design(INCHING, tmp_path / "gait.json")
+    materials = np.full((2, 2, 2), PASSIVE)
+    materials[0] = ACTIVE
+    save_walker(WalkerDesign(materials), tmp_path / "walker.json")
+    code, out, _ = morpholab(f"view walker.json gait.json --slope 5 --frames 20 --out page.html {QUICK}")
+    first, second, _ = out.splitlines()
+    assert (
+        code == 0 and first.startswith("walker on hill:5: 8 parts, ") and second.startswith("gait on hill:5: 736 parts")
+    )
+
+
+def test_the_best_of_a_run_of_gaits(morpholab, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:  # evaluated at once, viewed as it is
+        patch.setattr("robots.view.picture.save_motion_picture", lambda design, terrain, path, **_: path.touch())
+        patch.setattr("robots.inflatable.simulate", Simulator())
+        search = "--climbers 4 --generations 1 --geometry small --quiet"
+        assert morpholab(f"codesign --out runs/a --terrain hill:7 {search}")[0] == 0
+    code, out, _ = morpholab("view runs/a --frames 20 --columns 1 --repeats 1 --threads 1 --quiet --out page.html")
+    assert code == 0 and out.startswith("a on hill:7: 736 parts")
+    code, _, error = morpholab("view runs/a --member 99 --quiet --out other.html")
+    assert code == 2 and "member: 99 is not allowed; runs/a keeps 4 designs" in error
+
+
+def test_the_best_of_a_run_of_vehicles(morpholab, tmp_path):
+    problem = VehicleProblem(task=VehicleTask(STARTS * [0.25, 0.25, 1.0], radius=0.3, time_step=0.1, steps=60))
+    config = {"problem": problem.describe(), "method": {"name": "random", "seed": 1, "climbers": 3}, "generations": 1}
+    method = build_method("random", problem.space, {"seed": 1, "climbers": 3})
+    with open_run(tmp_path / "run", config, resume=False) as folder:
+        run_search(problem, method, folder, 1)
+    code, out, _ = morpholab("view run --environment 2 --threads 1 --quiet --out page.html")
+    assert code == 0 and out.startswith("run: 6 parts, ")
+
+
+NO_ROBOT = "is no robot (inching, rolling, legged, wheeled, whegged, vehicle, rover), no run and no file of a design"
+BAD_INPUT = {
+    "rolling": "out: there is nothing to write; give --out page.html or --glb file.glb",
+    "rolling --out there.html": "out: there.html exists; name a new file",
+    "rolling --glb there.html": "glb: there.html exists; name a new file",
+    "rolling --out no/page.html": "out: no is not a folder; make it first",
+    "rolling inching --glb a.glb": "glb: 2 robots are not allowed in one file; give one",
+    "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
+    "nothing --out a.html": f"source: 'nothing' {NO_ROBOT}",
+    "there.html --out a.html": "there.html: ",
+    "there.html --member 2 --out a.html": "member: 2 is not allowed, as there.html is the file of one design",
+    "vehicle --controller 1 --out a.html": "controller: '1' is not allowed; give two numbers, such as 1,-0.5",
+    "vehicle --controller 3,1 --out a.html": "weights: 3.0 is not allowed; give numbers from -1 to 1",
+    "vehicle --design 7000 --out a.html": "design: 7000 is not allowed; give a whole number from 1 to 6561",
+    "empty --out a.html": "empty",
+}
+
+
+@pytest.mark.parametrize("line", BAD_INPUT)
+def test_bad_input_is_told_in_one_line(morpholab, tmp_path, line):
+    (tmp_path / "there.html").write_text("mine")
+    (tmp_path / "empty").mkdir()
+    code, out, error = morpholab(f"view {line} --quiet")
+    assert code == 2 and out == "" and error.count("\n") == 1
+    assert error.startswith(f"morpholab view: error: {BAD_INPUT[line]}")
+    assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "a.html").exists()
