@@ -5,7 +5,8 @@ const PAUSE = '<svg viewBox="0 0 14 14"><path d="M1.5 1h4v12h-4zm7 0h4v12h-4z"/>
 class Player {
   constructor(about, all) {
     this.duration = Math.max(...about.map((motion) => motion.times.at(-1)), 1e-9);
-    this.interval = Math.max(1e-4, Math.min(...about.map((motion) => motion.times.at(-1) / Math.max(motion.frames - 1, 1))));
+    const intervals = about.map((motion) => motion.times.at(-1) / Math.max(motion.frames - 1, 1));
+    this.interval = Math.max(1e-4, Math.min(...intervals));
     this.time = 0;
     this.playing = false;
     this.rate = 1;
@@ -45,7 +46,8 @@ class Player {
     home.textContent = "reset view";
     home.onclick = () => stage.home();
     this.stages.push(stage);
-    this.timelines.push(new Timeline(element("div", figure, "chart"), about, this.duration, (time) => this.seek(time)));
+    const chart = element("div", figure, "chart");
+    this.timelines.push(new Timeline(chart, about, this.duration, (time) => this.seek(time)));
   }
 
   #connect() {
@@ -58,7 +60,8 @@ class Player {
     const speed = document.getElementById("speed");
     speed.onchange = () => { this.rate = Number(speed.value); };
     // What takes long plays faster at first, so that it ends within a minute.
-    const quick = [...speed.options].find((o) => o.value >= 1 && this.duration / o.value <= 60) ?? speed.options[speed.options.length - 1];
+    const enough = (choice) => choice.value >= 1 && this.duration / choice.value <= 60;
+    const quick = [...speed.options].find(enough) ?? speed.options[speed.options.length - 1];
     speed.value = quick.value;
     speed.onchange();
     document.addEventListener("keydown", (event) => this.#key(event));
@@ -98,7 +101,9 @@ class Player {
     this.clock.textContent = `${this.time.toFixed(2)} / ${this.duration.toFixed(2)} s`;
     this.stages.forEach((stage) => stage.show(this.time));
     this.timelines.forEach((timeline) => timeline.show(this.time));
-    for (const { channel, value } of this.readouts.flat()) value.textContent = textOf(channel, valueAt(channel, this.time));
+    for (const { channel, value } of this.readouts.flat()) {
+      value.textContent = textOf(channel, valueAt(channel, this.time));
+    }
   }
 
   #tick(now) {

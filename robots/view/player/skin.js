@@ -5,7 +5,8 @@ class Skin {
     this.sums = new Float64Array(3 * count);
     this.shares = new Float64Array(count);
     for (const around of knots) for (const knot of around) this.shares[knot] += 1;
-    const square = [0, 0, 1, 0, 1, 1, 0, 1], attribute = (size) => new THREE.BufferAttribute(new Float32Array(4 * size * cubes.length), size);
+    const square = [0, 0, 1, 0, 1, 1, 0, 1];
+    const attribute = (size) => new THREE.BufferAttribute(new Float32Array(4 * size * cubes.length), size);
     const geometry = new THREE.BufferGeometry();
     this.places = attribute(3).setUsage(THREE.DynamicDrawUsage);
     this.normals = attribute(3).setUsage(THREE.DynamicDrawUsage);

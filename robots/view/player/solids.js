@@ -36,13 +36,15 @@ function materialOf(kind, settings = {}) {
   const material = new THREE.MeshLambertMaterial(settings);
   const mark = {
     box: "vec2 w = fwidth(vUv), d = min(vUv, 1.0 - vUv) / w;"
-      + "diffuseColor.rgb *= 1.0 - 0.3 * (1.0 - smoothstep(0.4, 1.4, min(d.x, d.y))) * clamp(1.6 - 8.0 * max(w.x, w.y), 0.0, 1.0);",
+      + "float line = 1.0 - smoothstep(0.4, 1.4, min(d.x, d.y)), near = clamp(1.6 - 8.0 * max(w.x, w.y), 0.0, 1.0);"
+      + "diffuseColor.rgb *= 1.0 - 0.3 * line * near;",
     sphere: "if (fract(4.0 * vUv.x) < 0.5 != vUv.y < 0.5) diffuseColor.rgb *= 0.78;",
   }[kind];
   if (!mark) return material;
   material.defines = { USE_UV: "" };
   material.onBeforeCompile = (shader) => {
-    shader.fragmentShader = shader.fragmentShader.replace("#include <color_fragment>", `#include <color_fragment>\n${mark}`);
+    const colour = "#include <color_fragment>";
+    shader.fragmentShader = shader.fragmentShader.replace(colour, `${colour}\n${mark}`);
   };
   material.customProgramCacheKey = () => kind;
   return material;

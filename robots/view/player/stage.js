@@ -50,12 +50,12 @@ class Stage {
     plate.position.set(...ground.middle, ground.level);
     plate.rotation.z = Math.atan2(along[1], along[0]);
     const [length, width] = ground.size;
-    const sheet = new THREE.Mesh(new THREE.PlaneGeometry(length, width), new THREE.MeshBasicMaterial({ color: 0xf3f1ec }));
-    sheet.material.polygonOffset = true;
-    sheet.material.polygonOffsetFactor = sheet.material.polygonOffsetUnits = 4;
-    const points = [];
-    for (let x = 0; x <= length + 1e-9; x += ground.grid) points.push(x - length / 2, -width / 2, 0, x - length / 2, width / 2, 0);
-    for (let y = 0; y <= width + 1e-9; y += ground.grid) points.push(-length / 2, y - width / 2, 0, length / 2, y - width / 2, 0);
+    const behind = { polygonOffset: true, polygonOffsetFactor: 4, polygonOffsetUnits: 4 };
+    const paint = new THREE.MeshBasicMaterial({ color: 0xf3f1ec, ...behind });
+    const sheet = new THREE.Mesh(new THREE.PlaneGeometry(length, width), paint);
+    const points = [], right = length / 2, top = width / 2;
+    for (let x = -right; x <= right + 1e-9; x += ground.grid) points.push(x, -top, 0, x, top, 0);
+    for (let y = -top; y <= top + 1e-9; y += ground.grid) points.push(-right, y, 0, right, y, 0);
     const lines = new THREE.BufferGeometry();
     lines.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
     plate.add(sheet, new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0xd9d5cc })));
@@ -71,7 +71,8 @@ class Stage {
     flat.matrix.set(1, 0, -down.x / down.z, level * down.x / down.z, 0, 1, -down.y / down.z, level * down.y / down.z,
       0, 0, 0, level, 0, 0, 0, 1);
     const dark = new THREE.MeshBasicMaterial({ color: 0xdcd8cf, side: THREE.DoubleSide });
-    this.seen = about.skin ? [new Skin(about.skin)] : about.solids.map((solid, number) => new Solids(about, solid, number));
+    this.seen = about.skin ? [new Skin(about.skin)]
+      : about.solids.map((solid, number) => new Solids(about, solid, number));
     for (const part of this.seen) {
       this.world.add(part.mesh);
       flat.add(part.shadow(dark));
@@ -87,7 +88,8 @@ class Stage {
   }
 
   #trail() {
-    const points = new Float32Array(this.about.path.flatMap(([x, y]) => [x, y, this.about.ground.level + 6e-4 * this.about.size]));
+    const { path, ground, size } = this.about, level = ground.level + 6e-4 * size;
+    const points = new Float32Array(path.flatMap(([x, y]) => [x, y, level]));
     const line = new THREE.BufferGeometry();
     line.setAttribute("position", new THREE.BufferAttribute(points, 3));
     this.trail = new THREE.Line(line, new THREE.LineBasicMaterial({ color: 0x33302b }));
@@ -109,7 +111,7 @@ class Stage {
     const { times, path } = this.about;
     const [frame, part] = placeOf(times, time);
     const next = path[Math.min(frame + 1, path.length - 1)];
-    return new THREE.Vector3(...path[frame].map((x, k) => x + part * (next[k] - x))).applyQuaternion(this.world.quaternion);
+    return this.#outside(new THREE.Vector3(...path[frame].map((x, k) => x + part * (next[k] - x))));
   }
 
   // The first view: from the right of the way and above it, as near as what is to be seen allows.
@@ -121,7 +123,8 @@ class Stage {
     camera.lookAt(0, 0, 0);
     camera.updateMatrixWorld();
     const [right, up] = [0, 1].map((k) => new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, k));
-    const places = follow ? [this.#middle(this.time)] : [...about.path, ...about.lights].map((place) => this.#outside(new THREE.Vector3(...place)));
+    const all = () => [...about.path, ...about.lights].map((place) => this.#outside(new THREE.Vector3(...place)));
+    const places = follow ? [this.#middle(this.time)] : all();
     const middle = new THREE.Vector3();
     for (const axis of [right, up]) {
       const along = places.map((place) => place.dot(axis));
@@ -132,7 +135,8 @@ class Stage {
     let distance = 0;
     for (const place of places) {
       const seen = place.clone().sub(middle), near = seen.dot(away) + 0.3 * room;
-      distance = Math.max(distance, near + (Math.abs(seen.dot(right)) + room) / wide, near + (Math.abs(seen.dot(up)) + room) / high);
+      const aside = Math.abs(seen.dot(right)) + room, above = Math.abs(seen.dot(up)) + room;
+      distance = Math.max(distance, near + aside / wide, near + above / high);
     }
     this.controls.target.copy(middle);
     camera.position.copy(middle).addScaledVector(away, distance);
@@ -179,7 +183,8 @@ class Stage {
 }
 
 function isSoftware() {
-  const gl = document.createElement("canvas").getContext("webgl2"), about = gl.getExtension("WEBGL_debug_renderer_info");
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const about = gl.getExtension("WEBGL_debug_renderer_info");
   const name = about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "";
   gl.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
