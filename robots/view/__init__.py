@@ -1,6 +1,6 @@
 """Looking at robots: poses as numbers, poses and gaits as pictures, motions as pages and files.
 
-``shape`` reads numbers off recorded poses, ``drawing`` draws on any matplotlib axes, ``picture`` writes files. ``motion``
-describes anything that moves, ``soft_motion``, ``rigid_motion`` and ``vehicle_motion`` make motions of results; ``player``
-plays them in browsers and ``glb`` writes them for other programs.
+``shape`` reads numbers off recorded poses, ``drawing`` draws on any matplotlib axes, ``picture`` writes files.
+``motion`` describes anything that moves; ``soft_motion``, ``rigid_motion`` and ``vehicle_motion`` make motions of
+results; ``player`` plays them in browsers and ``glb`` writes them for other programs.
 """
