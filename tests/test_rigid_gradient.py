@@ -131,10 +131,10 @@ def test_neighbours_and_lanes_change_no_bit_of_a_gradient():
 
 
 def test_what_has_no_derivative_is_refused_in_one_line():
-    robots = RigidEngine(LEGGED.tree(), World(friction=0.5), LEGGED.senses(), threads=1)
+    robots = RigidEngine(LEGGED.tree(), World(friction=0.5), LEGGED.senses(), precision="f64", threads=1)
     with pytest.raises(ValueError, match=r"^friction: 0\.5 has no derivatives"):
         robots.record(5)
-    tape = engine(LEGGED, threads=1).record(2)
+    tape = engine(LEGGED, precision="f64", threads=1).record(2)
     with pytest.raises(ValueError, match=r"^position: shape \(2, 3\) is not allowed; give \(1, 3\)"):
         tape.pull_back(position=np.ones((2, 3)))
     placed = engine(LEGGED, threads=1)
