@@ -38,19 +38,6 @@ def euler(sites, matrix, start, light, time_step, steps):
 # the equations
 
 
-@given(st.floats(-1e4, 1e4))
-def test_the_turn_of_a_step_is_exact_to_rounding(angle):
-    angles = np.array([angle, angle / 1e4, np.pi / 4 * round(angle)])
-    sine, cosine = equations.turn_of_step(angles)
-    assert np.abs(sine - np.sin(angles)).max() < 3e-16 and np.abs(cosine - np.cos(angles)).max() < 3e-16
-
-
-def test_angles_without_meaning_give_a_direction_all_the_same():
-    with np.errstate(over="ignore", invalid="ignore"):
-        sine, cosine = equations.turn_of_step(np.array([1e12, -1e300, np.inf]))
-    assert sine.tolist() == [0, 0, 0] and cosine.tolist() == [1, 1, 1]
-
-
 @pytest.mark.parametrize("sensors", [1, 2, 3, 4, 5])
 def test_readings_fall_with_the_square_of_the_distance(sensors):
     rng = np.random.default_rng(sensors)

@@ -217,5 +217,6 @@ def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> Non
             markersize=8,
             label="published base",
         )
+        axes.plot([], [], "o", color="black", markersize=3, label="filled: all four lights reached")
         axes.set(xlabel="torque + speed + rate [$\\pi$]", ylabel="sum of smallest distances [m]", ylim=(0, None))
         axes.legend(loc="upper right")
