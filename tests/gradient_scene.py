@@ -94,6 +94,8 @@ EVENTS = (
     (Quantity.TRANSLATION + 1, [3], 0, 0.0, 1e-5),
     (Quantity.ROTATION, [3], 0, 0.01, 1e-4),
     (Quantity.ROTATION + 2, [3], 80, -0.01, 1e-4),
+    (Quantity.RESISTANCE, [0, 1, 2], 0, 300.0, 2.0),
+    (Quantity.RESISTANCE + 1, [0, 2], 40, 50.0, -0.1),
 )
 
 

@@ -28,7 +28,7 @@ TOLERANCE = 1e-6
 
 
 def engine(bodies, batch=None, **options) -> LatticeEngine:
-    return LatticeEngine(bodies, batch, time_step=TIME_STEP, floor=True, **options)
+    return LatticeEngine(bodies, batch, time_step=TIME_STEP, floor=True, fluid=True, **options)
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["plain", "poisson"])
@@ -112,6 +112,7 @@ KINDS = {
     "moment": ([Quantity.MOMENT + a for a in range(3)], 3e-5),
     "translation": ([Quantity.TRANSLATION + a for a in range(3)], 1e-4),
     "rotation": ([Quantity.ROTATION + a for a in range(3)], 1e-2),
+    "resistance": ([Quantity.RESISTANCE, Quantity.RESISTANCE + 1], 50.0),
 }
 
 

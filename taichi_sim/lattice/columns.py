@@ -11,10 +11,12 @@ LINK_COLUMNS = 10
 
 # Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface
 # slot and the gauge's slot in STRAIN (-1 without); bits of fixed degrees of freedom; the voxel's own links; the link
-# on each side (-1 without); sum of the normals of pressurised faces, and whether there are any.
+# on each side (-1 without); sum of the normals of pressurised faces, and whether there are any; how many faces along
+# each axis a fluid reaches, two bits each.
 (GROUP, CHANNELS, SURFACE_SLOT, GAUGE, FIXED, FIRST_LINK, END_LINK, SIDE_LINK) = range(8)
-NORMAL, FEELS_PRESSURE = 13, 16
-VOXEL_COLUMNS = 17
+NORMAL, FEELS_PRESSURE, WET = 13, 16, 17
+VOXEL_COLUMNS = 18
+WET_SHIFTS = (1, 4, 16)
 REST_MINUS, REST_PLUS, REST_AXIS = range(3)
 
 # Columns of the table of surface voxels: slots of the voxel in VOXEL and of its group in CONSTANT/CURRENT.
@@ -26,3 +28,4 @@ ACCELERATION, FORCE, MOMENT = int(Quantity.ACCELERATION), int(Quantity.FORCE), i
 TRANSLATION, ROTATION, SCALE = int(Quantity.TRANSLATION), int(Quantity.ROTATION), int(Quantity.SCALE)
 TEMPERATURE, PRESSURE, GLOBAL_DAMPING = int(Quantity.TEMPERATURE), int(Quantity.PRESSURE), int(Quantity.GLOBAL_DAMPING)
 STATIC_FRICTION, KINETIC_FRICTION = int(Quantity.STATIC_FRICTION), int(Quantity.KINETIC_FRICTION)
+RESISTANCE = int(Quantity.RESISTANCE)

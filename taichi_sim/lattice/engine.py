@@ -80,6 +80,7 @@ class LatticeEngine:
         time_step: float | None = None,
         floor: bool = False,
         self_contact: bool = True,
+        fluid: bool = False,
         gravity: float = 0.0,
         device: str = "cpu",
         precision: str = "f64",
@@ -95,6 +96,7 @@ class LatticeEngine:
             time_step: dt [s]; by default the largest that is stable for all bodies.
             floor: whether there is a floor at z = -h/2.
             self_contact: whether voxels of a robot collide with each other.
+            fluid: whether a fluid at rest resists all outer faces, as much as ``Quantity.RESISTANCE`` says.
             gravity: uniform acceleration along -z [m/s^2].
             device: "cpu", "cuda", "vulkan" or "metal".
             precision: "f32" or "f64".
@@ -126,7 +128,7 @@ class LatticeEngine:
         self.configuration = (device, precision, threads)
         running = runtime.start(*self.configuration)
         self.order = self.body.topology.order
-        self.tables = build_tables(bodies, self.time_step)
+        self.tables = build_tables(bodies, self.time_step, bool(fluid))
         switches = (bool(floor), bool(self_contact))
         if driver == "stepped" or device != "cpu":
             self._driver: FusedDriver | SteppedDriver = SteppedDriver(
@@ -168,7 +170,7 @@ class LatticeEngine:
     def reset(self) -> None:
         """Put every robot at rest at its start, its channels as the materials say."""
         self._driver.write(memory.CHANNEL, self.tables.channel)
-        # Which still hold what the materials say: those that no event has set, shape (B, 23 G).
+        # Which still hold what the materials say: those that no event has set, shape (B, 25 G).
         self.initial_channels = np.ones(self.tables.channel.shape[:2], bool)
         self.set_positions(np.broadcast_to(self.body.start_positions, (self.batch, self.body.voxel_count, 3)))
 

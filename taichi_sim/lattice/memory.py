@@ -5,7 +5,7 @@ The sections of the state come first, so that a robot can be copied away and bac
     VOXEL     14 a voxel   position 3, orientation 4, momentum 3, angular momentum 3, sticking to the floor
     LINK      7 a link     damping memory (offset and rotations of the last step) 6, regime
     STRAIN    6 a gauge    strain per axis of a gauged voxel, and with Poisson's effect
-    CHANNEL   4 a channel  base, rate, age, value of the 23 channels of every group
+    CHANNEL   4 a channel  base, rate, age, value of the 25 channels of every group
     WATCH     3 a surface voxel: its position when the watch list was built
     MONITOR   2            largest squared distance from there; 1 once diverged
     CURRENT   9 a group    what follows from the channels in this step
@@ -37,10 +37,9 @@ MOVED, DIVERGED = 0, 1  # places in the monitor
 SIZE, MEAN_SIZE, PUSH, DRAG, SPIN_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: rest sizes, external force, damping
 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
-(VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS, RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON) = range(
-    SECTION_COUNT, SECTION_COUNT + 11
-)
-PLAN_SIZE = SECTION_COUNT + 11
+(VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS, RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON,
+ FLUID_ON) = range(SECTION_COUNT, SECTION_COUNT + 12)  # fmt: skip
+PLAN_SIZE = SECTION_COUNT + 12
 
 
 @dataclass(frozen=True)

@@ -29,9 +29,10 @@ class Quantity(IntEnum):
     MOMENT = 14  # [N m] x y z on every voxel, world frame
     TRANSLATION = 17  # [m] x y z, displacement of fixed translations from the start
     ROTATION = 20  # [rad] rotation vector x y z of fixed rotations
+    RESISTANCE = 23  # [kg/m^3] half a fluid's density times its coefficients of pressure drag and of friction
 
 
-QUANTITY_COUNT = 23
+QUANTITY_COUNT = 25
 
 EVENT = np.dtype(
     [

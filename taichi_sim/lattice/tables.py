@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_sim.lattice import columns, memory
 from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.fluid import outer_faces
 from taichi_sim.lattice.materials import (
     BEAM_COLUMNS,
     CONSTANT_COLUMNS,
@@ -36,9 +37,10 @@ class Tables:
         beam_materials: materials at the "-" and the "+" end of each beam, shape (C, 2).
         constant: voxel constants, shape (B, G, 9).
         beam: beam constants, shape (B, C, 16).
-        channel: channels at the start, shape (B, 23 G, 4).
+        channel: channels at the start, shape (B, 25 G, 4).
         gauges: number of voxels whose strain is kept: those that feel pressure, all with Poisson's effect.
         poisson: whether any robot has a material with Poisson's effect.
+        fluid: whether there is a fluid around the robots.
         ring: power of two that no link's voxel numbers differ by more than.
     """
 
@@ -59,6 +61,7 @@ class Tables:
     channel: np.ndarray
     gauges: int
     poisson: bool
+    fluid: bool
     ring: int
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
@@ -81,10 +84,11 @@ class Tables:
         plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface_voxels), layout.state_slots
         plan[memory.RING_MASK] = self.ring - 1
         plan[memory.FLOOR_ON], plan[memory.CONTACT_ON], plan[memory.POISSON_ON] = floor, self_contact, self.poisson
+        plan[memory.FLUID_ON] = self.fluid
         return plan
 
 
-def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
+def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = False) -> Tables:
     """Tables of robots whose bodies share voxels, links, regions and material indices but not material values."""
     body = bodies[0]
     topology, order = body.topology, body.topology.order
@@ -97,7 +101,7 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
     rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
     rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
     ends = place[links].reshape(-1, 2)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, _has_poisson(bodies))
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, _has_poisson(bodies), fluid)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     used = sorted({id(b): b for b in bodies}.values(), key=id)
@@ -126,6 +130,7 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float) -> Tables:
         channel=np.array([channel[id(b)] for b in bodies]),
         gauges=strain_count,
         poisson=_has_poisson(bodies),
+        fluid=fluid,
         ring=1 << int(np.ptp(ends, axis=1).max(initial=0)).bit_length(),
     )
 
@@ -154,7 +159,7 @@ def _link_table(
 
 
 def _voxel_table(
-    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, poisson: bool
+    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, poisson: bool, fluid: bool
 ) -> tuple[np.ndarray, int]:
     topology, count = body.topology, len(order)
     table = np.full((count, columns.VOXEL_COLUMNS), -1, np.int32)
@@ -169,6 +174,7 @@ def _voxel_table(
     table[:, columns.NORMAL : columns.NORMAL + 3] = normals
     feels = (normals != 0).any(axis=1)
     table[:, columns.FEELS_PRESSURE] = feels
+    table[:, columns.WET] = outer_faces(body.voxels)[order] @ columns.WET_SHIFTS if fluid else 0
     gauged = np.flatnonzero(feels | poisson)
     table[gauged, columns.GAUGE] = np.arange(len(gauged)) * memory.STRAIN_WIDTH
     return table, len(gauged)

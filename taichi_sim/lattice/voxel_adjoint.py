@@ -5,7 +5,7 @@ linearly. Whether it stuck or slid is as recorded.
 """
 
 from taichi_sim.lanes import accumulate, accumulate_all, any_lane, load, load_all, select_all, store_all
-from taichi_sim.lattice import floor, motion
+from taichi_sim.lattice import floor, fluid, motion
 from taichi_sim.lattice.columns import (
     CHANNELS,
     FEELS_PRESSURE,
@@ -28,6 +28,7 @@ from taichi_sim.lattice.memory import (
     CURRENT,
     DRAG,
     FLOOR_ON,
+    FLUID_ON,
     FORCE,
     LINK,
     LINK_WIDTH,
@@ -45,7 +46,15 @@ from taichi_sim.lattice.memory import (
     VOXEL,
     VOXEL_WIDTH,
 )
-from taichi_sim.lattice.voxel_stage import gauge_slots, gauged_faces, held, in_tension, link_count
+from taichi_sim.lattice.voxel_stage import (
+    drag_slots,
+    gauge_slots,
+    gauged_faces,
+    held,
+    in_tension,
+    link_count,
+    wet_faces,
+)
 from taichi_sim.rotations import from_large_rotation_vector, rotate, to_rotation_vector
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import law, pull_back, select
@@ -163,6 +172,8 @@ def voxel_adjoint(
     momentum_adjoint(m, k, rec, kr, old, new, a, v, dt, edge, plan, voxel_table, (gx, gy, gz))
     if voxel_table[row + FEELS_PRESSURE] != 0:
         pressure_adjoint(m, k, rec, kr, old, a, v, plan, voxel_table)
+    if plan[FLUID_ON] != 0:
+        drag_adjoint(m, k, rec, kr, old, a, v, plan, voxel_table)
 
 
 @ti.func
@@ -266,6 +277,22 @@ def pressure_adjoint(
     seeds = load_all(a, k, three(plan[FORCE] + 6 * v))
     g = ti.static(pull_back(pressed, inputs, faces[3:], seeds))
     accumulate_all(a, k, quaternion(voxel) + three(gauge) + slots, g)
+
+
+@ti.func
+def drag_adjoint(
+    m: ti.template(), k, rec: ti.template(), kr, old, a: ti.template(), v, plan: ti.template(),
+    voxel_table: ti.template(),
+):  # fmt: skip
+    """Reverse the drag of a fluid."""
+    voxel = plan[VOXEL] + v * VOXEL_WIDTH
+    inverse_mass = plan[CONSTANT] + voxel_table[v * VOXEL_COLUMNS + GROUP] + INVERSE_MASS
+    motion_slots = quaternion(voxel) + three(voxel + MOMENTUM)
+    slots = (inverse_mass,) + drag_slots(v, plan, voxel_table)
+    inputs = load_all(rec, kr, quaternion(old + voxel) + three(old + voxel + MOMENTUM)) + load_all(m, k, slots)
+    seeds = load_all(a, k, three(plan[FORCE] + 6 * v))
+    g = ti.static(pull_back(fluid.drag, inputs, wet_faces(v, voxel_table), seeds))
+    accumulate_all(a, k, motion_slots + slots, g)
 
 
 @ti.func

@@ -1,7 +1,7 @@
-"""Stage of a voxel: floor, pressure and integration; then the gauges that read its strain for the next step."""
+"""Stage of a voxel: floor, pressure, drag and integration; then the gauges that read its strain for the next step."""
 
-from taichi_sim.lanes import any_lane, load, store
-from taichi_sim.lattice import floor, motion
+from taichi_sim.lanes import any_lane, load, load_all, store
+from taichi_sim.lattice import floor, fluid, motion
 from taichi_sim.lattice.columns import (
     ACCELERATION,
     CHANNELS,
@@ -17,11 +17,13 @@ from taichi_sim.lattice.columns import (
     MOMENT,
     NORMAL,
     PRESSURE,
+    RESISTANCE,
     ROTATION,
     SIDE_LINK,
     STATIC_FRICTION,
     TRANSLATION,
     VOXEL_COLUMNS,
+    WET,
 )
 from taichi_sim.lattice.materials import (
     CONTACT_DAMPING,
@@ -35,10 +37,12 @@ from taichi_sim.lattice.materials import (
 from taichi_sim.lattice.memory import (
     BEAM,
     CHANNEL,
+    CHANNEL_WIDTH,
     CONSTANT,
     CURRENT,
     DRAG,
     FLOOR_ON,
+    FLUID_ON,
     LINK,
     LINK_WIDTH,
     MEAN_SIZE,
@@ -52,6 +56,7 @@ from taichi_sim.lattice.memory import (
     SPIN_DRAG,
     STICKS,
     STRAIN,
+    VALUE,
     VOXEL,
     VOXEL_WIDTH,
     WATCH,
@@ -89,6 +94,9 @@ def voxel_stage(
     vx = px * inverse_mass
     vy = py * inverse_mass
     vz = pz * inverse_mass
+    if plan[FLUID_ON] != 0:
+        ax, ay, az = drag_force(m, k, v, px, py, pz, inverse_mass, qw, qx, qy, qz, plan, voxel_table)
+        fx, fy, fz = fx + ax, fy + ay, fz + az
     fx = fx + load(m, k, current + PUSH) - drag * vx + cx
     fy = fy + load(m, k, current + PUSH + 1) - drag * vy + cy
     fz = fz + load(m, k, current + PUSH + 2) - drag * vz + cz
@@ -193,6 +201,32 @@ def pressure_force(m: ti.template(), k, v, plan: ti.template(), voxel_table: ti.
     return motion.pressure_on_faces(
         gx, gy, gz, load(m, k, size), load(m, k, size + 1), load(m, k, size + 2), pressure, hx, hy, hz, nx, ny, nz
     )
+
+
+@ti.func
+def drag_force(
+    m: ti.template(), k, v, px, py, pz, inverse_mass, qw, qx, qy, qz, plan: ti.template(), voxel_table: ti.template()
+):
+    """What the fluid around a voxel of momentum p does to it, world frame."""
+    sx, sy, sz, normal, tangential = load_all(m, k, drag_slots(v, plan, voxel_table))
+    nx, ny, nz = wet_faces(v, voxel_table)
+    return fluid.drag(qw, qx, qy, qz, px, py, pz, inverse_mass, sx, sy, sz, normal, tangential, nx, ny, nz)
+
+
+@ti.func
+def drag_slots(v, plan: ti.template(), voxel_table: ti.template()):
+    """Slots of a voxel's rest sizes and of both resistances of the fluid around it."""
+    row = v * VOXEL_COLUMNS
+    size = plan[CURRENT] + voxel_table[row + GROUP] + SIZE
+    resistance = plan[CHANNEL] + voxel_table[row + CHANNELS] + RESISTANCE * CHANNEL_WIDTH + VALUE
+    return size, size + 1, size + 2, resistance, resistance + CHANNEL_WIDTH
+
+
+@ti.func
+def wet_faces(v, voxel_table: ti.template()):
+    """How many faces along each axis a fluid reaches."""
+    wet = voxel_table[v * VOXEL_COLUMNS + WET]
+    return ti.cast(wet & 3, float), ti.cast((wet >> 2) & 3, float), ti.cast((wet >> 4) & 3, float)
 
 
 @ti.func
