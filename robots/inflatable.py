@@ -114,12 +114,14 @@ class Frames:
         orientations: quaternions (w, x, y, z), shape (F, B, V, 4).
         times: [s] from the end of the initialisation, shape (F,).
         extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, B, V, 6).
+        sizes: rest sizes of the voxels along their own axes [m], shape (F, B, V, 3).
     """
 
     positions: np.ndarray
     orientations: np.ndarray
     times: np.ndarray
     extents: np.ndarray
+    sizes: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,11 +259,11 @@ def summarise(
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
     if record_every:
-        positions, orientations, shown = (
-            np.moveaxis(a[:, 2:], 0, 1) for a in (run.positions, run.orientations, extents)
+        positions, orientations, shown, rest = (
+            np.moveaxis(a[:, 2:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
         )
         times = np.arange(marks.shape[1] - 2) * record_every * dt
-        frames = Frames(positions, orientations, times, shown)
+        frames = Frames(positions, orientations, times, shown, rest)
     return InflatableResult(
         distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, steps, dt, frames, body
     )

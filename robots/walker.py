@@ -212,9 +212,10 @@ def build_program(
 
 def _frames(body: LatticeBody, run: LatticeResult, program: LatticeProgram, row: int, interval: float) -> Frames:
     """The recorded poses of one robot of a batch."""
-    extents = half_extents(body, run.strains, rest_sizes(body, program))
+    sizes = rest_sizes(body, program)
+    extents = half_extents(body, run.strains, sizes)
     # Frames hold (F, B, ...): here a batch of one.
-    positions, orientations, shown = (
-        np.swapaxes(a[row : row + 1, 2:], 0, 1) for a in (run.positions, run.orientations, extents)
+    positions, orientations, shown, rest = (
+        np.swapaxes(a[row : row + 1, 2:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
     )
-    return Frames(positions, orientations, np.arange(len(positions)) * interval, shown)
+    return Frames(positions, orientations, np.arange(len(positions)) * interval, shown, rest)

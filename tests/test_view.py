@@ -43,7 +43,7 @@ def posed(places=((0.0, 0.0, 0.0),), geometry=TINY) -> InflatableResult:
     positions = body.start_positions + np.array(places)[:, None, None]
     orientations = np.broadcast_to([1.0, 0, 0, 0], (*positions.shape[:3], 4))
     extents = np.full((*positions.shape[:3], 6), geometry.voxel_size / 2)
-    frames = Frames(positions, orientations, 0.5 * np.arange(len(places)), extents)
+    frames = Frames(positions, orientations, 0.5 * np.arange(len(places)), extents, 2 * extents[..., ::2])
     return InflatableResult(one, one, one, np.array(["ok"]), np.array([99]), 1e-4, frames, body)
 
 
@@ -135,7 +135,7 @@ def test_poses_that_are_clear_of_each_other_share_one_ground(step, lines):
     draw_strip(axes, posed(places), list(range(6)), Camera(), [(True, True)] * 6)
     *times, bar = axes.texts
     assert [text.get_text() for text in times] == [f"{0.5 * i:.1f} s" for i in range(6)]
-    assert bar.get_text().endswith(" cm")
+    assert bar.get_text().endswith(" cm" if step < 1 else " m")
     assert len({round(text.xy[1], 6) for text in times}) == lines
 
 

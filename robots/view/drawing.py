@@ -1,5 +1,6 @@
 """Poses, grounds and gait charts on matplotlib axes."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,30 @@ if TYPE_CHECKING:
 MARGIN = 0.15  # of ground around a pose, in lengths of the pose
 LINES = 0.05  # between the lines on the ground [m]
 NO_SHIFT = np.zeros(2)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of ground, and who looks at it.
+
+    Attributes:
+        camera: that looks at it.
+        travel: from where to where along the way [m], shape (2,).
+        across: from where to where to the left of the way [m], shape (2,).
+        level: z of the ground [m].
+        spacing: of the lines across the way [m].
+    """
+
+    camera: Camera
+    travel: Array
+    across: Array
+    level: float
+    spacing: float = LINES
+
+    @property
+    def rim(self) -> Array:
+        """Its corners on paper, the first two on the near edge [m], shape (4, 2)."""
+        return self.camera.on_ground(self.travel[[0, 1, 1, 0]], self.across[[0, 0, 1, 1]], self.level)
 
 
 def draw_pose(
@@ -45,20 +70,22 @@ def draw_pose(
     camera = camera or Camera()
     travel, across = footprint(result, camera, [frame], robot)
     margin = MARGIN * np.ptp([travel, across], axis=1).max() * np.array([-1, 1])
-    draw_ground(axes, camera, travel + margin, across + margin, scene.ground_level(result))
+    draw_ground(axes, Stretch(camera, travel + margin, across + margin, scene.ground_level(result)))
     draw_polygons(axes, scene.build(result, robot, frame, camera, grips))
     axes.set_aspect("equal")
     axes.axis("off")
     axes.autoscale_view()
 
 
-def draw_polygons(axes: "Axes", robot: Polygons, shift: Array = NO_SHIFT, zorder: float = 1.0) -> None:
-    """Draw a robot and its shadow, shifted on paper [m]."""
+def draw_polygons(
+    axes: "Axes", robot: Polygons, shift: Array = NO_SHIFT, zorder: float = 1.0, outlined: bool = True
+) -> None:
+    """Draw a robot and its shadow, shifted on paper [m], with outlines of its faces or without."""
     shadow = PolyCollection(list(robot.shadow + shift), facecolors=[SHADOW], edgecolors="none")
     faces = PolyCollection(
         list(robot.corners + shift),
         facecolors=robot.colours,
-        edgecolors=0.82 * robot.colours,
+        edgecolors=0.82 * robot.colours if outlined else robot.colours,
         linewidths=0.25,
     )
     for collection in (shadow, faces):
@@ -66,38 +93,25 @@ def draw_polygons(axes: "Axes", robot: Polygons, shift: Array = NO_SHIFT, zorder
         axes.add_collection(collection)
 
 
-def draw_ground(
-    axes: "Axes",
-    camera: Camera,
-    travel: Array,
-    across: Array,
-    z: float,
-    shift: Array = NO_SHIFT,
-    zorder: float = 1.0,
-) -> None:
-    """Draw the ground with a line every 5 cm of the way.
-
-    Args:
-        axes: to draw on.
-        camera: that looks at it.
-        travel: from where to where along the way [m], shape (2,).
-        across: from where to where to the left of the way [m], shape (2,).
-        z: of the ground [m].
-        shift: on paper [m], shape (2,).
-        zorder: of the drawing.
-    """
-    rim = camera.on_ground(travel[[0, 1, 1, 0]], across[[0, 0, 1, 1]], z) + shift
+def draw_ground(axes: "Axes", stretch: Stretch, shift: Array = NO_SHIFT, zorder: float = 1.0) -> None:
+    """Draw a stretch of ground, shifted on paper [m]."""
+    rim, (first, last) = stretch.rim + shift, stretch.travel / stretch.spacing
     axes.add_collection(PolyCollection([rim], facecolors=[GROUND], edgecolors="none", zorder=zorder))
-    marks = np.arange(np.ceil(travel[0] / LINES), np.floor(travel[1] / LINES) + 1) * LINES
-    lines = np.stack([camera.on_ground(marks, np.full_like(marks, side), z) + shift for side in across], axis=1)
+    marks = np.arange(np.ceil(first), np.floor(last) + 1) * stretch.spacing
+    place = stretch.camera.on_ground
+    lines = np.stack([place(marks, np.full_like(marks, side), stretch.level) + shift for side in stretch.across], 1)
     axes.add_collection(LineCollection(list(lines), colors=[GROUND_LINE], linewidths=0.6, zorder=zorder))
     axes.add_collection(LineCollection([rim[:2]], colors=[INK], linewidths=0.9, zorder=zorder))
 
 
 def footprint(result: InflatableResult, camera: Camera, frames: list[int], robot: int = 0) -> Array:
     """Ranges along and across the way that poses cover [m], shape (2, 2)."""
+    return covered(np.concatenate([shape.surface(result, robot, i).quads.reshape(-1, 3) for i in frames]), camera)
+
+
+def covered(points: Array, camera: Camera) -> Array:
+    """Ranges along and across the way that points cover, shape (N, 3) [m], shape (2, 2)."""
     h = np.deg2rad(camera.heading)
-    points = np.concatenate([shape.surface(result, robot, i).quads.reshape(-1, 3) for i in frames])
     places = points[:, :2] @ np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
     return np.stack([places.min(axis=0), places.max(axis=0)], axis=1)
 

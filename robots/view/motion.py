@@ -1,7 +1,7 @@
 """Motions: anything that moves, as solids with poses over time, ready to be shown.
 
 Builders of motions: ``soft_motion`` for voxel robots, ``rigid_motion`` for articulated ones, ``vehicle_motion`` for
-traces. What shows them: ``glb`` and ``player``.
+traces. What shows them: ``still``, ``film``, ``paraview``, ``glb`` and ``player``.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.checks import whole_number
+from robots.view.lattice_states import LatticeStates
 from taichi_sim import rotations
 from taichi_sim.rigid import Box, Sphere
 from taichi_sim.rigid.shapes import Solid
@@ -127,6 +128,7 @@ class Motion:
         light_radius: of the balls that they are shown as [m].
         ground: below everything.
         skin: of nodes that are all cubes, if they are joined.
+        lattice: what the nodes feel, if they are the voxels of a lattice.
 
     Raises:
         ValueError: in one line, for shapes that do not fit, numbers that are not finite, no frames and no nodes.
@@ -144,6 +146,7 @@ class Motion:
     light_radius: float = 0.05
     ground: Ground = Ground()
     skin: Skin | None = None
+    lattice: LatticeStates | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", tuple(self.nodes))
@@ -167,6 +170,10 @@ class Motion:
         object.__setattr__(self, "lights", _finite("lights", self.lights).reshape(-1, 3))
         if self.skin is not None and self.skin.knots.shape != (count, 8):
             raise ValueError(f"skin: knots of shape {self.skin.knots.shape} are not allowed; give ({count}, 8)")
+        if self.lattice is not None and self.lattice.positions.shape != (frames, count, 3):
+            raise ValueError(
+                f"lattice: poses of shape {self.lattice.positions.shape} are not allowed; give {(frames, count, 3)}"
+            )
         wrong = [n.channel for n in self.nodes if n.channel is not None and not 0 <= n.channel < len(self.channels)]
         if wrong:
             raise ValueError(f"channel: {wrong[0]} of a node is not allowed; there are {len(self.channels)}")
@@ -176,7 +183,8 @@ class Motion:
         count = len(self.times)
         part = np.union1d(np.arange(0, count, whole_number("every", step, 1)), count - 1)
         several = ("times", "translation", "rotation", "scale", "path")
-        return replace(self, **{field: getattr(self, field)[part] for field in several})
+        lattice = None if self.lattice is None else self.lattice.part(part)
+        return replace(self, lattice=lattice, **{field: getattr(self, field)[part] for field in several})
 
 
 def whole_frames(*arrays: NDArray[np.floating]) -> int:

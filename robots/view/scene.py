@@ -100,20 +100,36 @@ def build(
     grips: tuple[bool, bool] = (True, True),
 ) -> Polygons:
     """The polygons of a recorded pose; deflated bladders are pale, and so are feet that do not grip."""
-    camera = camera or Camera()
     seen = surface(result, robot, frame)
-    normals = np.cross(seen.quads[:, 2] - seen.quads[:, 0], seen.quads[:, 3] - seen.quads[:, 1])
+    colours = _colours(result, robot, frame, grips)[seen.voxels]
+    return paint(seen.quads, colours, camera or Camera(), ground_level(result))
+
+
+def paint(quads: Array, colours: Array, camera: Camera, level: float) -> Polygons:
+    """The polygons of faces in space, lit, and of their shadow.
+
+    Args:
+        quads: corners of faces, counter-clockwise seen from outside [m], shape (N, 4, 3); two corners may be one.
+        colours: of the faces, shape (N, 3).
+        camera: that looks at them.
+        level: z of the ground [m].
+    """
+    normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
-    # What looks away is hidden by the rest of its voxel; what is nearer is painted later.
+    # What looks away is hidden by the rest of its solid; what is nearer is painted later.
     visible = np.flatnonzero(normals @ camera.toward > 0)
-    visible = visible[np.argsort(seen.quads[visible].mean(axis=1) @ camera.toward, kind="stable")]
+    visible = visible[np.argsort(quads[visible].mean(axis=1) @ camera.toward, kind="stable")]
     light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
     brightness = AMBIENT + (1.05 - AMBIENT) * np.clip(normals @ light, 0, None)
-    colours = np.clip(_colours(result, robot, frame, grips)[seen.voxels] * brightness[:, None], 0, 1)
+    lit = quads[normals @ camera.frame[2] > 0]
+    shown = np.clip(colours * brightness[:, None], 0, 1)[visible]
+    return Polygons(camera.project(quads[visible]), shown, camera.project(fallen(lit, camera, level)))
+
+
+def fallen(points: Array, camera: Camera, level: float) -> Array:
+    """Points moved straight down to the ground, shape (..., 3) [m]."""
     up = camera.frame[2]
-    lit = seen.quads[normals @ up > 0]
-    fall = (lit[..., 2:] - ground_level(result)) / up[2]
-    return Polygons(camera.project(seen.quads[visible]), colours[visible], camera.project(lit - fall * up))
+    return points - (points[..., 2:] - level) / up[2] * up
 
 
 def ground_level(result: InflatableResult) -> float:
@@ -127,12 +143,13 @@ def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool
     palette[SKIN], palette[[SEAM, FOOT_SEAM]] = SKIN_COLOUR, SEAM_COLOUR
     palette[FIRST_BLADDER:] = BLADDERS
     for foot, (colour, gripping) in enumerate(zip(FEET, grips, strict=True)):
-        palette[FOOT_1 + foot] = colour if gripping else _pale(colour)
+        palette[FOOT_1 + foot] = colour if gripping else pale(colour)
     region = regions(result.body)
     full = np.clip((thickness(result, robot, frame) - PALE) / (FULL - PALE), 0, 1)
     full = np.where(region < FIRST_BLADDER, 1.0, full)[:, None]
-    return full * palette[region] + (1 - full) * _pale(palette[region])
+    return full * palette[region] + (1 - full) * pale(palette[region])
 
 
-def _pale(colour: Array) -> Array:
+def pale(colour: Array) -> Array:
+    """A colour that is as good as off."""
     return 0.32 * colour + 0.68 * np.array([0.97, 0.96, 0.94])

@@ -1,4 +1,4 @@
-"""Recorded poses as surfaces and as numbers: width, height, path."""
+"""Recorded poses as surfaces and as numbers: width, height, curvature, path."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,7 +11,7 @@ from scipy.sparse import csgraph
 from robots.inflatable import Frames, InflatableResult
 from robots.inflatable_body import FIRST_BLADDER
 from taichi_sim.lattice import LatticeBody
-from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners
+from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners, rotate
 
 Array = NDArray[np.float64]
 
@@ -37,11 +37,20 @@ def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surfac
     """
     frames, body = recorded(result), result.body
     pose = (a[frame, robot] for a in (frames.positions, frames.orientations, frames.extents))
-    loose = corners(body, *pose).reshape(-1, 3)
-    knot = knots(body)
+    return joined_surface(corners(body, *pose), knots(body), body.topology.faces)
+
+
+def joined_surface(loose: Array, knot: NDArray[np.int64], faces: NDArray[np.int64]) -> Surface:
+    """The surface of boxes that are joined at their corners.
+
+    Args:
+        loose: corners of the boxes [m], shape (V, 8, 3), ordered as in ``taichi_sim.lattice.faces.corners``.
+        knot: which corners are one point, in the middle of them, shape (V, 8).
+        faces: that are seen: box and side, shape (N, 2).
+    """
     size = np.bincount(knot.ravel())
-    joined = np.stack([np.bincount(knot.ravel(), along) / size for along in loose.T], axis=-1)
-    voxels, sides = body.topology.faces.T
+    joined = np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
+    voxels, sides = faces.T
     return Surface(joined[knot[voxels[:, None], FACE_CORNERS[sides]]], voxels)
 
 
@@ -62,6 +71,40 @@ def ratio(result: InflatableResult, robot: int = 0, frame: int = 0) -> float:
     """
     extent = _skin_extent(result, robot, frame)
     return float(extent[0] / extent[2])
+
+
+def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float:
+    """Mean curvature of the two skins across the pouch [1/m]; positive where they bulge outwards.
+
+    Each row of voxels across a skin is a line through their centres. Its curvature at a voxel is that of the circle
+    through it and its two neighbours (Menger's), seen along the pouch; the mean is taken over all voxels that have two.
+    So it is 0 of flat skins, whatever their distance, and 1 / R of a round pouch whose skins have the radius R.
+    """
+    body, frames = result.body, recorded(result)
+    skin = regions(body) < FIRST_BLADDER
+    layers = np.unique(body.voxels[skin, 2])
+    found = []
+    for layer, outward in zip(layers, (-1.0, 1.0), strict=True):
+        voxels = np.flatnonzero(skin & (body.voxels[:, 2] == layer))
+        places, counts = body.voxels[voxels, :2], np.ptp(body.voxels[voxels, :2], axis=0) + 1
+        rows = voxels[np.lexsort((places[:, 0], places[:, 1]))].reshape(counts[1], counts[0])
+        points = frames.positions[frame, robot][rows].astype(float)
+        along = rotate(frames.orientations[frame, robot][rows].astype(float), np.array([0.0, 1.0, 0.0]))
+        found.append(outward * menger_curvature(points, along[:, 1:-1]))
+    return float(np.mean(found))
+
+
+def menger_curvature(points: Array, axis: Array) -> Array:
+    """Curvature of the circles through three consecutive points each [1/m], shape (..., N - 2).
+
+    Args:
+        points: of lines, shape (..., N, 3) [m].
+        axis: unit vectors, seen along which a line that turns clockwise has a positive curvature, shape (..., N - 2, 3).
+    """
+    first, second = points[..., 1:-1, :] - points[..., :-2, :], points[..., 2:, :] - points[..., 1:-1, :]
+    turn = (np.cross(first, second) * axis).sum(axis=-1)
+    lengths = [np.linalg.norm(side, axis=-1) for side in (first, second, first + second)]
+    return 2 * turn / (lengths[0] * lengths[1] * lengths[2])
 
 
 def path(result: InflatableResult, robot: int = 0) -> Array:

@@ -1,5 +1,7 @@
 """Motions of voxel robots: the inflatable robot, walkers."""
 
+from itertools import repeat
+
 import numpy as np
 
 from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableDesign, InflatableResult
@@ -7,6 +9,7 @@ from robots.inflatable_actuation import play
 from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
+from robots.view.lattice_states import LatticeStates
 from robots.view.motion import CUBE, Channel, Colour, Floats, Ground, Motion, Node, Skin, speed_channels, whole_frames
 from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
 from robots.view.shape import knots
@@ -51,7 +54,7 @@ def inflatable_motion(
     return _voxels(
         name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(regions)],
         switches, [Channel("core pressure", "kPa", edges[[0, -1]], np.full(2, design.pressure / 1000), _colour(INK))],
-        Ground(-0.5 * result.body.voxel_size, slope, design.orientation),
+        Ground(-0.5 * result.body.voxel_size, slope, design.orientation), design.pressure,
     )  # fmt: skip
 
 
@@ -115,28 +118,29 @@ def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 def _voxels(
     name: str, frames: Frames, body: LatticeBody, robot: int, nodes: list[Node], driven: list[Channel],
-    more: list[Channel], ground: Ground,
+    more: list[Channel], ground: Ground, pressure: float = 0.0,
 ) -> Motion:  # fmt: skip
     """Cubes that are as large as the voxels, and in the middle between their sides."""
-    places, turns, extents = (a[:, robot] for a in (frames.positions, frames.orientations, frames.extents))
-    last = whole_frames(places, turns, extents)
-    places, turns, extents = (a[:last].astype(float) for a in (places, turns, extents))
+    poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
+    last = whole_frames(*poses)
+    places, turns, extents, rest = (a[:last].astype(float) for a in poses)
     path, times = mean_of_face_corners(body, places, turns, extents), frames.times[:last]
     heading = np.deg2rad(ground.heading)
     middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
     way = path[:, :2] @ np.array([np.cos(heading), np.sin(heading)])
     channels = [*driven, *more, *speed_channels(times, way, _colour(INK))]
     sizes = extents[..., 1::2] + extents[..., 0::2]
+    states = LatticeStates(body, places, turns, extents, rest, pressure)
     return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground,
-                  skin=Skin(knots(body), body.topology.faces))  # fmt: skip
+                  skin=Skin(knots(body), body.topology.faces), lattice=states)  # fmt: skip
 
 
 def _schedule_channels(schedule: GaitSchedule, edges: Floats) -> list[Channel]:
     """Rows of a gait's matrix, as played."""
     colours = [_colour(c) for c in (*BLADDERS, *FEET)]
     names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in schedule.row_names]
-    return [Channel(n, "", edges, [*map(float, bits), 0.0], c, switch=True)  # type: ignore[arg-type]
-            for n, bits, c in zip(names, schedule.played, colours, strict=True)]  # fmt: skip
+    values = np.concatenate([schedule.played, schedule.played[:, -1:]], axis=1).astype(float)
+    return [Channel(*row, switch=True) for row in zip(names, repeat(""), repeat(edges), values, colours)]
 
 
 def _inflatable_node(voxel: int, region: int) -> Node:

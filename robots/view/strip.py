@@ -8,7 +8,7 @@ from matplotlib.patheffects import withStroke
 
 from robots.inflatable import InflatableResult
 from robots.view import scene, shape
-from robots.view.drawing import draw_ground, draw_polygons, footprint
+from robots.view.drawing import Stretch, draw_ground, draw_polygons, footprint
 from robots.view.scene import INK, Array, Camera, Polygons
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 ROOM, GAP = 0.12, 0.06  # ground beyond the robot, and between pictures, in lengths of the flat pouch
 TEXT = 0.026  # height of a line of text, in widths of the strip
 ASPECT = 2.0  # width per height of a strip that would be best
-SCALE_BARS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0])  # [m]
+SCALE_BARS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # [m]
 
 
 def draw_strip(
@@ -43,25 +43,50 @@ def draw_strip(
     """
     length = float(np.ptp(result.body.voxels[:, 1]) + 1) * result.body.voxel_size
     robots = [scene.build(result, robot, i, camera, grip) for i, grip in zip(poses, grips, strict=True)]
-    z = scene.ground_level(result)
     travel, across = footprint(result, camera, poses, robot) + ROOM * length * np.array([-1, 1])
-    rim = camera.on_ground(travel[[0, 1, 1, 0]], across[[0, 0, 1, 1]], z)
-    together = _apart(robots)
-    shifts = np.zeros((len(poses), 2)) if together else _places(robots, rim, GAP * length)
+    stretch = Stretch(camera, travel, across, scene.ground_level(result))
     path = camera.project(shape.path(result, robot))
+    draw_robots(axes, robots, stretch, path, poses, shape.recorded(result).times[poses], length)
+
+
+def draw_robots(
+    axes: "Axes",
+    robots: list[Polygons],
+    stretch: Stretch,
+    path: Array,
+    poses: list[int],
+    times: Array,
+    length: float,
+    outlined: bool = True,
+) -> None:
+    """Draw a film strip of any robot, as :func:`draw_strip` does.
+
+    Args:
+        axes: to draw on; this sets their limits.
+        robots: its poses on paper.
+        stretch: the ground below all of them.
+        path: of the robot's middle on paper [m], shape (F, 2).
+        poses: how far along the path they are.
+        times: of the poses [s].
+        length: of the robot [m].
+        outlined: whether faces have outlines.
+    """
+    rim, together = stretch.rim, _apart(robots)
+    shifts = np.zeros((len(poses), 2)) if together else _places(robots, rim, GAP * length)
     for k, (i, shift) in enumerate(zip(poses, shifts, strict=True)):
         if k == 0 or not together:
-            draw_ground(axes, camera, travel, across, z, shift, 10.0 * k)
-        draw_polygons(axes, robots[k], shift, 10.0 * k + 1)
+            draw_ground(axes, stretch, shift, 10.0 * k)
+        draw_polygons(axes, robots[k], shift, 10.0 * k + 1, outlined)
         passed = path[poses[k - 1] if k and together else 0 : i + 1]
-        _draw_path(axes, passed + shift, 10.0 * k + 5)
+        draw_path(axes, passed + shift, 10.0 * k + 5)
         at = path[i, 0] if together else rim[0, 0]
         foot = np.interp(at, rim[:2, 0], rim[:2, 1])
-        _write(axes, f"{shape.recorded(result).times[i]:.1f} s", (at + shift[0], foot + shift[1]), together)
+        _write(axes, f"{times[k]:.1f} s", (at + shift[0], foot + shift[1]), together)
     line = TEXT * (np.ptp(shifts[:, 0]) + np.ptp(rim[:, 0]))
-    lowest = _draw_scale_bar(axes, rim[:2] + shifts[-1] - (0.0, (1.6 if together else 0.4) * line))
-    corners = [c + shift for r, shift in zip(robots, shifts, strict=True) for c in (rim, *r.corners)]
-    (left, bottom), (right, top) = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    lowest = draw_scale_bar(axes, rim[:2] + shifts[-1] - (0.0, (1.6 if together else 0.4) * line))
+    corners = np.concatenate([c + shift for r, shift in zip(robots, shifts, strict=True)
+                              for c in (rim, r.corners.reshape(-1, 2))])  # fmt: skip
+    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
     axes.set_xlim(left, right)
     axes.set_ylim(min(bottom, lowest) - 1.5 * line, top)
     axes.set_aspect("equal")
@@ -95,7 +120,8 @@ def _places(robots: list[Polygons], rim: Array, gap: float) -> Array:
     return np.stack([column * right, -row * down(columns)], axis=1)
 
 
-def _draw_path(axes: "Axes", path: Array, zorder: float) -> None:
+def draw_path(axes: "Axes", path: Array, zorder: float) -> None:
+    """Draw the way of a robot's middle on paper [m], shape (F, 2), with a dot at its end."""
     halo = [withStroke(linewidth=2.4, foreground="white", alpha=0.9)]
     axes.plot(*path.T, color=INK, lw=1.0, zorder=zorder, path_effects=halo, solid_capstyle="round")
     axes.plot(*path[-1], "o", color=INK, ms=3.2, mec="white", mew=0.7, zorder=1000.0)
@@ -107,12 +133,12 @@ def _write(axes: "Axes", text: str, place: tuple[float, float], centred: bool) -
     axes.annotate(text, place, (0, -3), textcoords="offset points", ha=side, va="top", fontsize=8, color=INK)
 
 
-def _draw_scale_bar(axes: "Axes", edge: Array) -> float:
+def draw_scale_bar(axes: "Axes", edge: Array) -> float:
     """Draw a bar at the right end of a line along the way, shape (2, 2) [m], and return its lowest y."""
     stretch = float(np.hypot(*(edge[1] - edge[0])))
     bar = SCALE_BARS[max(int(np.searchsorted(SCALE_BARS, stretch / 4)) - 1, 0)]
     ends = edge[1] + np.array([[bar], [0.0]]) * (edge[0] - edge[1]) / stretch
     axes.plot(*ends.T, color=INK, lw=2.2, solid_capstyle="butt")
     lowest = float(ends[:, 1].min())
-    _write(axes, f"{100 * bar:.0f} cm", (float(ends[:, 0].mean()), lowest), True)
+    _write(axes, f"{100 * bar:.0f} cm" if bar < 1 else f"{bar:.0f} m", (float(ends[:, 0].mean()), lowest), True)
     return lowest

@@ -1,0 +1,79 @@
+"""Lattices as the simulation has them: beams in the colours of their strains, and pressure on faces.
+
+Source: Powers 2021 dissertation, ch. 5, supplementary figure "The simulated robot could switch between round and flat
+shapes, as modeled by a shape-changing lattice", panels a and c.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+
+from robots.view.colouring import STRAINS
+from robots.view.lattice_states import LatticeStates
+from robots.view.motion import Floats
+from robots.view.scene import SHADOW, Camera, fallen
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ARROW: tuple[float, float, float] = (0.13, 0.45, 0.25)
+LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
+
+
+def draw_beams(
+    axes: "Axes", states: LatticeStates, frame: int, camera: Camera, level: float, limit: float, zorder: float = 1.0
+) -> Floats:
+    """Draw links between voxel centres, and the forces of pressure as arrows.
+
+    Beams that are nearer are drawn later; arrows of faces that look away from the viewer are drawn first.
+
+    Args:
+        axes: to draw on, in metres on paper.
+        states: of the lattice.
+        frame: which of its frames.
+        camera: that looks at it.
+        level: z of the ground [m].
+        limit: strain that has the last of the colours.
+        zorder: of the drawing.
+
+    Returns:
+        Points that are drawn on paper [m], shape (N, 2).
+    """
+    now = states.part(np.array([frame]))
+    ends, strains = now.positions[0][states.body.topology.links], now.strains()[0]
+    order = np.argsort(ends.mean(axis=1) @ camera.toward, kind="stable")
+    ends, strains = ends[order], strains[order]
+    shadow = camera.project(fallen(ends, camera, level))
+    axes.add_collection(LineCollection(list(shadow), colors=[SHADOW], linewidths=0.8, zorder=zorder))
+    lines, colours = camera.project(ends), STRAINS(0.5 + 0.5 * strains / limit)
+    axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.9, zorder=zorder + 1.5))
+    tips = _draw_arrows(axes, now, camera, zorder + 1)
+    return np.concatenate([lines.reshape(-1, 2), tips])
+
+
+def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float) -> Floats:
+    """Arrows from the middles of faces, and their ends on paper."""
+    starts, forces = now.pressure_forces(0)
+    largest = np.linalg.norm(forces, axis=1).max(initial=0.0)
+    if not largest:
+        return np.empty((0, 2))
+    arrows = forces * LONGEST * now.body.voxel_size / largest
+    tips = starts + arrows
+    width = 0.14 * now.body.voxel_size
+    for front in (False, True):
+        which = (arrows @ camera.toward > 0) == front
+        shafts, heads = _flat_arrows(camera.project(starts[which]), camera.project(tips[which]), width)
+        colour = [ARROW] if front else [[0.4 + 0.6 * c for c in ARROW]]
+        axes.add_collection(LineCollection(list(shafts), colors=colour, linewidths=0.6, zorder=zorder + front))
+        axes.add_collection(PolyCollection(list(heads), facecolors=colour, edgecolors="none", zorder=zorder + front))
+    return camera.project(tips)
+
+
+def _flat_arrows(starts: Floats, tips: Floats, width: float) -> tuple[Floats, Floats]:
+    """Shafts, shape (N, 2, 2), and heads, shape (N, 3, 2), of arrows on paper."""
+    along = tips - starts
+    along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-30
+    aside = along[:, ::-1] * [-1.0, 1.0]
+    neck = tips - 3 * width * along
+    return np.stack([starts, neck], axis=1), np.stack([tips, neck + width * aside, neck - width * aside], axis=1)

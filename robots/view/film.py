@@ -1,0 +1,199 @@
+"""Film strips of motions, and films: GIF, and MP4 where imageio-ffmpeg is installed."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from robots.checks import number, whole_number
+from robots.view.motion import Motion
+from robots.view.scene import INK
+from robots.view.still import Setting, draw_key, draw_motion, limits, save_figure, setting
+from robots.view.strip import draw_robots
+
+WIDTH, TITLE_HEIGHT, KEY_HEIGHT = 8.0, 0.4, 0.5  # of a strip [inches]
+CAPTION = 14  # height of a line above each robot of a film [pixels]
+COLOURS = 64  # of a GIF
+SAMPLES = 6  # pictures that a GIF's colours are chosen from
+
+Picture = NDArray[np.uint8]
+
+
+def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") -> Figure:
+    """A film strip: poses on one ground where they are clear of each other, else side by side on the same ground.
+
+    Args:
+        motion: to show.
+        frames: poses, at equal times; at least 2.
+        colour: "material", "strain", "contact" or "friction".
+
+    Raises:
+        ValueError: in one line, for values that are not allowed.
+    """
+    count = whole_number("frames", frames, 2)
+    if colour == "beams":
+        raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
+    poses = np.unique(np.linspace(0, len(motion.times) - 1, count).round().astype(int)).tolist()
+    given = setting(motion, poses, colour=colour, reach=math.inf)
+    robots = [given.polygons(frame) for frame in poses]
+    figure = Figure(figsize=(WIDTH, WIDTH), facecolor="white")
+    axes = figure.add_axes((0.02, 0, 0.96, 1))
+    path, length = given.camera.project(motion.path), float(np.ptp(given.stretch.travel)) / 4
+    draw_robots(axes, robots, given.stretch, path, poses, motion.times[poses], length, motion.skin is not None)
+    drawn = 0.96 * WIDTH * float(np.ptp(axes.get_ylim()) / np.ptp(axes.get_xlim()))
+    keyed = KEY_HEIGHT if given.colouring.key or given.colouring.limit else 0.0
+    total = TITLE_HEIGHT + drawn + keyed + 0.05
+    figure.set_size_inches(WIDTH, total)
+    axes.set_position((0.02, (keyed + 0.05) / total, 0.96, drawn / total))
+    figure.text(0.02, 1 - 0.5 * TITLE_HEIGHT / total, motion.name, va="center", fontsize=11, color=INK)
+    draw_key(figure, given.colouring, (0.02, 0.05 / total, 0.96, 0.8 * keyed / total))
+    return figure
+
+
+def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int:
+    """Write :func:`strip_picture`, and tell its bytes.
+
+    Raises:
+        ValueError: in one line, for a file that exists, and as :func:`strip_picture`.
+    """
+    return save_figure(strip_picture(motion, **options), path)
+
+
+def pictures(
+    motions: Sequence[Motion], *, seconds: float | None = None, rate: float = 15.0, width: int = 640,
+    colour: str = "material", one_scale: bool = False,
+) -> Iterator[Picture]:  # fmt: skip
+    """The pictures of a film, one motion above the other, each on its own ground.
+
+    Motions play together, all at the same pace; one that ends before the others stays as it is.
+
+    Args:
+        motions: to show.
+        seconds: that the film takes; by default as long as the longest motion.
+        rate: pictures a second [Hz].
+        width: of a picture [pixels].
+        colour: as of a still.
+        one_scale: whether all robots are drawn to one scale.
+
+    Yields:
+        Red, green, blue, shape (H, W, 3); H and W are even.
+
+    Raises:
+        ValueError: in one line, for values that are not allowed.
+    """
+    if not motions:
+        raise ValueError("motions: there are none; give at least one")
+    width = whole_number("width", width, 64) // 2 * 2
+    rate = number("rate", rate, 0.1, 120.0, "Hz")
+    longest = max(float(np.ptp(m.times)) for m in motions)
+    seconds = longest if seconds is None else number("seconds", seconds, 0.1, unit="s")
+    passed = np.linspace(0.0, longest, max(round(seconds * rate), 2))
+    plans = [np.abs(m.times[:, None] - m.times[0] - passed).argmin(axis=0).tolist() for m in motions]
+    settings = [setting(m, sorted(set(plan)), colour=colour, reach=math.inf)
+                for m, plan in zip(motions, plans, strict=True)]  # fmt: skip
+    if one_scale:
+        longest_way = max(float(np.ptp(given.stretch.travel)) for given in settings)
+        settings = [_lengthened(given, longest_way) for given in settings]
+    figure, panels = _panels(settings, plans, width)
+    canvas = FigureCanvasAgg(figure)
+    return (_drawn(canvas, panels, settings, moment) for moment in zip(*plans, strict=True))
+
+
+def save_gif(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 15.0, **options: Any) -> int:
+    """Write :func:`pictures` as a GIF that plays again and again, with one small palette.
+
+    Returns:
+        Bytes written.
+
+    Raises:
+        ValueError: in one line, for a file that exists, and values that are not allowed.
+    """
+    _new(path)
+    frames = [Image.fromarray(p) for p in pictures(_several(motions), rate=rate, **options)]
+    palette = _palette(frames[:: max(len(frames) // SAMPLES, 1)])
+    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    first.save(path, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=True)
+    return Path(path).stat().st_size
+
+
+def save_mp4(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 30.0, **options: Any) -> int:
+    """Write :func:`pictures` as a video, H.264 in MP4; it needs imageio-ffmpeg.
+
+    Returns:
+        Bytes written.
+
+    Raises:
+        ValueError: in one line, if imageio-ffmpeg is missing, for a file that exists, and values that are not allowed.
+    """
+    _new(path)
+    try:
+        from imageio_ffmpeg import write_frames
+    except ImportError:
+        raise ValueError("mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab[video]'") from None
+    film = pictures(_several(motions), rate=rate, **options)
+    first = next(film)
+    size = first.shape[1], first.shape[0]
+    writer = write_frames(str(path), size, fps=rate, codec="libx264", quality=8, macro_block_size=2)
+    writer.send(None)
+    for picture in (first, *film):
+        writer.send(np.ascontiguousarray(picture))
+    writer.close()
+    return Path(path).stat().st_size
+
+
+def _palette(pictures: list[Image.Image]) -> Image.Image:
+    """A picture with few colours that stand for those of others; small things count for more than their size."""
+    seen = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
+    colours, counts = np.unique(seen, axis=0, return_counts=True)
+    weighted = np.repeat(colours, np.ceil(np.sqrt(counts)).astype(int), axis=0)
+    found = Image.fromarray(weighted[None]).quantize(COLOURS - 1, Image.Quantize.MEDIANCUT, kmeans=1)
+    palette = (found.getpalette() or [])[: 3 * (COLOURS - 1)]
+    found.putpalette([255, 255, 255, *palette])  # paper stays white
+    return found
+
+
+def _several(motions: Motion | Sequence[Motion]) -> list[Motion]:
+    return [motions] if isinstance(motions, Motion) else list(motions)
+
+
+def _new(path: str | PathLike[str]) -> None:
+    if Path(path).exists():
+        raise ValueError(f"path: {path} exists; name a new file")
+
+
+def _lengthened(given: Setting, length: float) -> Setting:
+    """With ground of a length [m]."""
+    travel = given.stretch.travel[0] + np.array([0.0, length])
+    return replace(given, stretch=replace(given.stretch, travel=travel))
+
+
+def _panels(settings: list[Setting], plans: list[list[int]], width: int) -> tuple[Figure, list[Any]]:
+    """A figure of so many pixels with axes for each robot."""
+    ranges = [limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])
+              for given, plan in zip(settings, plans, strict=True)]  # fmt: skip
+    drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
+    total = math.ceil(sum(drawn) + CAPTION * len(drawn)) // 2 * 2 + 2
+    figure = Figure(figsize=(width / 100, total / 100), dpi=100, facecolor="white")
+    top, panels = float(total), []
+    for given, height, (across, up) in zip(settings, drawn, ranges, strict=True):
+        figure.text(0.012, (top - 0.6 * CAPTION) / total, given.motion.name, va="center", fontsize=8, color=INK)
+        top -= CAPTION + height
+        panels.append((figure.add_axes((0, top / total, 1, height / total)), across, up))
+    return figure, panels
+
+
+def _drawn(canvas: FigureCanvasAgg, panels: list[Any], settings: list[Setting], moment: tuple[int, ...]) -> Picture:
+    for (axes, across, up), given, frame in zip(panels, settings, moment, strict=True):
+        axes.clear()
+        draw_motion(axes, given, frame)
+        axes.set(xlim=across, ylim=up)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()

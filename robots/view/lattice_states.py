@@ -1,0 +1,98 @@
+"""What the voxels and links of a lattice feel in recorded poses: strains, contacts, pressure.
+
+Source: Hiller & Lipson, "Dynamic Simulation of Soft Multimaterial 3D-Printed Objects", Soft Robotics 1(1), 2014.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from taichi_sim.lattice import LatticeBody
+from taichi_sim.lattice.contact import SPHERE_RADIUS
+from taichi_sim.lattice.faces import FACE_CORNERS, corners
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeStates:
+    """A lattice body in F frames.
+
+    Attributes:
+        body: the lattice, of V voxels and L links.
+        positions: voxel centres [m], shape (F, V, 3).
+        orientations: quaternions (w, x, y, z), shape (F, V, 4).
+        extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, V, 6).
+        sizes: rest sizes of the voxels along their own axes [m], shape (F, V, 3).
+        pressure: on the body's pressurised faces [Pa].
+    """
+
+    body: LatticeBody
+    positions: Floats
+    orientations: Floats
+    extents: Floats
+    sizes: Floats
+    pressure: float = 0.0
+
+    def part(self, frames: NDArray[np.int64]) -> Self:
+        """The same with some of its frames."""
+        several = [f.name for f in fields(self) if f.name not in ("body", "pressure")]
+        return replace(self, **{name: getattr(self, name)[frames] for name in several})
+
+    def strains(self) -> Floats:
+        """Axial strains of the links, as the engine has them, shape (F, L).
+
+        They are read off the side of each link's first end, which is at r/2 (1 + eps 2 E2 / (E1 + E2)) from its
+        centre, r being its rest size and E1, E2 the moduli of the ends.
+        """
+        minus, plus = self.body.topology.links.T
+        axis = self.body.topology.link_axes
+        moduli = np.array([m.youngs_modulus for m in self.body.materials])[self.body.material_index]
+        share = 2 * moduli[plus] / (moduli[minus] + moduli[plus])
+        return (2 * self.extents[:, minus, 2 * axis + 1] / self.sizes[:, minus, axis] - 1) / share
+
+    def voxel_strains(self) -> Floats:
+        """Mean of the strains of each voxel's links, 0 without links, shape (F, V)."""
+        links, count = self.body.topology.links, self.body.voxel_count
+        strains = self.strains()
+        sums = np.stack([np.bincount(links.ravel(), np.repeat(row, 2), count) for row in strains])
+        return sums / np.maximum(np.bincount(links.ravel(), minlength=count), 1)
+
+    def on_floor(self) -> Bools:
+        """Which voxels touch the floor, shape (F, V): those that reach below z = -h/2 by their mean rest size."""
+        return self.sizes.mean(axis=-1) / 2 - self.body.voxel_size / 2 >= self.positions[..., 2]
+
+    def on_itself(self) -> Bools:
+        """Which voxels touch others that they are not joined to, shape (F, V).
+
+        Voxels of the surface repel as balls of 0.625 of their mean rest size; those up to five links apart do not.
+        """
+        topology = self.body.topology
+        touching = np.zeros(self.positions.shape[:2], bool)
+        if not len(topology.surface):
+            return touching
+        radii = SPHERE_RADIUS * self.sizes[:, topology.surface].mean(axis=-1)
+        for f, (places, radius) in enumerate(zip(self.positions[:, topology.surface], radii, strict=True)):
+            first, second = cKDTree(places).query_pairs(2 * radius.max(), output_type="ndarray").T
+            apart = np.linalg.norm(places[first] - places[second], axis=1)
+            hit = (apart < radius[first] + radius[second]) & ~topology.excluded[first, second]
+            touching[f, topology.surface[np.concatenate([first[hit], second[hit]])]] = True
+        return touching
+
+    def pressure_forces(self, frame: int) -> tuple[Floats, Floats]:
+        """Where pressure acts in a frame, the middles of faces [m], and its forces [N], shape (N, 3) each.
+
+        The force on a face is the pressure times the cross product of the face's edges.
+        """
+        normals = self.body.pressure_normals
+        assert normals is not None
+        voxels, axes = np.nonzero(normals)
+        pose = (a[frame] for a in (self.positions, self.orientations, self.extents))
+        side = 2 * axes + (normals[voxels, axes] > 0)
+        face = corners(self.body, *pose)[voxels[:, None], FACE_CORNERS[side]]
+        area = np.cross(face[:, 1] - face[:, 0], face[:, 3] - face[:, 0])
+        return face.mean(axis=1), self.pressure * area

@@ -1,0 +1,76 @@
+"""Frames of motions as faces in space."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.view.motion import BALL, Floats, Motion
+from robots.view.shape import joined_surface
+from taichi_sim.lattice.faces import FACE_CORNERS, rotate
+from taichi_sim.rigid.shapes import Box, Capsule, Solid, Sphere
+
+BOX_CELLS = 6  # along each edge of a box: faces are painted by how near they are, so large ones come in parts
+RINGS, SECTORS = 6, 20  # of half a ball
+SIGNS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+
+
+def faces(motion: Motion, frame: int = -1) -> tuple[Floats, NDArray[np.int64]]:
+    """The faces of a motion in a frame, and whose they are.
+
+    Args:
+        motion: that moves.
+        frame: which of its frames.
+
+    Returns:
+        Corners, counter-clockwise seen from outside [m], shape (N, 4, 3), of which two may be one; numbers of nodes,
+        shape (N,).
+    """
+    places, turns, scales = motion.translation[frame], motion.rotation[frame], motion.scale[frame]
+    if motion.skin is not None:
+        boxes = places[:, None] + rotate(turns[:, None], SIGNS * scales[:, None])
+        seen = joined_surface(boxes, motion.skin.knots, motion.skin.faces)
+        return seen.quads, seen.voxels
+    forms = [_form(node.solid) for node in motion.nodes]
+    owners = np.repeat(np.arange(len(forms)), [len(form) for form in forms])
+    quads = np.concatenate(forms) * scales[owners, None]
+    return places[owners, None] + rotate(turns[owners, None], quads), owners
+
+
+@lru_cache(maxsize=64)
+def _form(solid: Solid) -> Floats:
+    """Faces of a centred solid, shape (N, 4, 3) [m]."""
+    if isinstance(solid, Box):
+        return _box(np.asarray(solid.size, float))
+    half = np.linspace(0, np.pi / 2, RINGS + 1)
+    length = solid.length if isinstance(solid, Capsule) else 0.0
+    radius = solid.radius
+    assert isinstance(solid, Capsule | Sphere)
+    upper = np.stack([np.sin(half), np.cos(half)], axis=1) * radius + [0.0, length / 2]
+    lower = upper[::-1] * [1.0, -1.0]
+    between = np.linspace(upper[-1], lower[0], BOX_CELLS + 1)[1:-1] if length else np.empty((0, 2))
+    return _turned(np.concatenate([upper, between, lower if length else lower[1:]]))
+
+
+def _box(size: Floats) -> Floats:
+    """Faces of a cuboid of so many cells."""
+    u, v = (grid.ravel() for grid in np.meshgrid(*2 * [np.arange(BOX_CELLS) / BOX_CELLS]))
+    step = 1 / BOX_CELLS
+    cells = np.stack([[u, v], [u + step, v], [u + step, v + step], [u, v + step]]).transpose(2, 0, 1)[..., None]
+    corners = (SIGNS * size)[FACE_CORNERS]
+    first, along, across = (corners[:, None, None, k] for k in (0, 1, 3))
+    return (first + cells[:, :, 0] * (along - first) + cells[:, :, 1] * (across - first)).reshape(-1, 4, 3)
+
+
+def _turned(profile: Floats) -> Floats:
+    """Faces of a profile (radius, z), from the top down, that is turned about z."""
+    angle = np.linspace(0, 2 * np.pi, SECTORS + 1)
+    x, y = (profile[:, :1] * along for along in (np.cos(angle), np.sin(angle)))
+    points = np.stack([x, y, np.broadcast_to(profile[:, 1:], x.shape)], axis=-1)
+    quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2)
+    return quads.reshape(-1, 4, 3)
+
+
+def ball_at(place: Floats, radius: float) -> Floats:
+    """Faces of a ball, shape (N, 4, 3) [m]."""
+    return place + 2 * radius * _form(BALL)

@@ -1,0 +1,88 @@
+"""How the inflatable robot's shape follows the pressure of its core: width, height, ratio, curvature."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry, simulate
+from robots.schedule import GaitSchedule
+from robots.view import shape
+from robots.view.scene import INK, PAIRS
+
+Floats = NDArray[np.float64]
+PRESSURES = tuple(1000.0 * kilopascals for kilopascals in range(13))  # the range of the published search space [Pa]
+IDLE = GaitSchedule(np.zeros((10, 1)), repeats=1)
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeCurves:
+    """The shapes of idle robots at several pressures, as their gaits begin.
+
+    Attributes:
+        pressures: of the core [Pa], shape (K,).
+        width: of the skin, across the pouch [m], shape (K,).
+        height: of the skin [m], shape (K,).
+        ratio: width per height, shape (K,).
+        curvature: mean curvature of the skins [1/m], shape (K,); see ``shape.curvature``.
+    """
+
+    pressures: Floats
+    width: Floats
+    height: Floats
+    ratio: Floats
+    curvature: Floats
+
+
+def shape_curves(
+    pressures: Sequence[float] = PRESSURES,
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    precision: str = "f32",
+    threads: int | None = None,
+) -> ShapeCurves:
+    """Inflate idle robots on flat ground and read off their shapes; a robot that diverges has NaN.
+
+    Args:
+        pressures: of the core [Pa].
+        geometry: shape and materials of the robots.
+        actuation: how they are inflated; their gaits, in which nothing moves, are cut to one step of settling.
+        precision: "f32" or "f64".
+        threads: CPU threads; all cores by default.
+
+    Raises:
+        ValueError: in one line, for values that are not allowed.
+    """
+    if not len(pressures):
+        raise ValueError("pressures: there are none; give at least one")
+    designs = [InflatableDesign(pressure, 0.0, IDLE) for pressure in pressures]
+    still = replace(actuation, settle_steps=1)
+    result = simulate(designs, geometry=geometry, actuation=still, precision=precision, threads=threads, record_every=1)
+    measures = (shape.width, shape.height, shape.ratio, shape.curvature)
+    curves = [np.array([measure(result, robot) for robot in range(len(designs))]) for measure in measures]
+    return ShapeCurves(np.asarray(pressures, float), *curves)
+
+
+def shape_picture(curves: ShapeCurves) -> Figure:
+    """Curves over pressure: width and height, their ratio, the curvature of the skins."""
+    figure = Figure(figsize=(8.0, 2.5), facecolor="white", layout="constrained")
+    size, ratio, bend = figure.subplots(1, 3)
+    kilopascals = curves.pressures / 1000
+    for values, name, colour in ((curves.width, "width", PAIRS[3]), (curves.height, "height", PAIRS[0])):
+        size.plot(kilopascals, 100 * values, "o-", ms=3, lw=1.4, color=colour)
+        size.annotate(name, (kilopascals[0], 100 * values[0]), (3, 7), textcoords="offset points", fontsize=8,
+                      color=colour)  # fmt: skip
+    size.set_ylim(0, None)
+    ratio.plot(kilopascals, curves.ratio, "o-", ms=3, lw=1.4, color=PAIRS[2])
+    ratio.axhline(1.0, color=INK, lw=0.7, ls=(0, (3, 3)))
+    bend.plot(kilopascals, curves.curvature, "o-", ms=3, lw=1.4, color=PAIRS[1])
+    titles = ("size of the skin [cm]", "width per height", "mean curvature of the skins [1/m]")
+    for axes, title in zip((size, ratio, bend), titles, strict=True):
+        axes.set_title(title, fontsize=9, color=INK, loc="left")
+        axes.set_xlabel("pressure of the core [kPa]", fontsize=8, color=INK)
+        axes.tick_params(labelsize=7, labelcolor=INK)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure

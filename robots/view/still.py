@@ -1,0 +1,274 @@
+"""Pictures of any robot in any state: a motion's frame on matplotlib axes, or in a file."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from robots.checks import number
+from robots.view.beams import draw_beams
+from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring, strain_limit
+from robots.view.drawing import Stretch, covered, draw_ground, draw_polygons
+from robots.view.mesh import ball_at, faces
+from robots.view.motion import Floats, Motion
+from robots.view.scene import INK, Camera, Polygons, paint
+from robots.view.strip import draw_path, draw_scale_bar
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH, TITLE_HEIGHT, KEY_HEIGHT, EDGE = 6.4, 0.36, 0.5, 0.12  # [inches]
+DOTS_PER_INCH = 150
+MARGIN = 0.25  # of ground around a robot, in its lengths
+REACH = 6.0  # ground in all, in lengths of the robot, that a picture shows unless more is asked for
+LIGHT_COLOUR = np.array([1.0, 0.8, 0.3])
+LINES_APART = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])  # on the ground [m]
+SEEN_FROM_ABOVE = 0.45  # how far up paper rigid robots' ground goes, of what it goes away
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What all pictures of a motion share.
+
+    Attributes:
+        motion: that is shown.
+        colour: "material", "strain", "contact", "friction", or "beams": links and pressure.
+        colouring: of the nodes; for beams with the scale of the strains.
+        stretch: the ground.
+    """
+
+    motion: Motion
+    colour: str
+    colouring: Colouring
+    stretch: Stretch
+
+    @property
+    def camera(self) -> Camera:
+        """Who looks."""
+        return self.stretch.camera
+
+    def polygons(self, frame: int) -> Polygons:
+        """A frame on paper, with the lights that stand on the stretch."""
+        quads, owners = faces(self.motion, frame)
+        colours = self.colouring.of(frame)[owners]
+        for light in self.motion.lights[_within(self.stretch, self.motion.lights)]:
+            ball = ball_at(light, self.motion.light_radius)
+            quads, colours = np.concatenate([quads, ball]), np.concatenate([colours, [LIGHT_COLOUR] * len(ball)])
+        return paint(quads, colours, self.camera, self.stretch.level)
+
+
+def setting(
+    motion: Motion, frames: Sequence[int], *, colour: str = "material", camera: Camera | None = None,
+    reach: float = REACH,
+) -> Setting:  # fmt: skip
+    """Camera, ground and scale of colours for pictures of some frames.
+
+    Args:
+        motion: to show.
+        frames: of it, that are to be on the ground.
+        colour: see ``Setting``.
+        camera: by default it looks from the right, on the way that the robot goes.
+        reach: lengths of the robot: what of the way is farther is cut off. Lights are seen if they add no ground, or
+            little.
+
+    Raises:
+        ValueError: in one line, for colours that are not known or that the robot does not have.
+    """
+    camera = camera or default_camera(motion)
+    if colour == "beams":
+        colours = _beam_colouring(motion, frames)
+    else:
+        colours = colouring(motion, colour, frames)
+    reach = number("reach", reach, 1.0) if reach != math.inf else reach
+    return Setting(motion, colour, colours, _stretch(motion, frames, camera, reach))
+
+
+def default_camera(motion: Motion) -> Camera:
+    """The camera for the motion's own way: voxel robots' heading, or from the start to the end."""
+    if motion.lattice is not None or motion.ground.slope:
+        return Camera(motion.ground.heading, motion.ground.slope)
+    gone = motion.path[-1] - motion.path[0]
+    heading = float(np.rad2deg(np.arctan2(gone[1], gone[0]))) if np.hypot(*gone[:2]) > 1e-9 else 0.0
+    return Camera(heading, 0.0, shift_up=SEEN_FROM_ABOVE)
+
+
+def draw_motion(axes: "Axes", given: Setting, frame: int) -> None:
+    """Draw a frame with its ground, shadow, lights, travelled path and a scale bar; axes in metres on paper.
+
+    Args:
+        axes: to draw on; this sets their limits.
+        given: what all pictures of the motion share.
+        frame: which of its frames.
+    """
+    motion, camera, stretch = given.motion, given.camera, given.stretch
+    draw_ground(axes, stretch)
+    if given.colour == "beams":
+        assert motion.lattice is not None
+        draw_beams(axes, motion.lattice, frame, camera, stretch.level, given.colouring.limit)
+    else:
+        draw_polygons(axes, given.polygons(frame), outlined=motion.skin is not None)
+        if given.colour == "contact":
+            _draw_seen_through(axes, given, frame)
+    passed = motion.path[: frame % len(motion.times) + 1]
+    outside = np.flatnonzero(~_within(stretch, passed))
+    draw_path(axes, camera.project(passed[outside[-1] + 1 if len(outside) else 0 :]), 5.0)
+    rim = stretch.rim
+    draw_scale_bar(axes, rim[:2] - (0.0, 0.025 * np.ptp(rim[:, 0])))
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """From where to where pictures of some frames go on paper, from left to right and from below [m]."""
+    points = [given.stretch.rim]
+    for frame in frames:
+        corners = given.camera.project(faces(given.motion, frame)[0]).reshape(-1, 2)
+        points.append(np.stack([corners.min(axis=0), corners.max(axis=0)]))
+    lights = given.motion.lights[_within(given.stretch, given.motion.lights)]
+    points.append(given.camera.project(lights) + given.motion.light_radius)
+    (left, bottom), (right, top) = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
+    wide = right - left
+    return (left - 0.01 * wide, right + 0.01 * wide), (bottom - 0.085 * wide, top + 0.02 * wide)
+
+
+def still_picture(
+    motion: Motion, *, at: float | None = None, colour: str = "material", camera: Camera | None = None,
+    reach: float = REACH,
+) -> Figure:  # fmt: skip
+    """The picture of a robot at a time, with a title, and with a key of its colours.
+
+    Args:
+        motion: to show.
+        at: time [s]; the end by default.
+        colour: "material", "strain", "contact", "friction" or "beams".
+        camera: see :func:`setting`.
+        reach: see :func:`setting`.
+
+    Raises:
+        ValueError: in one line, for times that the motion does not have, and as :func:`setting`.
+    """
+    frame = frame_at(motion, at)
+    given = setting(motion, [frame], colour=colour, camera=camera, reach=reach)
+    figure = Figure(figsize=(WIDTH, WIDTH), facecolor="white")
+    axes = figure.add_axes((0, 0, 1, 1))
+    draw_motion(axes, given, frame)
+    across, up = limits(given, [frame])
+    axes.set(xlim=across, ylim=up)
+    keyed = KEY_HEIGHT if given.colouring.key or given.colouring.limit else 0.0
+    inner = WIDTH - 2 * EDGE
+    drawn = inner * (up[1] - up[0]) / (across[1] - across[0])
+    total = TITLE_HEIGHT + drawn + keyed + EDGE
+    figure.set_size_inches(WIDTH, total)
+    axes.set_position((EDGE / WIDTH, (EDGE + keyed) / total, inner / WIDTH, drawn / total))
+    title = f"{motion.name}, {motion.times[frame]:.2f} s"
+    figure.text(EDGE / WIDTH, 1 - 0.5 * TITLE_HEIGHT / total, title, va="center", fontsize=10, color=INK)
+    draw_key(figure, given.colouring, (EDGE / WIDTH, EDGE / total, inner / WIDTH, 0.8 * keyed / total))
+    return figure
+
+
+def save_still(motion: Motion, path: str | PathLike[str], **options: Any) -> int:
+    """Write :func:`still_picture`; the suffix of the path chooses the format (png, pdf, svg).
+
+    Returns:
+        Bytes written.
+
+    Raises:
+        ValueError: in one line, for a file that exists, and as :func:`still_picture`.
+    """
+    return save_figure(still_picture(motion, **options), path)
+
+
+def save_figure(figure: Figure, path: str | PathLike[str]) -> int:
+    """Write a figure to a new file, and tell its bytes.
+
+    Raises:
+        ValueError: in one line, for a file that exists, and formats that matplotlib does not have.
+    """
+    if Path(path).exists():
+        raise ValueError(f"path: {path} exists; name a new file")
+    known = figure.canvas.get_supported_filetypes()
+    if Path(path).suffix[1:].lower() not in known:
+        raise ValueError(f"path: {path} is not allowed; give a name that ends in .png, .pdf or .svg")
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    return Path(path).stat().st_size
+
+
+def frame_at(motion: Motion, at: float | None) -> int:
+    """The frame nearest to a time [s]; the last one by default."""
+    if at is None:
+        return len(motion.times) - 1
+    time = number("at", at, round(float(motion.times[0]), 9), math.ceil(motion.times[-1] * 1e6) / 1e6, "s")
+    return int(np.abs(motion.times - time).argmin())
+
+
+def draw_key(figure: Figure, colours: Colouring, place: tuple[float, float, float, float]) -> None:
+    """Draw names of colours, or a colour bar of strains, at a place of a figure, left, bottom, width, height."""
+    left, bottom, width, height = place
+    if colours.limit:
+        bar = figure.add_axes((left + 0.25 * width, bottom + 0.72 * height, 0.5 * width, 0.24 * height))
+        scale = ScalarMappable(Normalize(-100 * colours.limit, 100 * colours.limit), STRAINS)
+        figure.colorbar(scale, cax=bar, orientation="horizontal", extend="both")
+        bar.set_xlabel("strain of links [%]", fontsize=8, color=INK, labelpad=1)
+        bar.tick_params(labelsize=7, labelcolor=INK, length=2)
+    elif colours.key:
+        spots = [Line2D([], [], marker="s", ls="", ms=8, color=colour, label=name) for name, colour in colours.key]
+        figure.legend(handles=spots, loc="center", ncols=len(spots), frameon=False, fontsize=8, labelcolor=[*INK],
+                      bbox_to_anchor=(left, bottom, width, height), handletextpad=0.3)  # fmt: skip
+
+
+def _draw_seen_through(axes: "Axes", given: Setting, frame: int) -> None:
+    """Draw faces of voxels in contact once more, as they are often below the robot."""
+    quads, owners = faces(given.motion, frame)
+    colours = given.colouring.of(frame)[owners]
+    touching = (colours != PLAIN).any(axis=1)
+    corners = given.camera.project(quads[touching])
+    axes.add_collection(PolyCollection(list(corners), facecolors=colours[touching], edgecolors="none", alpha=0.4))
+
+
+def _beam_colouring(motion: Motion, frames: Sequence[int]) -> Colouring:
+    if motion.lattice is None:
+        raise ValueError(f"colour: beams is not allowed for {motion.name}, which has no lattice; give material")
+    strains = motion.lattice.part(np.array(frames)).strains()
+    return Colouring(colouring(motion).of, limit=strain_limit(strains))
+
+
+def _stretch(motion: Motion, frames: Sequence[int], camera: Camera, reach: float) -> Stretch:
+    """Ground below some frames, the way to the last of them and the lights."""
+    quads = [faces(motion, frame)[0].reshape(-1, 3) for frame in frames]
+    length = max(float(np.ptp(covered(q, camera), axis=1).max()) for q in quads)
+    robot = covered(np.concatenate(quads), camera)
+    most = max(reach * length, float(np.ptp(robot, axis=1).max()))
+    spare = (most - np.ptp(robot, axis=1))[:, None] * [-1.0, 1.0]
+    passed = covered(motion.path[: max(f % len(motion.times) for f in frames) + 1], camera)
+    whole = np.clip(_both(robot, passed), *(robot + spare).T[:, :, None])
+    most = max(REACH * length, float(np.ptp(whole, axis=1).max()))
+    for light in motion.lights:
+        wider = _both(whole, covered(light[None], camera))
+        whole = wider if np.ptp(wider, axis=1).max() <= most else whole
+    room = MARGIN * length * np.array([-1, 1])
+    travel, across = whole + room
+    apart = LINES_APART[np.abs(np.log(LINES_APART / (np.ptp(travel) / 12))).argmin()]
+    return Stretch(camera, travel, across, motion.ground.level, float(apart))
+
+
+def _both(first: Floats, second: Floats) -> Floats:
+    """Ranges that hold both, shape (2, 2)."""
+    return np.stack([np.minimum(first, second)[:, 0], np.maximum(first, second)[:, 1]], axis=1)
+
+
+def _within(stretch: Stretch, points: Floats) -> Any:
+    """Which points are above a stretch, shape (N,)."""
+    h = np.deg2rad(stretch.camera.heading)
+    turn = np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
+    places = points[:, :2] @ turn
+    low, high = np.stack([stretch.travel, stretch.across]).T
+    return ((places >= low) & (places <= high)).all(axis=1)
