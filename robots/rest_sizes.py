@@ -10,7 +10,7 @@ from taichi_sim.lattice import LatticeBody, LatticeProgram, Quantity
 def rest_sizes(body: LatticeBody, program: LatticeProgram) -> Array:
     """Rest size of every voxel at every snapshot [m], shape (B, S, V, 3).
 
-    By what ``program.values_after`` says of its region's scale, or else by its material.
+    By what ``program.values_after`` says of its region's scale, or else, and before its first event, by its material.
     """
     events, elapsed = _last_events(program, body.region_count)
     sizes = np.array([m.scale for m in body.materials])[body.material_index]
@@ -42,7 +42,10 @@ def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents:
 
 
 def _last_events(program: LatticeProgram, regions: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number of the event that every scale follows at every snapshot, and the steps since, shape (B, S, R, 3) each."""
+    """Number of the event that every scale follows at every snapshot, and the steps since, shape (B, S, R, 3) each.
+
+    The number is -1 where there is none yet.
+    """
     robots = program.robot_count
     numbers = np.flatnonzero(program.events["quantity"] < Quantity.SCALE + 3)
     events = program.events[numbers]
@@ -54,8 +57,8 @@ def _last_events(program: LatticeProgram, regions: int) -> tuple[NDArray[np.int6
     first, end = np.searchsorted(channel, asked), np.searchsorted(channel, asked, side="right")
     span = np.int64(2**31)  # more than any step
     place = np.searchsorted(channel * span + step, asked * span + last, side="right") - 1
-    found = np.broadcast_to(first < end, place.shape)
-    place = np.where(found, np.maximum(place, first), 0)
+    found = (first < end) & (place >= first)  # before its first event a channel is what the material says
+    place = np.where(found, place, 0)
     if not len(numbers):
         return np.full(place.shape, -1), np.zeros(place.shape, np.int64)
     return np.where(found, numbers[place], -1), np.where(found, last - step[place], 0)

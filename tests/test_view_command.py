@@ -75,7 +75,7 @@ def test_the_best_of_a_run_of_vehicles(morpholab, tmp_path):
 
 NO_ROBOT = "is no robot (inching, rolling, legged, wheeled, whegged, vehicle, rover), no run and no file of a design"
 BAD_INPUT = {
-    "rolling": "out: there is nothing to write; give --out page.html or --glb file.glb",
+    "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
     "rolling --out there.html": "out: there.html exists; name a new file",
     "rolling --glb there.html": "glb: there.html exists; name a new file",
     "rolling --out no/page.html": "out: no is not a folder; make it first",

@@ -1,13 +1,13 @@
-"""``morpholab view``: robots in motion, as a page for browsers and as files for other programs."""
+"""``morpholab view``: robots in motion, as a page for browsers, as pictures, and as files for other programs."""
 
 import argparse
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
+from optim.commands.view_files import add_outputs, check_outputs, write_outputs
 from robots.terrain import STEEPEST
 
 
@@ -15,17 +15,17 @@ def add_parser(commands: Any) -> None:
     """Declare the command."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "view",
-        help="see robots move, in a browser",
+        help="see robots move, in a browser and in pictures",
         description="Simulate robots and write a page that plays their motions side by side, with their actuation. It "
-        "is one file that needs no network; any browser opens it.",
+        "is one file that needs no network; any browser opens it. Or write pictures, films and files for Blender and "
+        "ParaView.",
     )
     parser.add_argument(
         "sources", nargs="+", metavar="ROBOT",
         help="inching or rolling; folder of a run, or file of a design; legged, wheeled or whegged quadruped; vehicle "
         "or rover; up to four",
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, metavar="FILE", help="page to write, such as gait.html")
-    parser.add_argument("--glb", type=Path, metavar="FILE", help="animation to write, of one robot, for Blender")
+    add_outputs(parser)
     parser.add_argument("--title", default="", help="of the page")
     parser.add_argument(
         "--frames", type=options.whole(2), default=1000, metavar="N", help="at most, of each robot (default: 1000)"
@@ -61,31 +61,18 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
     from optim.commands.view_sources import motion_of
-    from robots.view.glb import save_glb
-    from robots.view.player import MOST_MOTIONS, save_player
+    from robots.view.player import MOST_MOTIONS
 
-    if args.out is None and args.glb is None:
-        raise ValueError("out: there is nothing to write; give --out page.html or --glb file.glb")
-    for field, path in (("out", args.out), ("glb", args.glb)):
-        if path is not None and path.exists():
-            raise ValueError(f"{field}: {path} exists; name a new file")
-        if path is not None and not path.parent.is_dir():
-            raise ValueError(f"{field}: {path.parent} is not a folder; make it first")
     count = len(args.sources)
     if count > MOST_MOTIONS:
         raise ValueError(f"sources: {count} robots are not allowed; give up to {MOST_MOTIONS}")
-    if args.glb is not None and count > 1:
-        raise ValueError(f"glb: {count} robots are not allowed in one file; give one")
+    check_outputs(args)
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
         motions = []
         for done, source in enumerate(args.sources):
             update(float(done), source)
             motions.append(motion_of(source, args, partial(_tick, update, done)))
-    files = []
-    if args.out is not None:
-        files.append((args.out, save_player(motions, args.out, title=args.title or ", ".join(args.sources))))
-    if args.glb is not None:
-        files.append((args.glb, save_glb(motions[0], args.glb)))
+    files = write_outputs(motions, args)
     lines = [f"{path}: {size / 1e6:.1f} MB" for path, size in files]
     about = [{"source": source, "name": m.name, "frames": len(m.times), "nodes": len(m.nodes),
               "seconds": float(m.times[-1] - m.times[0])}

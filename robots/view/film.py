@@ -1,5 +1,6 @@
 """Film strips of motions, and films: GIF, and MP4 where imageio-ffmpeg is installed."""
 
+import importlib.util
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -21,8 +22,8 @@ from robots.view.strip import draw_robots
 
 WIDTH, TITLE_HEIGHT, KEY_HEIGHT = 8.0, 0.4, 0.5  # of a strip [inches]
 CAPTION = 14  # height of a line above each robot of a film [pixels]
-COLOURS = 64  # of a GIF
 SAMPLES = 6  # pictures that a GIF's colours are chosen from
+ALMOST_WHITE = 249  # of 255: paper has no tint
 
 Picture = NDArray[np.uint8]
 
@@ -69,7 +70,7 @@ def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int
 
 def pictures(
     motions: Sequence[Motion], *, seconds: float | None = None, rate: float = 15.0, width: int = 640,
-    colour: str = "material", one_scale: bool = False,
+    colour: str = "material", one_scale: bool = True,
 ) -> Iterator[Picture]:  # fmt: skip
     """The pictures of a film, one motion above the other, each on its own ground.
 
@@ -81,7 +82,7 @@ def pictures(
         rate: pictures a second [Hz].
         width: of a picture [pixels].
         colour: as of a still.
-        one_scale: whether all robots are drawn to one scale.
+        one_scale: whether all robots are drawn on equally long ground.
 
     Yields:
         Red, green, blue, shape (H, W, 3); H and W are even.
@@ -102,13 +103,22 @@ def pictures(
     if one_scale:
         longest_way = max(float(np.ptp(given.stretch.travel)) for given in settings)
         settings = [_lengthened(given, longest_way) for given in settings]
-    figure, panels = _panels(settings, plans, width)
+    figure, panels = _panels(settings, plans, width, longest / seconds)
     canvas = FigureCanvasAgg(figure)
     return (_drawn(canvas, panels, settings, moment) for moment in zip(*plans, strict=True))
 
 
-def save_gif(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 15.0, **options: Any) -> int:
+def save_gif(
+    motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 15.0, colours: int = 64, **options: Any
+) -> int:
     """Write :func:`pictures` as a GIF that plays again and again, with one small palette.
+
+    Args:
+        motions: to show.
+        path: of the file.
+        rate: pictures a second [Hz]; GIF counts hundredths of a second, to which it is rounded.
+        colours: of the palette, 4 to 256.
+        **options: of :func:`pictures`.
 
     Returns:
         Bytes written.
@@ -117,14 +127,17 @@ def save_gif(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, r
         ValueError: in one line, for a file that exists, and values that are not allowed.
     """
     _new(path)
+    colours = int(number("colours", colours, 4, 256))
     frames = [Image.fromarray(p) for p in pictures(_several(motions), rate=rate, **options)]
-    palette = _palette(frames[:: max(len(frames) // SAMPLES, 1)])
+    palette = _palette(frames[:: max(len(frames) // SAMPLES, 1)], colours)
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    first.save(path, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=True)
+    first.save(path, "GIF", save_all=True, append_images=rest, duration=10 * max(round(100 / rate), 1), loop=0, optimize=True)
     return Path(path).stat().st_size
 
 
-def save_mp4(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 30.0, **options: Any) -> int:
+def save_mp4(
+    motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 30.0, **options: Any
+) -> int:
     """Write :func:`pictures` as a video, H.264 in MP4; it needs imageio-ffmpeg.
 
     Returns:
@@ -134,10 +147,9 @@ def save_mp4(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, r
         ValueError: in one line, if imageio-ffmpeg is missing, for a file that exists, and values that are not allowed.
     """
     _new(path)
-    try:
-        from imageio_ffmpeg import write_frames
-    except ImportError:
-        raise ValueError("mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab[video]'") from None
+    need_video()
+    from imageio_ffmpeg import write_frames
+
     film = pictures(_several(motions), rate=rate, **options)
     first = next(film)
     size = first.shape[1], first.shape[0]
@@ -149,15 +161,26 @@ def save_mp4(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, r
     return Path(path).stat().st_size
 
 
-def _palette(pictures: list[Image.Image]) -> Image.Image:
+def _palette(pictures: list[Image.Image], count: int) -> Image.Image:
     """A picture with few colours that stand for those of others; small things count for more than their size."""
     seen = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
     colours, counts = np.unique(seen, axis=0, return_counts=True)
     weighted = np.repeat(colours, np.ceil(np.sqrt(counts)).astype(int), axis=0)
-    found = Image.fromarray(weighted[None]).quantize(COLOURS - 1, Image.Quantize.MEDIANCUT, kmeans=1)
-    palette = (found.getpalette() or [])[: 3 * (COLOURS - 1)]
-    found.putpalette([255, 255, 255, *palette])  # paper stays white
+    found = Image.fromarray(weighted[None]).quantize(count - 1, Image.Quantize.MEDIANCUT, kmeans=1)
+    palette = np.array((found.getpalette() or [])[: 3 * (count - 1)]).reshape(-1, 3)
+    palette[palette.min(axis=1) >= ALMOST_WHITE] = 255
+    found.putpalette([255, 255, 255, *palette.ravel().tolist()])
     return found
+
+
+def need_video() -> None:
+    """Make sure that videos can be written.
+
+    Raises:
+        ValueError: in one line, if imageio-ffmpeg is missing.
+    """
+    if importlib.util.find_spec("imageio_ffmpeg") is None:
+        raise ValueError("mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab[video]'")
 
 
 def _several(motions: Motion | Sequence[Motion]) -> list[Motion]:
@@ -175,8 +198,9 @@ def _lengthened(given: Setting, length: float) -> Setting:
     return replace(given, stretch=replace(given.stretch, travel=travel))
 
 
-def _panels(settings: list[Setting], plans: list[list[int]], width: int) -> tuple[Figure, list[Any]]:
-    """A figure of so many pixels with axes for each robot."""
+def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> tuple[Figure, list[Any]]:
+    """A figure of so many pixels with axes for each robot, below its name and how many times too fast it is."""
+    told = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
     ranges = [limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])
               for given, plan in zip(settings, plans, strict=True)]  # fmt: skip
     drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
@@ -184,7 +208,7 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int) -> tupl
     figure = Figure(figsize=(width / 100, total / 100), dpi=100, facecolor="white")
     top, panels = float(total), []
     for given, height, (across, up) in zip(settings, drawn, ranges, strict=True):
-        figure.text(0.012, (top - 0.6 * CAPTION) / total, given.motion.name, va="center", fontsize=8, color=INK)
+        figure.text(0.012, (top - 0.6 * CAPTION) / total, given.motion.name + told, va="center", fontsize=8, color=INK)
         top -= CAPTION + height
         panels.append((figure.add_axes((0, top / total, 1, height / total)), across, up))
     return figure, panels
@@ -193,7 +217,7 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int) -> tupl
 def _drawn(canvas: FigureCanvasAgg, panels: list[Any], settings: list[Setting], moment: tuple[int, ...]) -> Picture:
     for (axes, across, up), given, frame in zip(panels, settings, moment, strict=True):
         axes.clear()
-        draw_motion(axes, given, frame)
+        draw_motion(axes, given, frame, outlined=False)
         axes.set(xlim=across, ylim=up)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    canvas.draw()  # type: ignore[no-untyped-call]
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]

@@ -26,11 +26,10 @@ def faces(motion: Motion, frame: int = -1) -> tuple[Floats, NDArray[np.int64]]:
         Corners, counter-clockwise seen from outside [m], shape (N, 4, 3), of which two may be one; numbers of nodes,
         shape (N,).
     """
-    places, turns, scales = motion.translation[frame], motion.rotation[frame], motion.scale[frame]
     if motion.skin is not None:
-        boxes = places[:, None] + rotate(turns[:, None], SIGNS * scales[:, None])
-        seen = joined_surface(boxes, motion.skin.knots, motion.skin.faces)
+        seen = joined_surface(boxes(motion, frame), motion.skin.knots, motion.skin.faces)
         return seen.quads, seen.voxels
+    places, turns, scales = motion.translation[frame], motion.rotation[frame], motion.scale[frame]
     forms = [_form(node.solid) for node in motion.nodes]
     owners = np.repeat(np.arange(len(forms)), [len(form) for form in forms])
     quads = np.concatenate(forms) * scales[owners, None]
@@ -69,6 +68,12 @@ def _turned(profile: Floats) -> Floats:
     points = np.stack([x, y, np.broadcast_to(profile[:, 1:], x.shape)], axis=-1)
     quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2)
     return quads.reshape(-1, 4, 3)
+
+
+def boxes(motion: Motion, frame: int) -> Floats:
+    """Corners of a motion's cubes in a frame [m], shape (N, 8, 3); corner 4 i + 2 j + k is at the signs (i, j, k)."""
+    offsets = SIGNS * motion.scale[frame][:, None]
+    return motion.translation[frame][:, None] + rotate(motion.rotation[frame][:, None], offsets)
 
 
 def ball_at(place: Floats, radius: float) -> Floats:

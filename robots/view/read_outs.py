@@ -14,7 +14,7 @@ from robots.view.scene import INK, PAIRS
 
 Floats = NDArray[np.float64]
 PRESSURES = tuple(1000.0 * kilopascals for kilopascals in range(13))  # the range of the published search space [Pa]
-IDLE = GaitSchedule(np.zeros((10, 1)), repeats=1)
+IDLE = GaitSchedule(np.zeros((10, 1), bool), repeats=1)
 
 
 @dataclass(frozen=True, eq=False)

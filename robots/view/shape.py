@@ -48,10 +48,14 @@ def joined_surface(loose: Array, knot: NDArray[np.int64], faces: NDArray[np.int6
         knot: which corners are one point, in the middle of them, shape (V, 8).
         faces: that are seen: box and side, shape (N, 2).
     """
-    size = np.bincount(knot.ravel())
-    joined = np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
     voxels, sides = faces.T
-    return Surface(joined[knot[voxels[:, None], FACE_CORNERS[sides]]], voxels)
+    return Surface(joined_corners(loose, knot)[knot[voxels[:, None], FACE_CORNERS[sides]]], voxels)
+
+
+def joined_corners(loose: Array, knot: NDArray[np.int64]) -> Array:
+    """The points that corners of boxes are joined to, in the middle of them [m], shape (K, 3); arguments as above."""
+    size = np.bincount(knot.ravel())
+    return np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
 
 
 def width(result: InflatableResult, robot: int = 0, frame: int = 0) -> float:
@@ -99,7 +103,7 @@ def menger_curvature(points: Array, axis: Array) -> Array:
 
     Args:
         points: of lines, shape (..., N, 3) [m].
-        axis: unit vectors, seen along which a line that turns clockwise has a positive curvature, shape (..., N - 2, 3).
+        axis: unit vectors about which a line of positive curvature turns, shape (..., N - 2, 3).
     """
     first, second = points[..., 1:-1, :] - points[..., :-2, :], points[..., 2:, :] - points[..., 1:-1, :]
     turn = (np.cross(first, second) * axis).sum(axis=-1)

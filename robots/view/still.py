@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.collections import PolyCollection
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -84,10 +84,7 @@ def setting(
         ValueError: in one line, for colours that are not known or that the robot does not have.
     """
     camera = camera or default_camera(motion)
-    if colour == "beams":
-        colours = _beam_colouring(motion, frames)
-    else:
-        colours = colouring(motion, colour, frames)
+    colours = _beam_colouring(motion, frames) if colour == "beams" else colouring(motion, colour, frames)
     reach = number("reach", reach, 1.0) if reach != math.inf else reach
     return Setting(motion, colour, colours, _stretch(motion, frames, camera, reach))
 
@@ -101,13 +98,14 @@ def default_camera(motion: Motion) -> Camera:
     return Camera(heading, 0.0, shift_up=SEEN_FROM_ABOVE)
 
 
-def draw_motion(axes: "Axes", given: Setting, frame: int) -> None:
+def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True) -> None:
     """Draw a frame with its ground, shadow, lights, travelled path and a scale bar; axes in metres on paper.
 
     Args:
         axes: to draw on; this sets their limits.
         given: what all pictures of the motion share.
         frame: which of its frames.
+        outlined: whether voxels have outlines.
     """
     motion, camera, stretch = given.motion, given.camera, given.stretch
     draw_ground(axes, stretch)
@@ -115,7 +113,7 @@ def draw_motion(axes: "Axes", given: Setting, frame: int) -> None:
         assert motion.lattice is not None
         draw_beams(axes, motion.lattice, frame, camera, stretch.level, given.colouring.limit)
     else:
-        draw_polygons(axes, given.polygons(frame), outlined=motion.skin is not None)
+        draw_polygons(axes, given.polygons(frame), outlined=outlined and motion.skin is not None)
         if given.colour == "contact":
             _draw_seen_through(axes, given, frame)
     passed = motion.path[: frame % len(motion.times) + 1]

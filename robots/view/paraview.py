@@ -1,0 +1,125 @@
+"""Motions as files for ParaView: a mesh for every frame, and their times.
+
+Source: VTK File Formats, "XML File Formats", of the VTK documentation (docs.vtk.org): unstructured grids (.vtu),
+polygonal data (.vtp), compressed binary data arrays; ParaView Data (.pvd), a collection of files with times.
+"""
+
+import base64
+import struct
+import zlib
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.files import write_bytes, write_text
+from robots.view.colouring import colouring
+from robots.view.mesh import boxes, faces
+from robots.view.motion import Floats, Motion
+from robots.view.shape import joined_corners
+
+HEXAHEDRON = 12  # VTK's number for cells with eight corners
+# The corners of a box, 4 i + 2 j + k at the signs (i, j, k), in VTK's order: around the bottom, around the top.
+VTK_ORDER = np.array([0, 4, 6, 2, 1, 5, 7, 3])
+TYPES = {"f4": "Float32", "i4": "Int32", "u1": "UInt8"}
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
+    """Write a motion as a folder for ParaView: open ``motion.pvd`` in it.
+
+    Voxels of lattices are hexahedra, joined where links join them, with cell data ``region``, ``strain`` (the mean of
+    a voxel's links), ``contact`` (1 touches the floor, 2 touches itself, 3 both) and ``colour``. Other robots are
+    faces with ``part``, the number of their node, and ``colour``.
+
+    Args:
+        motion: to write.
+        folder: which must not exist yet.
+
+    Returns:
+        Bytes written.
+
+    Raises:
+        ValueError: in one line, for a folder that exists or cannot be made.
+    """
+    folder = Path(folder)
+    if folder.exists():
+        raise ValueError(f"folder: {folder} exists; name a new one")
+    try:
+        (folder / "frames").mkdir(parents=True)
+    except OSError as error:
+        raise ValueError(f"folder: {folder} cannot be made ({error.strerror})") from None
+    colours, total, entries = colouring(motion), 0, []
+    for frame, time in enumerate(motion.times):
+        colour = np.round(255 * colours.of(frame)).astype("u1")
+        name, content = _grid(motion, frame, colour) if motion.lattice is not None else _faces(motion, frame, colour)
+        write_bytes(folder / name, content)
+        entries.append(f'<DataSet timestep="{time:.9g}" file="{name}"/>')
+        total += len(content)
+    index = "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="1.0">', "<Collection>", *entries,
+                       "</Collection>", "</VTKFile>", ""])  # fmt: skip
+    write_text(folder / "motion.pvd", index)
+    return total + len(index)
+
+
+def _grid(motion: Motion, frame: int, colour: NDArray[np.uint8]) -> tuple[str, bytes]:
+    """Name and content of the file of a frame of a lattice."""
+    assert motion.lattice is not None and motion.skin is not None and motion.lattice.body.regions is not None
+    now, knots = motion.lattice.part(np.array([frame])), motion.skin.knots
+    points, count = joined_corners(boxes(motion, frame), knots), len(knots)
+    data = {
+        "region": motion.lattice.body.regions.astype("i4"),
+        "strain": now.voxel_strains()[0].astype("f4"),
+        "contact": (now.on_floor()[0] + 2 * now.on_itself()[0]).astype("u1"),
+        "colour": colour,
+    }
+    cells = {
+        "connectivity": knots[:, VTK_ORDER].ravel().astype("i4"),
+        "offsets": np.arange(8, 8 * count + 1, 8, dtype="i4"),
+        "types": np.full(count, HEXAHEDRON, "u1"),
+    }
+    counts = f'NumberOfPoints="{len(points)}" NumberOfCells="{count}"'
+    return f"frames/{frame:05d}.vtu", _file("UnstructuredGrid", counts, points, "Cells", cells, data)
+
+
+def _faces(motion: Motion, frame: int, colour: NDArray[np.uint8]) -> tuple[str, bytes]:
+    """Name and content of the file of a frame of other robots."""
+    quads, owners = faces(motion, frame)
+    count = len(quads)
+    cells = {
+        "connectivity": np.arange(4 * count, dtype="i4"),
+        "offsets": np.arange(4, 4 * count + 1, 4, dtype="i4"),
+    }
+    counts = f'NumberOfPoints="{4 * count}" NumberOfPolys="{count}"'
+    data = {"part": owners.astype("i4"), "colour": colour[owners]}
+    return f"frames/{frame:05d}.vtp", _file("PolyData", counts, quads.reshape(-1, 3), "Polys", cells, data)
+
+
+def _file(kind: str, counts: str, points: Floats, place: str, cells: Arrays, data: Arrays) -> bytes:
+    """A file of one piece."""
+    text = [
+        '<?xml version="1.0"?>',
+        f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32" '
+        'compressor="vtkZLibDataCompressor">',
+        f"<{kind}><Piece {counts}>",
+        "<Points>", _array("points", points.astype("f4")), "</Points>",
+        f"<{place}>", *(_array(name, values) for name, values in cells.items()), f"</{place}>",
+        "<CellData>", *(_array(name, values) for name, values in data.items()), "</CellData>",
+        f"</Piece></{kind}>", "</VTKFile>", "",
+    ]  # fmt: skip
+    return "\n".join(text).encode()
+
+
+def _array(name: str, values: NDArray[Any]) -> str:
+    """A data array: a header of four numbers (blocks, bytes of one, of the last if it is partial, compressed), data."""
+    content = values.astype(values.dtype.newbyteorder("<")).tobytes()
+    packed = zlib.compress(content, 3)
+    header = struct.pack("<4I", 1, len(content), 0, len(packed))
+    wide = values.shape[1] if values.ndim > 1 else 1
+    told = f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)} NumberOfComponents="{wide}"'
+    inline = (base64.b64encode(part).decode() for part in (header, packed))
+    return f'<DataArray {told} format="binary">{"".join(inline)}</DataArray>'
