@@ -73,6 +73,38 @@ def test_the_best_of_a_run_of_vehicles(morpholab, tmp_path):
     assert code == 0 and out.startswith("run: 6 parts, ")
 
 
+def test_pictures_films_and_folders(morpholab, tmp_path):
+    files = "--picture a.png --at 1.5 --strip b.png --gif c.gif --paraview d --seconds 0.5"
+    code, out, _ = morpholab(f"view vehicle --threads 1 --frames 30 --quiet --json {files}")
+    document = json.loads(out)
+    sizes = {file["path"]: file["bytes"] for file in document["files"]}
+    assert code == 0 and list(sizes) == ["a.png", "b.png", "c.gif", "d"] and min(sizes.values()) > 5000
+    for name in ("a.png", "b.png", "c.gif"):
+        assert (tmp_path / name).stat().st_size == sizes[name]
+    assert (tmp_path / "d" / "motion.pvd").read_text().count("<DataSet") == document["robots"][0]["frames"]
+
+
+def test_soft_robots_in_their_colours(morpholab, tmp_path):
+    save_design(INCHING, tmp_path / "gait.json")
+    for colour in ("friction", "beams"):
+        line = f"view gait.json --picture {colour}.png --at 0 --colour {colour} --frames 5 {QUICK}"
+        assert morpholab(line)[0] == 0 and (tmp_path / f"{colour}.png").stat().st_size > 20_000
+
+
+def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):
+    line = "view vehicle --threads 1 --frames 5 --colour strain --picture a.png --out a.html --glb a.glb --quiet"
+    code, _, error = morpholab(line)
+    assert code == 2 and not list(tmp_path.iterdir()) and error == (
+        "morpholab view: error: colour: strain is not allowed for vehicle 6553, which has no lattice; give material\n"
+    )
+
+
+def test_videos_need_their_extra(morpholab, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    code, _, error = morpholab("view rolling --mp4 a.mp4 --quiet")
+    assert code == 2 and "mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab[video]'" in error
+
+
 NO_ROBOT = "is no robot (inching, rolling, legged, wheeled, whegged, vehicle, rover), no run and no file of a design"
 BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
@@ -80,6 +112,14 @@ BAD_INPUT = {
     "rolling --glb there.html": "glb: there.html exists; name a new file",
     "rolling --out no/page.html": "out: no is not a folder; make it first",
     "rolling inching --glb a.glb": "glb: 2 robots are not allowed in one file; give one",
+    "rolling inching --picture a.png": "picture: 2 robots are not allowed in one file; give one",
+    "rolling --picture there.html": "picture: there.html exists; name a new file",
+    "rolling --paraview empty": "paraview: empty exists; name a new folder",
+    "rolling --picture a.doc": "picture: a.doc is not allowed; give a name that ends in .png or .pdf or .svg",
+    "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
+    "rolling --out a.html --at 1": "at: there is no picture; give --picture file.png",
+    "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
+    "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a finite number from 0 to ",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
     "nothing --out a.html": f"source: 'nothing' {NO_ROBOT}",
     "there.html --out a.html": "there.html: ",

@@ -109,8 +109,9 @@ def pictures(
 
 
 def save_gif(
-    motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 15.0, colours: int = 64, **options: Any
-) -> int:
+    motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 15.0, colours: int = 64,
+    **options: Any,
+) -> int:  # fmt: skip
     """Write :func:`pictures` as a GIF that plays again and again, with one small palette.
 
     Args:
@@ -131,7 +132,8 @@ def save_gif(
     frames = [Image.fromarray(p) for p in pictures(_several(motions), rate=rate, **options)]
     palette = _palette(frames[:: max(len(frames) // SAMPLES, 1)], colours)
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    first.save(path, "GIF", save_all=True, append_images=rest, duration=10 * max(round(100 / rate), 1), loop=0, optimize=True)
+    pause = 10 * max(round(100 / rate), 1)  # [ms]
+    first.save(path, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True)
     return Path(path).stat().st_size
 
 

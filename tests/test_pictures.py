@@ -1,0 +1,244 @@
+"""Pictures, film strips and films of all robots."""
+
+import sys
+from dataclasses import replace
+from itertools import pairwise
+
+import motions
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from PIL import Image
+
+from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring, level
+from robots.view.film import pictures, save_gif, save_mp4, save_strip, strip_picture
+from robots.view.mesh import BOX_CELLS, faces
+from robots.view.motion import BALL, Channel, Motion, Node
+from robots.view.scene import Camera, paint
+from robots.view.still import default_camera, draw_motion, save_still, setting, still_picture
+from taichi_sim.rigid import Box, Capsule
+
+
+def solid(shape, scale=1.0) -> Motion:
+    one = np.ones((1, 1))
+    return Motion("solid", [0.0], (Node("a", shape, (1.0, 0, 0)),), one[..., None] * [0.0, 0, 2.0],
+                  one[..., None] * [1.0, 0, 0, 0], one[..., None] * ([scale] * 3), [[0.0, 0, 2.0]])  # fmt: skip
+
+
+def area_and_volume(quads):
+    """Of a closed surface, by the divergence theorem."""
+    normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]) / 2
+    return np.linalg.norm(normals, axis=1).sum(), (normals * quads.mean(axis=1)).sum() / 3
+
+
+@pytest.mark.parametrize(
+    ("shape", "scale", "area", "volume"),
+    [
+        (Box((1.0, 2.0, 3.0)), 1.0, 22.0, 6.0),
+        (BALL, 2.0, 4 * np.pi, 4 / 3 * np.pi),
+        (Capsule(0.5, 2.0), 1.0, 3 * np.pi, np.pi / 2 + np.pi / 6),
+    ],
+)
+def test_solids_are_closed_and_seen_from_outside(shape, scale, area, volume):
+    quads, owners = faces(solid(shape, scale))
+    assert not owners.any()
+    found = area_and_volume(quads)
+    exact = isinstance(shape, Box)
+    assert found == pytest.approx((area, volume), rel=1e-12 if exact else 0.04)
+    assert found[1] <= volume * (1 + 1e-12)
+    assert len(quads) == 6 * BOX_CELLS**2 or not exact
+
+
+def test_a_skin_has_the_faces_of_the_lattice():
+    motion = motions.inflatable()
+    quads, owners = faces(motion, 0)
+    assert np.array_equal(owners, motion.lattice.body.topology.faces[:, 0])
+    assert np.ptp(quads[..., 2]) < 2 * np.ptp(motion.lattice.positions[0, :, 2]) + motions.TINY.voxel_size
+
+
+@pytest.mark.parametrize("made", motions.ALL)
+def test_every_robot_has_a_picture(made, tmp_path):
+    motion = made()
+    size = save_still(motion, tmp_path / "a.png")
+    assert size == (tmp_path / "a.png").stat().st_size
+    with Image.open(tmp_path / "a.png") as picture:
+        seen = np.asarray(picture.convert("RGB"))
+    coloured = (seen.max(axis=2).astype(int) - seen.min(axis=2) > 40).any(axis=1)
+    assert picture.width == 960 and coloured.mean() > 0.05, "the robot is hardly there"
+    for edge in (seen[:, :3], seen[:, -3:], seen[:3], seen[-3:]):
+        assert (edge > 250).all(), "something is cut off at an edge"
+
+
+@pytest.mark.parametrize("made", motions.ALL)
+def test_robots_are_within_their_axes(made):
+    motion = made()
+    for frame in (0, len(motion.times) // 2):
+        figure = still_picture(motion, at=motion.times[frame])
+        axes = figure.axes[0]
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        corners = default_camera(motion).project(faces(motion, frame)[0]).reshape(-1, 2)
+        assert left < corners[:, 0].min() and corners[:, 0].max() < right
+        assert bottom < corners[:, 1].min() and corners[:, 1].max() < top
+
+
+@pytest.mark.parametrize("colour", ["strain", "contact", "friction", "beams"])
+def test_lattices_have_more_colours(colour):
+    figure = still_picture(motions.inflatable(), at=0.0, colour=colour)
+    bars = [axes for axes in figure.axes if axes.get_xlabel() == "strain of links [%]"]
+    assert len(bars) == (colour in ("strain", "beams")) and len(figure.legends) == (colour in ("contact", "friction"))
+
+
+def test_beams_are_links_and_arrows_are_pressure():
+    motion, axes = motions.inflatable(), Figure().add_subplot()
+    given = setting(motion, [0], colour="beams")
+    draw_motion(axes, given, 0)
+    links = len(motion.lattice.body.topology.links)
+    lines = [c for c in axes.collections if isinstance(c, LineCollection) and len(c.get_segments()) == links]
+    assert len(lines) == 2, "beams and their shadows"
+    assert len(np.unique(lines[1].get_colors(), axis=0)) > 20
+    heads = [len(c.get_paths()) for c in axes.collections if isinstance(c, PolyCollection)][-2:]
+    assert sum(heads) == 2 * motions.TINY.columns * motions.TINY.rows
+    flat = replace(motion, lattice=replace(motion.lattice, pressure=0.0))
+    bare = Figure().add_subplot()
+    draw_motion(bare, setting(flat, [0], colour="beams"), 0)
+    assert len(bare.collections) == len(axes.collections) - 4
+
+
+def test_strains_have_one_scale_and_two_hues():
+    motion = motions.inflatable()
+    colours = colouring(motion, "strain", [0, 5])
+    strains = motion.lattice.part(np.array([0, 5])).voxel_strains()
+    assert colours.limit == pytest.approx(np.percentile(np.abs(strains), 99), rel=0.06)
+    of = colours.of(5)
+    most, least = strains[1].argmax(), strains[1].argmin()
+    assert of[most, 0] > of[most, 2] and of[least, 2] > of[least, 0]
+
+
+def test_colours_of_contact_and_friction():
+    motion = motions.inflatable()
+    contact = colouring(motion, "contact").of(0)
+    floor = motion.lattice.part(np.array([0])).on_floor()[0]
+    assert floor.any() and np.allclose(contact[floor], FLOOR) and np.allclose(contact[~floor], PLAIN)
+    channels = {channel.name: n for n, channel in enumerate(motion.channels)}
+    friction = colouring(motion, "friction")
+    first = np.array([node.channel == channels["foot 1"] for node in motion.nodes])
+    other = np.array([node.channel not in (channels["foot 1"], channels["foot 2"]) for node in motion.nodes])
+    last = len(motion.times) - 1
+    assert np.allclose(friction.of(0)[first], SLIDES) and np.allclose(friction.of(last)[first], GRIPS)
+    assert np.allclose(friction.of(last)[other], PLAIN)
+
+
+def test_levels_of_channels():
+    times = np.array([0.0, 0.5, 1.0, 1.5])
+    switch = Channel("s", "", [0.0, 1.0, 2.0], [0.0, 1.0, 1.0], switch=True)
+    assert level(switch, times).tolist() == [0, 0, 1, 1]
+    assert level(Channel("l", "", [0.0, 2.0], [5.0, 7.0]), times) == pytest.approx([0, 0.25, 0.5, 0.75])
+    logarithmic = Channel("g", "", [0.0, 2.0], [1.0, 100.0], logarithmic=True)
+    assert level(logarithmic, times) == pytest.approx([0, 0.25, 0.5, 0.75])
+    assert level(Channel("c", "", [0.0], [3.0]), times).tolist() == [1, 1, 1, 1]
+
+
+def test_what_is_nearer_is_painted_later():
+    quads = np.array([[[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1.0]]]) + np.array([0.0, 1.0, 0.0])[None, None] * [
+        [[3]],
+        [[0]],
+        [[1]],
+    ]
+    painted = paint(quads, np.eye(3), Camera(), 0.0).colours
+    assert painted.argmax(axis=1).tolist() == [0, 2, 1]
+
+
+def test_the_camera_follows_the_way():
+    assert default_camera(motions.inflatable()).heading == 30.0
+    assert default_camera(motions.two_wheels()).heading == pytest.approx(
+        np.rad2deg(np.arctan2(*np.diff(motions.two_wheels().path[[0, -1], :2], axis=0)[0][::-1]))
+    )
+    assert default_camera(solid(BALL)).heading == 0.0
+
+
+def test_far_ways_are_cut_and_near_ones_are_not():
+    motion = solid(BALL)
+    motion = replace(motion, times=[0.0, 1.0], path=[[-50.0, 0, 2], [0, 0, 2]], **{
+        field: np.repeat(getattr(motion, field), 2, axis=0) for field in ("translation", "rotation", "scale")
+    })  # fmt: skip
+    near, far = (setting(motion, [1], reach=reach).stretch.travel for reach in (6.0, np.inf))
+    assert np.ptp(near) == pytest.approx(6.5) and np.ptp(far) == pytest.approx(51.0)
+
+
+def test_strips_of_all_kinds(tmp_path):
+    for made in (motions.inflatable, motions.two_wheels):
+        figure = strip_picture(made(), frames=4)
+        *times, bar = figure.axes[0].texts
+        assert len(times) == 4 and times[-1].get_text() == f"{made().times[-1]:.1f} s" and bar.get_text().endswith("m")
+    assert save_strip(motions.vehicle(), tmp_path / "a.png", frames=3) > 5000
+
+
+def test_a_film_is_as_long_as_told():
+    robots = [motions.inflatable(), motions.soft_walker()]
+    film = list(pictures(robots, seconds=1.0, rate=4.0, width=201))
+    assert len(film) == 4 and {p.shape for p in film} == {film[0].shape}
+    height, width, _ = film[0].shape
+    assert width == 200 and height % 2 == 0
+    assert all((a != b).any() for a, b in pairwise(film))
+
+
+def test_a_gif_moves_in_few_colours(tmp_path):
+    size = save_gif(motions.vehicle(), tmp_path / "a.gif", seconds=0.5, rate=10.0, width=200, colours=16)
+    with Image.open(tmp_path / "a.gif") as gif:
+        assert gif.n_frames == 5 and gif.info["duration"] == 100 and gif.info["loop"] == 0
+        first = gif.convert("RGB")
+        gif.seek(4)
+        last = gif.convert("RGB")
+    assert first.getpixel((1, 1)) == (255, 255, 255) and len(first.getcolors(999)) <= 16
+    assert (np.asarray(first) != np.asarray(last)).any() and size < 30_000
+
+
+def test_the_same_gif_twice(tmp_path):
+    for name in ("a.gif", "b.gif"):
+        save_gif(motions.soft_walker(), tmp_path / name, seconds=0.3, rate=10.0, width=120)
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+
+
+def test_a_video_has_its_pictures(tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    save_mp4(motions.vehicle(), tmp_path / "a.mp4", seconds=0.5, rate=10.0, width=200)
+    reader = ffmpeg.read_frames(str(tmp_path / "a.mp4"))
+    about = next(reader)
+    assert about["size"][0] == 200 and sum(1 for _ in reader) == 5
+
+
+def test_without_ffmpeg_videos_are_refused_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(
+        ValueError, match=r"^mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab\[video\]'$"
+    ):
+        save_mp4(motions.vehicle(), tmp_path / "a.mp4")
+
+
+NO_LATTICE = "which has no lattice; give material"
+REFUSED = [
+    (lambda p: save_still(motions.vehicle(), p), "path: .* exists; name a new file"),
+    (lambda p: save_strip(motions.vehicle(), p), "path: .* exists; name a new file"),
+    (lambda p: save_gif(motions.vehicle(), p), "path: .* exists; name a new file"),
+    (lambda p: save_still(motions.vehicle(), p.with_suffix(".doc")), "path: .* that ends in .png, .pdf or .svg"),
+    (lambda p: still_picture(motions.vehicle(), colour="strain"), f"colour: strain is not allowed .*, {NO_LATTICE}"),
+    (lambda p: still_picture(motions.legged(), colour="beams"), f"colour: beams is not allowed .*, {NO_LATTICE}"),
+    (lambda p: still_picture(motions.soft_walker(), colour="friction"), "colour: friction .* for walker, .* no feet"),
+    (lambda p: still_picture(motions.vehicle(), colour="red"), "colour: 'red' is not allowed; give material, strain,"),
+    (lambda p: still_picture(motions.vehicle(), at=1e3), "at: 1000.0 is not allowed; give a finite number from 0 to"),
+    (lambda p: still_picture(motions.vehicle(), reach=0.5), "reach: 0.5 is not allowed; give .* at least 1$"),
+    (lambda p: strip_picture(motions.vehicle(), frames=1), "frames: 1 is not allowed; give a whole number, at least 2"),
+    (lambda p: strip_picture(motions.inflatable(), colour="beams"), "colour: beams is not allowed for a strip"),
+    (lambda p: pictures([]), "motions: there are none; give at least one"),
+    (lambda p: pictures([motions.vehicle()], rate=0.0), "rate: 0.0 is not allowed"),
+]
+
+
+@pytest.mark.parametrize("case", range(len(REFUSED)))
+def test_bad_input_is_told_in_one_line(case, tmp_path):
+    call, line = REFUSED[case]
+    (tmp_path / "a.png").write_text("mine")
+    with pytest.raises(ValueError, match=f"^{line}") as error:
+        call(tmp_path / "a.png")
+    assert "\n" not in str(error.value) and (tmp_path / "a.png").read_text() == "mine"
