@@ -23,7 +23,7 @@ LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
 
 def draw_beams(
     axes: "Axes", states: LatticeStates, frame: int, camera: Camera, level: float, limit: float, zorder: float = 1.0
-) -> Floats:
+) -> None:
     """Draw links between voxel centres, and the forces of pressure as arrows.
 
     Beams that are nearer are drawn later; arrows of faces that look away from the viewer are drawn first.
@@ -36,9 +36,6 @@ def draw_beams(
         level: z of the ground [m].
         limit: strain that has the last of the colours.
         zorder: of the drawing.
-
-    Returns:
-        Points that are drawn on paper [m], shape (N, 2).
     """
     now = states.part(np.array([frame]))
     ends, strains = now.positions[0][states.body.topology.links], now.strains()[0]
@@ -48,26 +45,30 @@ def draw_beams(
     axes.add_collection(LineCollection(list(shadow), colors=[SHADOW], linewidths=0.8, zorder=zorder))
     lines, colours = camera.project(ends), STRAINS(0.5 + 0.5 * strains / limit)
     axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.9, zorder=zorder + 1.5))
-    tips = _draw_arrows(axes, now, camera, zorder + 1)
-    return np.concatenate([lines.reshape(-1, 2), tips])
+    _draw_arrows(axes, now, camera, zorder + 1)
 
 
-def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float) -> Floats:
-    """Arrows from the middles of faces, and their ends on paper."""
-    starts, forces = now.pressure_forces(0)
+def arrows(states: LatticeStates, frame: int) -> tuple[Floats, Floats]:
+    """Where the arrows of pressure begin and end [m], shape (N, 3) each; there are none without pressure."""
+    starts, forces = states.pressure_forces(frame)
     largest = np.linalg.norm(forces, axis=1).max(initial=0.0)
     if not largest:
-        return np.empty((0, 2))
-    arrows = forces * LONGEST * now.body.voxel_size / largest
-    tips = starts + arrows
+        return np.empty((0, 3)), np.empty((0, 3))
+    return starts, starts + forces * LONGEST * states.body.voxel_size / largest
+
+
+def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float) -> None:
+    """Arrows from the middles of faces."""
+    starts, tips = arrows(now, 0)
+    if not len(starts):
+        return
     width = 0.14 * now.body.voxel_size
     for front in (False, True):
-        which = (arrows @ camera.toward > 0) == front
+        which = ((tips - starts) @ camera.toward > 0) == front
         shafts, heads = _flat_arrows(camera.project(starts[which]), camera.project(tips[which]), width)
         colour = [ARROW] if front else [[0.4 + 0.6 * c for c in ARROW]]
         axes.add_collection(LineCollection(list(shafts), colors=colour, linewidths=0.6, zorder=zorder + front))
         axes.add_collection(PolyCollection(list(heads), facecolors=colour, edgecolors="none", zorder=zorder + front))
-    return camera.project(tips)
 
 
 def _flat_arrows(starts: Floats, tips: Floats, width: float) -> tuple[Floats, Floats]:

@@ -71,10 +71,10 @@ def shape_picture(curves: ShapeCurves) -> Figure:
     figure = Figure(figsize=(8.0, 2.5), facecolor="white", layout="constrained")
     size, ratio, bend = figure.subplots(1, 3)
     kilopascals = curves.pressures / 1000
-    for values, name, colour in ((curves.width, "width", PAIRS[3]), (curves.height, "height", PAIRS[0])):
+    for values, name, colour, above in ((curves.width, "width", PAIRS[3], 5), (curves.height, "height", PAIRS[0], -13)):
         size.plot(kilopascals, 100 * values, "o-", ms=3, lw=1.4, color=colour)
-        size.annotate(name, (kilopascals[0], 100 * values[0]), (3, 7), textcoords="offset points", fontsize=8,
-                      color=colour)  # fmt: skip
+        size.annotate(name, (kilopascals[-1], 100 * values[-1]), (0, above), textcoords="offset points", ha="right",
+                      fontsize=8, color=colour)  # fmt: skip
     size.set_ylim(0, None)
     ratio.plot(kilopascals, curves.ratio, "o-", ms=3, lw=1.4, color=PAIRS[2])
     ratio.axhline(1.0, color=INK, lw=0.7, ls=(0, (3, 3)))

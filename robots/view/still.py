@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from robots.checks import number
-from robots.view.beams import draw_beams
+from robots.view.beams import arrows, draw_beams
 from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring, strain_limit
 from robots.view.drawing import Stretch, covered, draw_ground, draw_polygons
 from robots.view.mesh import ball_at, faces
@@ -116,9 +116,7 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
         draw_polygons(axes, given.polygons(frame), outlined=outlined and motion.skin is not None)
         if given.colour == "contact":
             _draw_seen_through(axes, given, frame)
-    passed = motion.path[: frame % len(motion.times) + 1]
-    outside = np.flatnonzero(~_within(stretch, passed))
-    draw_path(axes, camera.project(passed[outside[-1] + 1 if len(outside) else 0 :]), 5.0)
+    draw_path(axes, _way(given, frame), 5.0)
     rim = stretch.rim
     draw_scale_bar(axes, rim[:2] - (0.0, 0.025 * np.ptp(rim[:, 0])))
     axes.set_aspect("equal")
@@ -131,6 +129,9 @@ def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], 
     for frame in frames:
         corners = given.camera.project(faces(given.motion, frame)[0]).reshape(-1, 2)
         points.append(np.stack([corners.min(axis=0), corners.max(axis=0)]))
+        if given.colour == "beams" and given.motion.lattice is not None:
+            points.append(given.camera.project(arrows(given.motion.lattice, frame)[1]))
+    points.append(_way(given, max(frame % len(given.motion.times) for frame in frames)))
     lights = given.motion.lights[_within(given.stretch, given.motion.lights)]
     points.append(given.camera.project(lights) + given.motion.light_radius)
     (left, bottom), (right, top) = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
@@ -256,6 +257,13 @@ def _stretch(motion: Motion, frames: Sequence[int], camera: Camera, reach: float
     travel, across = whole + room
     apart = LINES_APART[np.abs(np.log(LINES_APART / (np.ptp(travel) / 12))).argmin()]
     return Stretch(camera, travel, across, motion.ground.level, float(apart))
+
+
+def _way(given: Setting, frame: int) -> Floats:
+    """The way up to a frame on paper, as far as it is above the stretch, shape (K, 2)."""
+    passed = given.motion.path[: frame % len(given.motion.times) + 1]
+    outside = np.flatnonzero(~_within(given.stretch, passed))
+    return given.camera.project(passed[outside[-1] + 1 if len(outside) else 0 :])
 
 
 def _both(first: Floats, second: Floats) -> Floats:

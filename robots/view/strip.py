@@ -88,7 +88,7 @@ def draw_robots(
                               for c in (rim, r.corners.reshape(-1, 2))])  # fmt: skip
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
     axes.set_xlim(left, right)
-    axes.set_ylim(min(bottom, lowest) - 1.5 * line, top)
+    axes.set_ylim(min(bottom, lowest) - 1.5 * line, top + 0.3 * line)
     axes.set_aspect("equal")
     axes.axis("off")
 
