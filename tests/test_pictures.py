@@ -183,6 +183,22 @@ def test_a_film_is_as_long_as_told():
     assert all((a != b).any() for a, b in pairwise(film))
 
 
+def test_films_have_a_key_of_their_colours():
+    bare, keyed = (next(pictures([motions.inflatable()], seconds=0.2, rate=10.0, colour=colour))
+                   for colour in ("material", "strain"))  # fmt: skip
+    assert keyed.shape[0] == bare.shape[0] + 48
+    below = keyed[-48:].astype(int)
+    assert (below[..., 0] - below[..., 2] > 100).any() and (below[..., 2] - below[..., 0] > 80).any()
+
+
+def test_poses_of_another_body_are_refused():
+    motion = motions.inflatable()
+    with pytest.raises(
+        ValueError, match=r"^lattice: poses of shape \(2, 236, 3\) are not allowed; give \(24, 236, 3\)$"
+    ):
+        replace(motion, lattice=motion.lattice.part(np.array([0, 1])))
+
+
 def test_a_gif_moves_in_few_colours(tmp_path):
     size = save_gif(motions.vehicle(), tmp_path / "a.gif", seconds=0.5, rate=10.0, width=200, colours=16)
     with Image.open(tmp_path / "a.gif") as gif:

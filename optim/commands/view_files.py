@@ -4,9 +4,12 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from optim.commands import options
-from robots.view.motion import Motion
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 COLOURS = ("material", "strain", "contact", "friction", "beams")
 LONGEST_FILM = 10.0  # unless asked for [s]
@@ -28,7 +31,7 @@ class Output:
     option: str
     metavar: str
     told: str
-    write: Callable[[Sequence[Motion], Path, argparse.Namespace], int]
+    write: Callable[[Sequence["Motion"], Path, argparse.Namespace], int]
     several: bool = False
     endings: tuple[str, ...] = ()
 
@@ -77,7 +80,7 @@ def check_outputs(args: argparse.Namespace) -> None:
         need_video()
 
 
-def write_outputs(motions: Sequence[Motion], args: argparse.Namespace) -> list[tuple[Path, int]]:
+def write_outputs(motions: Sequence["Motion"], args: argparse.Namespace) -> list[tuple[Path, int]]:
     """Write everything asked for: paths and bytes."""
     return [(path, output.write(motions, path, args)) for output, path in _asked(args)]
 
@@ -87,48 +90,48 @@ def _asked(args: argparse.Namespace) -> list[tuple[Output, Path]]:
     return [(output, path) for output, path in given if path is not None]
 
 
-def _picture(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _picture(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.still import save_still
 
     return save_still(motions[0], path, at=args.at, colour=args.colour)
 
 
-def _strip(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _strip(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.film import save_strip
 
     return save_strip(motions[0], path, colour=args.colour)
 
 
-def _gif(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _gif(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.film import save_gif
 
     return save_gif(motions, path, seconds=_film_seconds(motions, args), colour=args.colour)
 
 
-def _mp4(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _mp4(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.film import save_mp4
 
     return save_mp4(motions, path, seconds=_film_seconds(motions, args), colour=args.colour)
 
 
-def _film_seconds(motions: Sequence[Motion], args: argparse.Namespace) -> float:
+def _film_seconds(motions: Sequence["Motion"], args: argparse.Namespace) -> float:
     longest = max(float(m.times[-1] - m.times[0]) for m in motions)
     return args.seconds or max(min(longest, LONGEST_FILM), 0.5)
 
 
-def _paraview(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _paraview(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.paraview import save_paraview
 
     return save_paraview(motions[0], path)
 
 
-def _glb(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _glb(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.glb import save_glb
 
     return save_glb(motions[0], path)
 
 
-def _page(motions: Sequence[Motion], path: Path, args: argparse.Namespace) -> int:
+def _page(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
     from robots.view.player import save_player
 
     return save_player(list(motions), path, title=args.title or ", ".join(args.sources))

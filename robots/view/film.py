@@ -21,7 +21,7 @@ from robots.view.still import Setting, draw_key, draw_motion, limits, save_figur
 from robots.view.strip import draw_robots
 
 WIDTH, TITLE_HEIGHT, KEY_HEIGHT = 8.0, 0.4, 0.5  # of a strip [inches]
-CAPTION = 14  # height of a line above each robot of a film [pixels]
+CAPTION, KEY = 14, 48  # heights of a line above each robot of a film, and of the key of its colours below [pixels]
 SAMPLES = 6  # pictures that a GIF's colours are chosen from
 ALMOST_WHITE = 249  # of 255: paper has no tint
 
@@ -206,13 +206,17 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: f
     ranges = [limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])
               for given, plan in zip(settings, plans, strict=True)]  # fmt: skip
     drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
-    total = math.ceil(sum(drawn) + CAPTION * len(drawn)) // 2 * 2 + 2
+    keyed = [KEY if given.colouring.key or given.colouring.limit else 0 for given in settings]
+    total = math.ceil(sum(drawn) + sum(keyed) + CAPTION * len(drawn)) // 2 * 2 + 2
     figure = Figure(figsize=(width / 100, total / 100), dpi=100, facecolor="white")
     top, panels = float(total), []
-    for given, height, (across, up) in zip(settings, drawn, ranges, strict=True):
-        figure.text(0.012, (top - 0.6 * CAPTION) / total, given.motion.name + told, va="center", fontsize=8, color=INK)
+    for given, height, key, (across, up) in zip(settings, drawn, keyed, ranges, strict=True):
+        caption = (top - 0.6 * CAPTION) / total
+        figure.text(0.012, caption, given.motion.name + told, va="center", fontsize=8, color=INK)
         top -= CAPTION + height
         panels.append((figure.add_axes((0, top / total, 1, height / total)), across, up))
+        top -= key
+        draw_key(figure, given.colouring, (0.02, (top + 0.1 * key) / total, 0.96, 0.85 * key / total))
     return figure, panels
 
 
