@@ -11,6 +11,17 @@ Design = TypeVar("Design")
 ASIDE = ".aside-"  # how files begin that are not whole yet; run folders clear away what a kill left of them
 
 
+def new_path(path: str | os.PathLike[str]) -> Path:
+    """A path at which there is nothing yet.
+
+    Raises:
+        ValueError: in one line, if there is something.
+    """
+    if Path(path).exists():
+        raise ValueError(f"path: {path} exists; name a new file")
+    return Path(path)
+
+
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file aside, then rename it into place: a crash leaves the old file or the new one.
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from stand_in import Simulator
 
+from optim.commands.view_files import COLOURS
 from optim.runs import open_run, run_search
 from optim.search import build_method
 from optim.vehicle_problem import VehicleProblem
 from robots.braitenberg import STARTS, VehicleTask
 from robots.inflatable import INCHING, save_design
+from robots.view.colouring import COLOURINGS
 from robots.walker import ACTIVE, PASSIVE, WalkerDesign, save_walker
 
 QUICK = "--geometry small --columns 1 --repeats 1 --threads 1 --quiet"
@@ -89,6 +91,10 @@ def test_soft_robots_in_their_colours(morpholab, tmp_path):
     for colour in ("friction", "beams"):
         line = f"view gait.json --picture {colour}.png --at 0 --colour {colour} --frames 5 {QUICK}"
         assert morpholab(line)[0] == 0 and (tmp_path / f"{colour}.png").stat().st_size > 20_000
+
+
+def test_all_colours_can_be_asked_for():
+    assert (*COLOURINGS, "beams") == COLOURS
 
 
 def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):

@@ -4,6 +4,7 @@ import importlib.util
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from robots.checks import number, whole_number
+from robots.files import new_path, write_bytes
 from robots.view.motion import Motion
 from robots.view.scene import INK
 from robots.view.still import Setting, draw_key, draw_motion, limits, save_figure, setting
@@ -127,14 +129,16 @@ def save_gif(
     Raises:
         ValueError: in one line, for a file that exists, and values that are not allowed.
     """
-    _new(path)
+    new_path(path)
     colours = int(number("colours", colours, 4, 256))
     frames = [Image.fromarray(p) for p in pictures(_several(motions), rate=rate, **options)]
     palette = _palette(frames[:: max(len(frames) // SAMPLES, 1)], colours)
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     pause = 10 * max(round(100 / rate), 1)  # [ms]
-    first.save(path, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True)
-    return Path(path).stat().st_size
+    content = BytesIO()
+    first.save(content, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True)
+    write_bytes(path, content.getvalue())
+    return len(content.getvalue())
 
 
 def save_mp4(
@@ -148,7 +152,7 @@ def save_mp4(
     Raises:
         ValueError: in one line, if imageio-ffmpeg is missing, for a file that exists, and values that are not allowed.
     """
-    _new(path)
+    new_path(path)
     need_video()
     from imageio_ffmpeg import write_frames
 
@@ -187,11 +191,6 @@ def need_video() -> None:
 
 def _several(motions: Motion | Sequence[Motion]) -> list[Motion]:
     return [motions] if isinstance(motions, Motion) else list(motions)
-
-
-def _new(path: str | PathLike[str]) -> None:
-    if Path(path).exists():
-        raise ValueError(f"path: {path} exists; name a new file")
 
 
 def _lengthened(given: Setting, length: float) -> Setting:

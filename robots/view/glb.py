@@ -6,7 +6,6 @@ Source: glTF 2.0 Specification, Khronos Group 2021: sections 3.6 (accessors), 3.
 import json
 import struct
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from robots.checks import number
-from robots.files import write_bytes
-from robots.view.motion import BALL, Colour, Floats, Ground, Motion, product
+from robots.files import new_path, write_bytes
+from robots.view.motion import BALL, LIGHT_COLOUR, Colour, Floats, Ground, Motion, product
 from robots.view.scene import GROUND
 from taichi_sim.rigid.shapes import Box, Capsule, Solid, Sphere
 
@@ -23,7 +22,6 @@ FLOAT, UNSIGNED_SHORT = 5126, 5123  # types of numbers
 ARRAY, INDICES = 34962, 34963  # what numbers are for
 WIDTHS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
-LIGHT_COLOUR: Colour = (1.0, 0.8, 0.3)
 
 
 def save_glb(motion: Motion, path: str | PathLike[str], *, rate: float | None = None) -> int:
@@ -43,8 +41,7 @@ def save_glb(motion: Motion, path: str | PathLike[str], *, rate: float | None = 
     Raises:
         ValueError: in one line, for a file that exists, or values that are not allowed.
     """
-    if Path(path).exists():
-        raise ValueError(f"path: {path} exists; name a new file")
+    new_path(path)
     if rate is not None:
         interval = 1 / number("rate", rate, 1e-6, unit="Hz")
         apart = float(np.diff(motion.times).mean()) if len(motion.times) > 1 else interval

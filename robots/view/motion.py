@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
 CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size, given their sizes by scale
+LIGHT_COLOUR: Colour = (1.0, 0.8, 0.3)
 WINDOW = 1 / 40  # of a motion's time over which its speed is taken
 
 

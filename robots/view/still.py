@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from robots.checks import number
+from robots.files import new_path, write_bytes
 from robots.view.beams import arrows, draw_beams
 from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring, strain_limit
 from robots.view.drawing import Stretch, covered, draw_ground, draw_polygons
 from robots.view.mesh import ball_at, faces
-from robots.view.motion import Floats, Motion
+from robots.view.motion import LIGHT_COLOUR, Floats, Motion
 from robots.view.scene import INK, Camera, Polygons, paint
 from robots.view.strip import draw_path, draw_scale_bar
 
@@ -30,7 +31,6 @@ WIDTH, TITLE_HEIGHT, KEY_HEIGHT, EDGE = 6.4, 0.36, 0.5, 0.12  # [inches]
 DOTS_PER_INCH = 150
 MARGIN = 0.25  # of ground around a robot, in its lengths
 REACH = 6.0  # ground in all, in lengths of the robot, that a picture shows unless more is asked for
-LIGHT_COLOUR = np.array([1.0, 0.8, 0.3])
 LINES_APART = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])  # on the ground [m]
 SEEN_FROM_ABOVE = 0.45  # how far up paper rigid robots' ground goes, of what it goes away
 
@@ -192,13 +192,13 @@ def save_figure(figure: Figure, path: str | PathLike[str]) -> int:
     Raises:
         ValueError: in one line, for a file that exists, and formats that matplotlib does not have.
     """
-    if Path(path).exists():
-        raise ValueError(f"path: {path} exists; name a new file")
-    known = figure.canvas.get_supported_filetypes()
-    if Path(path).suffix[1:].lower() not in known:
+    form = new_path(path).suffix[1:].lower()
+    if form not in figure.canvas.get_supported_filetypes():
         raise ValueError(f"path: {path} is not allowed; give a name that ends in .png, .pdf or .svg")
-    figure.savefig(path, dpi=DOTS_PER_INCH)
-    return Path(path).stat().st_size
+    content = BytesIO()
+    figure.savefig(content, format=form, dpi=DOTS_PER_INCH)
+    write_bytes(path, content.getvalue())
+    return len(content.getvalue())
 
 
 def frame_at(motion: Motion, at: float | None) -> int:
