@@ -238,13 +238,9 @@ def gait_table(design: Design, rig: PneumaticRig | None = None, units: str = "kp
     if units not in KPA_PER_UNIT:
         raise ValueError(f"units: {units!r} is unknown; give one of {', '.join(KPA_PER_UNIT)}")
     rig = PneumaticRig() if rig is None else rig
-    on, off, rise, fall = np.array([(c.on_kpa, c.off_kpa, c.rise_s, c.fall_s) for c in rig.channels]).T
     pressure = number("pressure", design.pressure, 0.0, unit="Pa")
-    core = pressure / 1000 if pressure else rig.core.off_kpa
-    played = design.schedule.played.T
-    shaping = np.arange(len(CHANNELS) - 1) >= BLADDERS  # the feet grip
-    targets = np.array([[core, *np.where(bits, on[1:], off[1:])] for bits in (shaping, *played)])
-    times, pressures, ends = _corner_points(targets, rise, fall, rig.shortest_state_s)
+    times, pressures, ends = planned_pressures(design, rig)
+    on, off = np.array([(channel.on_kpa, channel.off_kpa) for channel in rig.channels]).T
     _check_limits(rig, times, pressures)
     metadata = {
         "design": design_hash(design),
@@ -256,6 +252,20 @@ def gait_table(design: Design, rig: PneumaticRig | None = None, units: str = "kp
         "thresholds": _texts((on[1:] + off[1:]) / 2 / KPA_PER_UNIT[units]),
     }
     return GaitTable(times, CHANNELS, pressures / KPA_PER_UNIT[units], units, metadata)
+
+
+def planned_pressures(design: Design, rig: PneumaticRig) -> tuple[_Array, _Array, _Array]:
+    """The pressures that would play a design, whatever the rig's limits say of them.
+
+    Returns:
+        Times of the corner points [s], shape (N,), pressures there [kPa], shape (N, C), channels as ``CHANNELS``, and
+        the ends of the states [s], shape (S,); the first state shapes the body.
+    """
+    on, off, rise, fall = np.array([(c.on_kpa, c.off_kpa, c.rise_s, c.fall_s) for c in rig.channels]).T
+    core = design.pressure / 1000 if design.pressure else rig.core.off_kpa
+    shaping = np.arange(len(CHANNELS) - 1) >= BLADDERS  # the feet grip
+    targets = [[core, *np.where(bits, on[1:], off[1:])] for bits in (shaping, *design.schedule.played.T)]
+    return _corner_points(np.array(targets), rise, fall, rig.shortest_state_s)
 
 
 def _corner_points(targets: _Array, rise: _Array, fall: _Array, still: float) -> tuple[_Array, _Array, _Array]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from optim.plots.curves import draw_band
 from optim.studies.co_optimisation import ARMS
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
 from optim.studies.tables import read_table
@@ -20,8 +21,7 @@ def draw(folder: Path) -> None:
         for number, (arm, (label, _)) in enumerate(ARMS.items()):
             colour = COLOURS[number]
             rows = np.array([row[1:] for row in solved if row[0] == arm], float)
-            panels[0, 0].plot(rows[:, 0], rows[:, 1], color=colour, label=label)
-            panels[0, 0].fill_between(*rows[:, [0, 2, 3]].T, color=colour, alpha=0.25, linewidth=0)
+            draw_band(panels[0, 0], *rows[:, :4].T, colour=colour, label=label)
             for axes, signals in zip(panels[0, 1:], ("raw", "normalised"), strict=True):
                 for solutions, style in (("solved", "-"), ("all", ":")):
                     chosen = [row[3:] for row in distances if row[:3] == [arm, signals, solutions]]

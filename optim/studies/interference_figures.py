@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.measures.statistics import mean_band
+from optim.plots.curves import draw_band
 from optim.studies.figures import COLOURS, PAGE, figure, save_arrays
 from optim.studies.interference_champions import Champions, typical
 from optim.studies.interference_settings import ROBOTS, Floats, Interference, Treatment
@@ -74,8 +75,8 @@ def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
             for n, axes in enumerate((panels[0, column], panels[1 + row, column])):
                 low, high = mean_band(values[..., n])
                 colour, generations = COLOURS[row % len(COLOURS)], np.arange(values.shape[1])
-                axes.plot(generations, values[..., n].mean(axis=0), color=colour, label=treatment.row)
-                axes.fill_between(generations, low, high, color=colour, alpha=0.2, lw=0)
+                mean = values[..., n].mean(axis=0)
+                draw_band(axes, generations, mean, low, high, colour=colour, label=treatment.row)
         panels[0, 0].set_ylabel("worst distance [m]")
         panels[0, 0].set_ylim(bottom=0)
         for axes, name in zip(panels[1:, 0], rows, strict=True):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
+from optim.plots.fronts import draw_points
 from optim.search.method import check_whole
 from optim.space import Vector
 from optim.studies.figures import COLOURS, COLUMN, figure
@@ -205,10 +206,7 @@ def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> Non
     with figure(path, COLUMN, 2.8) as (_, panels):
         axes = panels[0, 0]
         for (name, front), colour in zip(fronts.items(), COLOURS, strict=False):
-            axes.plot(front.effort, front.distance, "o", color=colour, markersize=3, fillstyle="none",
-                      markeredgewidth=0.6, label=LABELS[name])  # fmt: skip
-            every = front.solved == 4
-            axes.plot(front.effort[every], front.distance[every], "o", color=colour, markersize=3)
+            draw_points(axes, front.effort, front.distance, front.solved == 4, colour=colour, label=LABELS[name])
         axes.plot(
             published["effort"],
             published["distance_with_weights_1"],

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.measures.overlap import interference, learnability
+from optim.plots.vehicles import add_overlap_bar, draw_overlap
 from optim.studies.figures import COLUMN, figure, letter, save_arrays
 from optim.studies.results import check_folder, part_of, scale_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
-from optim.studies.sensor_placement_figures import OVERLAP_COLOURS, draw_overlap
 from optim.studies.sweep_table import overlaps_of
 from optim.studies.tables import write_table
 from robots.braitenberg import Sweep
@@ -80,7 +80,6 @@ def draw(overlaps: dict[tuple[str, str], Overlap], path: Path) -> None:
             image = draw_overlap(axes, overlap)
             axes.annotate(f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all", (0.5, 1.02),
                           xycoords="axes fraction", ha="center", va="bottom", fontsize=7)  # fmt: skip
-        bar = drawn.colorbar(image, ax=panels.ravel().tolist(), ticks=range(len(OVERLAP_COLOURS)), aspect=40)
-        bar.set_label("environments solved")
+        add_overlap_bar(drawn, image, panels.ravel().tolist())
         letter(panels)
     save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})

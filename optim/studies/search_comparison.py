@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optim.plots.curves import draw_share_solved
 from optim.studies.co_optimisation import BORG, SCALES, CoOptimisation
 from optim.studies.comparison import compare, describe_times, ranked
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
@@ -105,11 +106,10 @@ def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
                     values = times[kind][name][method]
-                    x = np.concatenate([[0], np.sort(values[values > 0]), [budget]])
-                    y = np.append(np.arange(len(x) - 1), len(x) - 2) / len(values)
                     shown = label if kind == "evaluations" else f"{label}, by cost"
-                    axes.step(x, y, style, where="post", color=colour, label=shown)
-            axes.set(xlabel="evaluations", title=title, xlim=(0, budget), ylim=(0, 1.02))
+                    draw_share_solved(axes, values[values > 0], len(values), budget, linestyle=style, color=colour,
+                                      label=shown)  # fmt: skip
+            axes.set_title(title)
         panels[0, 0].set_ylabel("share of trials with all solved")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
         letter(panels)

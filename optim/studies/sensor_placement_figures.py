@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optim.plots.vehicles import add_overlap_bar, draw_overlap, draw_paths
 from optim.studies.figures import COLOURS, COLUMN, PAGE, figure, letter, save_arrays
 from optim.studies.sensor_placement import (
     Distribution,
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MEANINGS = {"M_L": "learnability $M_L$", "M_CI": "resistance to interference $M_{CI}$"}
-# none pale, all dark blue, between from yellow to brown: the order survives a black and white print
-OVERLAP_COLOURS = ("#f2f2f2", "#fee391", "#fe9929", "#b84a0c", "#08306b")
 STEPS_PER_POINT = 2
 
 
@@ -132,8 +131,7 @@ def save_examples(examples: Mapping[int, Example], path: Path) -> None:
                 row[1].axis("off")
                 row[1].annotate("no controller solves all", (0.5, 0.5), xycoords="axes fraction", ha="center")
             image = draw_overlap(row[2], example.overlap, weights)
-        bar = drawn.colorbar(image, ax=panels[:, 2].tolist(), ticks=range(len(OVERLAP_COLOURS)), aspect=40)
-        bar.set_label("environments solved")
+        add_overlap_bar(drawn, image, panels[:, 2].tolist())
         letter(panels)
     save_arrays(path.with_suffix(".npz"), arrays)
     header = ("design", "name", "l1x", "l1y", "l2x", "l2y", "all", "persistent")
@@ -166,29 +164,9 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
 
 
 def _draw_paths(axes: "Axes", places: NDArray[np.float64], task: VehicleTask, weights: NDArray[np.float64]) -> None:
-    for number, path in enumerate(places):
-        axes.plot(*path.T, color=COLOURS[number], linewidth=0.8)
-        axes.plot(*path[0], "o", color=COLOURS[number], markersize=3)
-    for light in np.unique(task.lights, axis=0):
-        axes.plot(*light, "*", color=COLOURS[6], markeredgecolor="black", markeredgewidth=0.5, markersize=9, zorder=4)
-    reach = 1.1 * float(np.nanmax(np.abs(places)))
-    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
+    draw_paths(axes, places, np.unique(task.lights, axis=0))
     axes.annotate("$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights), (0.5, 1.02), xycoords="axes fraction", ha="center",
                   va="bottom", fontsize=7)  # fmt: skip
-
-
-def draw_overlap(axes: "Axes", overlap: NDArray[np.uint8], weights: NDArray[np.float64] | None = None) -> Any:
-    """Environments that each controller solves, w1 to the right and w2 upwards, and one controller as a cross."""
-    from matplotlib.colors import ListedColormap
-
-    outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights
-    levels = len(OVERLAP_COLOURS)
-    image = axes.imshow(overlap.T, origin="lower", extent=(-outer, outer, -outer, outer), interpolation="nearest",
-                        cmap=ListedColormap(OVERLAP_COLOURS), vmin=-0.5, vmax=levels - 0.5)  # fmt: skip
-    if weights is not None:
-        axes.plot(*weights, "+", color=COLOURS[4], markersize=6, markeredgewidth=1.2)
-    axes.set(xlabel="$w_1$", ylabel="$w_2$")
-    return image
 
 
 def _named(text: str) -> str:

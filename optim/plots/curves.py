@@ -1,0 +1,130 @@
+"""Curves of searches: over the generations of one run, and of groups of runs over what they spent."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.runs.comparison import Curve
+from optim.runs.loop import Generation
+from optim.studies.figures import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CLIMBER_LINES = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "steps-post"}
+
+
+def draw_run(
+    axes: "Axes", generations: Sequence[Generation], *, best: str = COLOURS[0], mean: str = COLOURS[1]
+) -> None:
+    """Best score of a run so far, the mean of what its search keeps, and every climber as a thin line.
+
+    Scores are missing as long as every evaluation has failed.
+
+    Args:
+        axes: to draw on.
+        generations: as logged, at least one.
+        best: colour.
+        mean: colour; of climbers too.
+    """
+    x = [generation.generation for generation in generations]
+    climbers = all(generation.scores is not None for generation in generations)
+    if climbers:
+        scores = np.array([generation.scores for generation in generations], float)
+        axes.plot(x, scores, color=mean, **CLIMBER_LINES)  # type: ignore[arg-type]
+    kept = "mean of the climbers" if climbers else "mean of what the search keeps"
+    for label, colour, name in ((kept, mean, "mean"), ("best", best, "best")):
+        values = np.array([getattr(generation, name) for generation in generations], float)
+        axes.plot(x, values, color=colour, linewidth=1.8, drawstyle="steps-post", label=label)
+    _by_generation(axes, len(x))
+
+
+def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[str, str]) -> None:
+    """Details of the best design so far, such as its speed on each terrain.
+
+    Args:
+        axes: to draw on.
+        generations: as logged, at least one.
+        details: names of numbers in ``best_details``, and how the legend shall call them.
+    """
+    for (name, label), colour in zip(details.items(), COLOURS[2:] + COLOURS[:2], strict=False):
+        values = np.array([(g.best_details or {}).get(name) for g in generations], float)
+        axes.plot([g.generation for g in generations], values, color=colour, linewidth=1.8, drawstyle="steps-post",
+                  label=label)  # fmt: skip
+    _by_generation(axes, len(generations))
+
+
+def _by_generation(axes: "Axes", count: int) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    if count == 1:  # a step has no length: show where it is
+        for line in axes.lines:
+            line.set_marker("o")
+    axes.set_xlabel("generation")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def draw_band(
+    axes: "Axes", x: ArrayLike, mean: ArrayLike, low: ArrayLike, high: ArrayLike, *, colour: str, label: str = "",
+    steps: bool = False,
+) -> None:  # fmt: skip
+    """A mean and the band of its interval.
+
+    Args:
+        axes: to draw on.
+        x: places, shape (P,).
+        mean, low, high: there, shape (P,); NaN leaves a gap.
+        colour: of both.
+        label: for the legend.
+        steps: whether values hold until the next place; otherwise they are joined.
+    """
+    axes.plot(x, mean, color=colour, label=label or None, drawstyle="steps-post" if steps else "default")
+    axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0, step="post" if steps else None)
+
+
+def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
+    """Mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
+
+    Args:
+        axes: to draw on.
+        curves: of groups, see ``optim.runs.comparison.curves``.
+        axis: what they are over: ``"evaluations"``, ``"generations"`` or ``"seconds"``.
+    """
+    for number, curve in enumerate(curves):
+        colour = COLOURS[number % len(COLOURS)]
+        axes.plot(curve.x, curve.scores.T, color=colour, **CLIMBER_LINES)  # type: ignore[arg-type]
+        label = f"{curve.label}\n(mean of {len(curve.scores)} {curve.unit})"
+        draw_band(axes, curve.x, *curve.band(), colour=colour, label=label, steps=True)
+    axes.set_xlabel({"seconds": "time [s]"}.get(axis, axis))
+
+
+def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget: int, **line: Any) -> None:
+    """Share of trials that have come to their goal, against the evaluations that they needed.
+
+    Args:
+        axes: to draw on.
+        evaluations: of the trials that came there.
+        trials: all of them.
+        budget: evaluations of a trial that did not.
+        line: how it is drawn, see ``Axes.plot``.
+    """
+    x = np.concatenate([[0], np.sort(np.asarray(evaluations)), [budget]])
+    y = np.append(np.arange(len(x) - 1), len(x) - 2) / trials
+    axes.step(x, y, where="post", **line)
+    axes.set(xlabel="evaluations", xlim=(0, budget), ylim=(0, 1.02))
+
+
+def save_curves(curves: Sequence[Curve], axis: str, path: Path) -> None:
+    """The picture of :func:`draw_curves`; the suffix of the path chooses the format."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    draw_curves(axes, curves, axis)
+    axes.set_ylabel("best score so far")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize="small")
+    figure.savefig(path, dpi=150)

@@ -1,0 +1,79 @@
+"""Pareto fronts of two and three objectives."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.measures.pareto import non_dominated
+from optim.studies.figures import COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, best: int | None = None) -> Any:
+    """Designs by two objectives to be maximised, or three, the third as colour.
+
+    Dominated designs are small and pale. Through the front of two objectives goes the staircase that bounds what it
+    dominates.
+
+    Args:
+        axes: to draw on.
+        objectives: of N designs, shape (N, K), K = 2 or 3; rows with NaN are left out.
+        names: of the objectives.
+        best: row of a design to be marked.
+
+    Returns:
+        What a colour bar needs for the third objective, see :func:`add_bar`; None with two.
+
+    Raises:
+        ValueError: in one line, for other numbers of objectives, and no designs.
+    """
+    values = np.asarray(objectives, float)
+    if values.ndim != 2 or values.shape[1] not in (2, 3) or len(names) != values.shape[1]:
+        raise ValueError(
+            f"objectives: shape {values.shape} with {len(names)} names is not allowed; give 2 or 3 of each"
+        )
+    front = non_dominated(values)
+    if not front.any():
+        raise ValueError("objectives: no design has succeeded; give at least one that did")
+    axes.scatter(*values[~front, :2].T, s=6, color="0.7", linewidths=0)
+    shown = None
+    if values.shape[1] == 2:
+        stairs = values[front][np.argsort(values[front, 0])]
+        axes.step(*stairs.T, where="pre", color=COLOURS[0], linewidth=0.8, alpha=0.6)
+        draw_points(axes, *stairs.T, colour=COLOURS[0])
+    else:
+        shown = axes.scatter(*values[front, :2].T, c=values[front, 2], s=18, cmap="viridis", linewidths=0)
+    if best is not None:
+        axes.plot(*values[best, :2], "o", color=COLOURS[1], markersize=8, fillstyle="none", markeredgewidth=1.4,
+                  label="best mean")  # fmt: skip
+    axes.set(xlabel=names[0], ylabel=names[1])
+    return shown
+
+
+def add_bar(figure: "Figure", axes: "Axes", shown: Any, name: str) -> None:
+    """The colours of a third objective beside a front."""
+    figure.colorbar(shown, ax=axes, label=name, fraction=0.05, aspect=30)
+
+
+def draw_points(
+    axes: "Axes", x: ArrayLike, y: ArrayLike, filled: ArrayLike | None = None, *, colour: str, label: str = ""
+) -> None:
+    """Designs as circles, of which some may be hollow.
+
+    Args:
+        axes: to draw on.
+        x, y: where, shape (N,).
+        filled: which are, shape (N,); all by default.
+        colour: of all.
+        label: for the legend.
+    """
+    x, y = np.asarray(x), np.asarray(y)
+    full = np.ones(len(x), bool) if filled is None else np.asarray(filled, bool)
+    axes.plot(x, y, "o", color=colour, markersize=3, fillstyle="none", markeredgewidth=0.6, label=label or None)
+    axes.plot(x[full], y[full], "o", color=colour, markersize=3)

@@ -1,0 +1,56 @@
+"""Vehicles: which controllers succeed in a body, and the paths they drive."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.studies.figures import COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# none pale, all dark blue, between from yellow to brown: the order survives a black and white print
+OVERLAP_COLOURS = ("#f2f2f2", "#fee391", "#fe9929", "#b84a0c", "#08306b")
+
+
+def draw_overlap(axes: "Axes", overlap: NDArray[np.uint8], weights: NDArray[np.float64] | None = None) -> Any:
+    """Environments that each controller solves, w1 to the right and w2 upwards, and one controller as a cross."""
+    from matplotlib.colors import ListedColormap
+
+    outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights
+    levels = len(OVERLAP_COLOURS)
+    image = axes.imshow(overlap.T, origin="lower", extent=(-outer, outer, -outer, outer), interpolation="nearest",
+                        cmap=ListedColormap(OVERLAP_COLOURS), vmin=-0.5, vmax=levels - 0.5)  # fmt: skip
+    if weights is not None:
+        axes.plot(*weights, "+", color=COLOURS[4], markersize=6, markeredgewidth=1.2)
+    axes.set(xlabel="$w_1$", ylabel="$w_2$")
+    return image
+
+
+def add_overlap_bar(drawn: "Figure", image: Any, axes: "Sequence[Axes]") -> None:
+    """What the colours of success matrices mean, beside their axes."""
+    bar = drawn.colorbar(image, ax=axes, ticks=range(len(OVERLAP_COLOURS)), aspect=40)
+    bar.set_label("environments solved")
+
+
+def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike) -> None:
+    """Paths seen from above, each from a dot on, and lights as stars.
+
+    Args:
+        axes: to draw on.
+        places: where vehicles were [m], shape (P, T, 2); NaN after their ends.
+        lights: where lights are [m], shape (L, 2).
+    """
+    places = np.asarray(places, float)
+    for number, path in enumerate(places):
+        colour = COLOURS[number % len(COLOURS)]
+        axes.plot(*path.T, color=colour, linewidth=0.8)
+        axes.plot(*path[0], "o", color=colour, markersize=3)
+    for light in np.asarray(lights, float):
+        axes.plot(*light, "*", color=COLOURS[6], markeredgecolor="black", markeredgewidth=0.5, markersize=9, zorder=4)
+    reach = 1.1 * float(np.nanmax(np.abs(places)))
+    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
