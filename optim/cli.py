@@ -19,6 +19,7 @@ from optim.commands import (
     export,
     gradient_check,
     interference,
+    report,
     reproduce,
     simulate,
     status,
@@ -40,7 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
     parser = _Parser(prog="morpholab", description="Simulate soft and rigid robots, and design bodies and behaviours.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, view, codesign, status, compare, gradient_check, export, sweep, train, interference,
+    for command in (simulate, view, codesign, status, compare, report, gradient_check, export, sweep, train, interference,
                     reproduce, bench):  # fmt: skip
         command.add_parser(commands)
     return parser

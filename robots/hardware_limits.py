@@ -98,5 +98,5 @@ def rig_report(design: Design, rig: PneumaticRig | None = None) -> RigReport:
 def _share(value: float, limit: float) -> float:
     """Of a limit above 0 the share; another, such as that no vacuum is allowed, is kept or not."""
     if limit > 0:
-        return max(value / limit, 0.0)
+        return max(0.0, value / limit)
     return 2.0 if value > limit + ROUNDING else 0.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import Report, options
 
 if TYPE_CHECKING:
-    from optim.runs.comparison import Curve, Difference
+    from optim.runs.comparison import Difference
 
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -52,29 +52,11 @@ def run(args: argparse.Namespace) -> Report:
     document = {
         "by": args.by,
         "at": end,
-        "groups": [_group(curve, end) for curve in curves],
+        "groups": [dataclasses.asdict(comparison.standing(curve, end)) for curve in curves],
         "differences": [dataclasses.asdict(difference) for difference in differences],
         "picture": str(args.out) if args.out else None,
     }
     return Report(document, "\n".join(_lines(document, differences)))
-
-
-def _group(curve: "Curve", end: float) -> dict[str, Any]:
-    from optim.measures.statistics import mean_band
-
-    scores = curve.at(end)
-    low, high = (float(bound) for bound in mean_band(scores)) if len(scores) > 1 else (None, None)
-    return {
-        "label": curve.label,
-        "folders": curve.folders,
-        "unit": curve.unit,
-        "count": len(curve.scores),
-        "without_success": len(curve.scores) - len(scores),
-        "mean": float(scores.mean()) if len(scores) else None,
-        "low": low,
-        "high": high,
-        "best": float(scores.max()) if len(scores) else None,
-    }
 
 
 def _lines(document: dict[str, Any], differences: "list[Difference]") -> list[str]:

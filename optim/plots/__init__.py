@@ -1,15 +1,17 @@
 """Drawings of what runs and studies found, on matplotlib axes; reports and figures of studies share them."""
 
 from optim.plots.curves import draw_band, draw_best, draw_curves, draw_run, draw_share_solved, save_curves
-from optim.plots.fronts import draw_front, draw_points
+from optim.plots.fronts import add_bar, draw_elites, draw_front, draw_points
 from optim.plots.vehicles import OVERLAP_COLOURS, add_overlap_bar, draw_overlap, draw_paths
 
 __all__ = [
     "OVERLAP_COLOURS",
+    "add_bar",
     "add_overlap_bar",
     "draw_band",
     "draw_best",
     "draw_curves",
+    "draw_elites",
     "draw_front",
     "draw_overlap",
     "draw_paths",

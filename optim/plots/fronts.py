@@ -77,3 +77,19 @@ def draw_points(
     full = np.ones(len(x), bool) if filled is None else np.asarray(filled, bool)
     axes.plot(x, y, "o", color=colour, markersize=3, fillstyle="none", markeredgewidth=0.6, label=label or None)
     axes.plot(x[full], y[full], "o", color=colour, markersize=3)
+
+
+def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequence[str]") -> Any:
+    """The best designs of many kinds, coloured by their scores.
+
+    Args:
+        axes: to draw on.
+        places: two descriptors of each, shape (N, 2).
+        scores: shape (N,).
+        names: of the descriptors.
+
+    Returns:
+        What a colour bar needs, see :func:`add_bar`.
+    """
+    axes.set(xlabel=names[0], ylabel=names[1])
+    return axes.scatter(*np.asarray(places, float).T, c=np.asarray(scores, float), s=16, marker="s", linewidths=0)

@@ -55,6 +55,33 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Standing:
+    """A group at a place on the axis.
+
+    Attributes:
+        label: of its curve.
+        folders: of its runs.
+        unit: ``"runs"`` or ``"climbers"``.
+        count: of them.
+        without_success: how many of them have had none so far.
+        mean: of the best scores of the others; None without any, as the following.
+        low: lower end of its 95 % bootstrap interval; None with fewer than two.
+        high: upper end.
+        best: of them.
+    """
+
+    label: str
+    folders: tuple[str, ...]
+    unit: str
+    count: int
+    without_success: int
+    mean: float | None
+    low: float | None
+    high: float | None
+    best: float | None
+
+
+@dataclass(frozen=True)
 class Difference:
     """How the second of two groups differs from the first: ``effect``, and its p adjusted for all pairs (Holm)."""
 
@@ -105,6 +132,15 @@ def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
     ]
     adjusted = holm([found.p for *_, found in pairs]) if pairs else []
     return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
+
+
+def standing(curve: Curve, x: float) -> Standing:
+    """Where a group stands at x."""
+    scores = curve.at(x)
+    low, high = (float(bound) for bound in mean_band(scores)) if len(scores) > 1 else (None, None)
+    mean, best = (float(scores.mean()), float(scores.max())) if len(scores) else (None, None)
+    without = len(curve.scores) - len(scores)
+    return Standing(curve.label, curve.folders, curve.unit, len(curve.scores), without, mean, low, high, best)
 
 
 def _overlap(places: Mapping[str, Floats], axis: Axis) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from robots.files import write_text
 from robots.view.motion import Motion
 from robots.view.player.page import MOST_MOTIONS, page
 
-__all__ = ["MOST_MOTIONS", "Player", "page", "save_player", "show"]
+__all__ = ["MOST_MOTIONS", "Player", "embedded", "page", "save_player", "show"]
 
 
 def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, title: str = "") -> int:
@@ -52,8 +52,7 @@ class Player:
     height: int
 
     def _repr_html_(self) -> str:
-        style = f"width:100%;height:{self.height}px;border:0"
-        return f'<iframe srcdoc="{html.escape(self.page)}" style="{style}"></iframe>'
+        return embedded(self.page, f"width:100%;height:{self.height}px;border:0")
 
 
 def show(motions: Motion | Sequence[Motion], *, title: str = "", height: int = 860) -> Player:
@@ -65,3 +64,15 @@ def show(motions: Motion | Sequence[Motion], *, title: str = "", height: int = 8
         height: of the player [px].
     """
     return Player(page(motions, title), whole_number("height", height, 200))
+
+
+def embedded(page: str, style: str = "", title: str = "Player of motions") -> str:
+    """A player's page as an element of another page.
+
+    Args:
+        page: as text.
+        style: CSS of the element.
+        title: for those who do not see it.
+    """
+    look = f' style="{html.escape(style)}"' if style else ""
+    return f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}"{look}></iframe>'

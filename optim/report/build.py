@@ -1,0 +1,134 @@
+"""From folders to a page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from optim.report.compared import check_comparable, comparison_sections
+from optim.report.condition import state_of
+from optim.report.kinds import Progress, Replay
+from optim.report.markup import Html, Section, paragraph, picture, side_by_side
+from optim.report.markup import page as page_of
+from optim.report.one_run import OneRun
+from optim.runs.comparison import Axis
+from optim.runs.history import read_history, runs_below
+from robots.hardware import PneumaticRig
+from robots.view.motion import Motion
+from robots.view.player import MOST_MOTIONS, embedded, page
+
+MOST_BYTES = 15_000_000  # of a page, so that it can be mailed
+FOOT = "Made by morpholab report. This page is one file and needs no network."
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a report shall have.
+
+    Attributes:
+        player: whether the best design is simulated again and can be played.
+        frames: of each motion, about.
+        rig: that is to play the gait; the default one if None.
+        axis: by which several runs are compared.
+    """
+
+    player: bool = True
+    frames: int = 400
+    rig: PneumaticRig | None = None
+    axis: Axis = "evaluations"
+
+
+@dataclass(frozen=True)
+class Built:
+    """A page.
+
+    Attributes:
+        text: of the file.
+        document: what it says, for machines.
+        notes: on what is not as asked for, a line each.
+    """
+
+    text: str
+    document: dict[str, Any]
+    notes: list[str] = field(default_factory=list)
+
+
+def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Built:
+    """The page of a run, of several that are judged alike, or of one study.
+
+    Args:
+        paths: of run folders, folders of such, or of a study.
+        settings: of the page.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: in one line, for what cannot be reported, before anything is simulated.
+    """
+    from optim.report.studies import study_of
+
+    for path in paths:
+        if path.is_dir() and (found := study_of(path)):
+            if len(paths) > 1:
+                raise ValueError(f"run: {path} is a study; report it alone")
+            title, lead, sections, document = found(path)
+            return Built(page_of(title, lead, sections, FOOT), document)
+    histories = [read_history(folder) for folder in _runs(paths)]
+    runs = [OneRun.of(history) for history in histories]
+    if len(runs) == 1:
+        return _page(runs[0], runs[0].title, runs[0].lead, [], {}, settings, progress)
+    check_comparable(histories)
+    sections, document = comparison_sections(runs, settings.axis)
+    best = max(
+        runs, key=lambda run: (run.history.generations[-1].best is not None, run.history.generations[-1].best or 0)
+    )
+    title = f"{len(runs)} runs: {best.kind.task}"
+    lead = [paragraph(f"The best design is that of {best.history.path}, told of below.", "lead")]
+    return _page(best, title, [*lead, *best.lead[1:]], sections, {"comparison": document}, settings, progress)
+
+
+def _runs(paths: Sequence[Path]) -> list[Path]:
+    """Run folders; a one-line ValueError that says what can be reported."""
+    try:
+        return runs_below(paths)
+    except ValueError as error:
+        able = "a report takes folders of runs, or one of a sweep, of training or of a study of interference"
+        raise ValueError(f"{error}; {able}") from None
+
+
+def _page(
+    run: OneRun, title: str, lead: Sequence[Html], before: Sequence[Section], more: dict[str, Any], settings: Settings,
+    progress: Progress,
+) -> Built:  # fmt: skip
+    """The page of a run, after sections of several."""
+    last, problem = run.history.generations[-1], run.kind.problem
+    replay = Replay()
+    if settings.player and last.best_point is not None:
+        replay = run.kind.replay(problem.space.from_dict(last.best_point), settings.frames, progress)
+    best = run.best(replay, settings.rig)
+    shown, notes = list(replay.motions[:MOST_MOTIONS]), []
+    if len(shown) < len(replay.motions):
+        notes.append(f"the player shows {MOST_MOTIONS} of {len(replay.motions)} motions")
+    while True:
+        player = _player(shown, replay) if shown else None
+        text = page_of(title, lead, [*before, *run.sections(best, player)], FOOT)
+        size, frames = len(text.encode()), max((len(motion.times) for motion in shown), default=0)
+        if size <= MOST_BYTES or frames <= 2:
+            break
+        shown = [motion.every(2) for motion in shown]
+        notes.append(
+            f"with {frames} frames the page had {size / 1e6:.1f} MB, above {MOST_BYTES / 1e6:g}: every other is left"
+        )
+    document = {
+        "kind": "run", "folder": str(run.history.path), "state": state_of(run.history), "damages": run.damages,
+        "generation": last.generation, "evaluations": last.evaluations, "best": last.best,
+        "design": best.document if best else None, "frames": frames, **more,
+    }  # fmt: skip
+    return Built(text, document, notes)
+
+
+def _player(motions: Sequence[Motion], replay: Replay) -> Html:
+    """The player for screens, pictures for print."""
+    element = Html(embedded(page(motions), title="Player: the best design in motion"))
+    words = "The best design in motion: drag to orbit, space to play. Simulated again when this page was made."
+    printed = f'<div class="print-only">{side_by_side(map(Html, replay.pictures))}</div>'
+    return Html(picture(element, words, "player") + printed)

@@ -1,0 +1,96 @@
+"""The page's sections of several runs: each in a line, their curves, and how they differ."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from optim.plots.curves import draw_curves
+from optim.report.charts import chart
+from optim.report.condition import state_of
+from optim.report.markup import Html, Section, code, number, paragraph, picture, table
+from optim.report.one_run import OneRun
+from optim.runs import comparison
+from optim.runs.comparison import Axis, Difference, Standing
+from optim.runs.history import History
+
+# What a score depends on besides the design; the rest of a problem may differ from run to run.
+JUDGED = ("kind", "terrains", "terrain", "objectives", "geometry", "weight", "repeats", "actuation", "task")
+
+
+def check_comparable(histories: Sequence[History]) -> None:
+    """Raise a one-line ValueError unless the scores of all runs mean the same."""
+    first = histories[0]
+    for other in histories[1:]:
+        for name in JUDGED:
+            values = [json.dumps(history.config["problem"].get(name)) for history in (first, other)]
+            if values[0] != values[1]:
+                raise ValueError(
+                    f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "
+                    "report them one by one"
+                )
+
+
+def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Section], dict[str, Any]]:
+    """Sections, and the same for machines.
+
+    Args:
+        runs: at least two, whose scores mean the same.
+        axis: by which they are compared.
+
+    Raises:
+        ValueError: in one line, if they cannot be compared, see ``optim.runs.comparison``.
+    """
+    curves = comparison.curves([run.history for run in runs], axis)
+    end = comparison.shared_end(curves, axis)
+    standings = [comparison.standing(curve, end) for curve in curves]
+    differences = comparison.differences(curves, end)
+    what, unit = runs[0].kind.score
+
+    def draw(axes: Any) -> None:
+        draw_curves(axes, curves, axis)
+        axes.set_ylabel(f"best {what} so far [{unit}]")
+
+    alt = f"Best {what} of {len(curves)} groups over {axis}, mean and 95 % band"
+    caption = "Best so far: mean of each group, its 95 % bootstrap band, and every unit as a thin line."
+    compared = [
+        picture(chart(draw, alt, size=(6.4, 3.4)), caption),
+        _standings(standings, f"Best scores at {end:g} {axis} [{unit}]"),
+        _differences(differences),
+    ]
+    document = {
+        "by": axis, "at": end, "groups": list(map(asdict, standings)), "differences": list(map(asdict, differences))
+    }  # fmt: skip
+    return [Section("The runs", [_overview(runs)]), Section("How they compare", compared)], document
+
+
+def _overview(runs: Sequence[OneRun]) -> Html:
+    rows = []
+    for run in runs:
+        last, method = run.history.generations[-1], run.history.config["method"]
+        rows.append((code(str(run.history.path)), method["name"], str(method.get("seed", "")), state_of(run.history),
+                     f"{last.generation} of {run.history.config['generations']}", number(last.evaluations, 0),
+                     number(last.best), number(last.mean)))  # fmt: skip
+    header = ("Run", "Method", "Seed", "State", "Generations", "Evaluations", "Best", "Mean")
+    return table(f"{len(runs)} runs", header, rows)
+
+
+def _standings(standings: Sequence[Standing], caption: str) -> Html:
+    rows = [
+        (one.label, f"{one.count} {one.unit if one.count > 1 else one.unit[:-1]}", number(one.mean), number(one.low),
+         number(one.high), number(one.best))
+        for one in standings
+    ]  # fmt: skip
+    return table(caption, ("Group", "Of", "Mean", "95 % from", "to", "Best"), rows)
+
+
+def _differences(differences: Sequence[Difference]) -> Html:
+    if not differences:
+        return paragraph("No effect sizes: that takes at least two groups of two runs each, with other seeds.")
+    rows = [
+        (f"{one.second} minus {one.first}", number(one.effect.difference), number(one.effect.low), number(one.effect.high),
+         number(one.effect.superiority, 2), number(one.effect.cohens_d, 2), number(one.adjusted_p, 3))
+        for one in differences
+    ]  # fmt: skip
+    header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")
+    return table("Effect sizes", header, rows)

@@ -1,0 +1,191 @@
+"""Reports of the inflatable robot: its terrains, its best gait, and what that asks of the pneumatic rig."""
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from optim.gait_problem import GaitProblem
+from optim.report.charts import chart, image
+from optim.report.kinds import Best, Progress, Replay, finite
+from optim.report.markup import Html, Text, facts, joined, number, picture, table
+from optim.report.rig import KPA_PER_PSI, rig_section
+from optim.runs.loop import Generation
+from optim.space import Vector
+from robots import inflatable
+from robots.hardware import PneumaticRig
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign
+from robots.inflatable_actuation import nominal_steps, play
+from robots.terrain import Terrain
+
+UNIT = "BL/s"
+PIXELS = 110  # an inch
+
+
+@dataclass(frozen=True)
+class GaitRun:
+    """A run that designs shape, orientation and gait of the inflatable robot."""
+
+    problem: GaitProblem
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> Self:
+        """The run of a problem as described."""
+        return cls(GaitProblem.from_description(description))
+
+    @property
+    def task(self) -> str:
+        """Where the robot travels."""
+        return f"inflatable robot, {' and '.join(spoken(terrain) for terrain in self.problem.terrains)}"
+
+    @property
+    def score(self) -> tuple[str, str]:
+        """Speed."""
+        return ("speed" if len(self.problem.terrains) == 1 else "mean speed"), UNIT
+
+    @property
+    def facts(self) -> list[tuple[str, Text]]:
+        """Terrains, what is free, what is fixed, and the simulation."""
+        problem, geometry = self.problem, NAMED_GEOMETRIES[self.problem.geometry]
+        fixed = {"orientation": (problem.orientation, "°"), "pressure": (problem.pressure, " Pa")}
+        held = [f"{name} {value:g}{unit}" for name, (value, unit) in fixed.items() if value is not None]
+        held += ["gait"] if problem.schedule is not None else []
+        aim = "mean speed over the terrains" if problem.objectives == "mean" else "speed on each terrain"
+        if len(problem.terrains) == 1:
+            aim = "speed"
+        return [
+            ("Robot", f"inflatable shape-changing robot, {problem.geometry} geometry, {geometry.body_length:g} m long"),
+            ("Terrains", joined(_described(terrain) for terrain in problem.terrains)),
+            ("Objective", f"{aim}, in body lengths a second by the published convention ({UNIT})"),
+            ("Free", ", ".join(problem.free)),
+            ("Fixed", ", ".join(held) or "nothing"),
+            ("Gait", f"{problem.columns} columns, played {_times(problem.repeats)}, encoded as {problem.encoding}"),
+            ("Simulation", f"{problem.precision} on {problem.device}, weight of bladders {problem.weight}"),
+        ]
+
+    @property
+    def curves(self) -> Mapping[str, str]:
+        """The speed on each terrain, of several."""
+        terrains = self.problem.terrains
+        return {f"speed_{terrain.name}": spoken(terrain) for terrain in terrains} if len(terrains) > 1 else {}
+
+    @property
+    def _robot(self) -> dict[str, Any]:
+        actuation = InflatableActuation(weight=self.problem.weight)
+        return {"geometry": NAMED_GEOMETRIES[self.problem.geometry], "actuation": actuation}
+
+    def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
+        """Simulate a design on all terrains."""
+        from robots.view.picture import motion_picture
+        from robots.view.soft_motion import inflatable_motion
+
+        problem, design = self.problem, self.problem.design(point)
+        every = max(1, -(-play(design.schedule, self._robot["actuation"])[1] // (frames - 1)))
+        where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
+        motions, speeds, pictures = [], [], []
+        for n, terrain in enumerate(problem.terrains):
+            result = inflatable.simulate(
+                [design], terrain, **self._robot, **where, record_every=every,
+                progress=lambda part, n=n: progress((n + part) / len(problem.terrains)),  # type: ignore[misc]
+            )  # fmt: skip
+            drive, name = self._robot["actuation"], spoken(terrain)
+            motion = inflatable_motion(result, design, terrain, actuation=drive, name=name)
+            strip = motion_picture(result, design, terrain, actuation=drive)
+            alt = f"Six poses of the best gait {name}, above the chart of its actuators"
+            motions.append(motion)
+            speeds.append(finite(float(result.speed[0])))
+            pictures.append(picture(image(strip, alt, pixels=PIXELS), alt))
+        return Replay(motions, speeds, pictures)
+
+    def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
+        """Numbers on each terrain, the gait chart, and the rig."""
+        design, details = self.problem.design(point), last.best_details or {}
+        rows, told = [], []
+        for n, terrain in enumerate(self.problem.terrains):
+            speed = finite(details.get(f"speed_{terrain.name}"))
+            distance = None if speed is None else speed * self._metres_per_speed(design)
+            again = replay.numbers[n] if n < len(replay.numbers) else None
+            rows.append([spoken(terrain), *map(number, (speed, distance, again)[: 3 if replay.numbers else 2])])
+            told.append({"terrain": terrain.name, "speed": speed, "distance": distance, "replayed": again})
+        header = ["Terrain", f"Speed [{UNIT}]", "Distance [m]"]
+        header += [f"Replayed here [{UNIT}]"] if replay.numbers else []
+        kpa = design.pressure / 1000
+        shape = [
+            ("Core pressure", Html(f"{number(kpa, 2, 'kPa')} ({number(kpa / KPA_PER_PSI, 2, 'psi')})")),
+            ("Orientation", Html(f"{number(design.orientation, 1)}°, where 0° rolls and 90° inches")),
+            ("Gait", f"{design.schedule.columns} columns, played {_times(design.schedule.repeats)}, "
+                     f"{self._seconds(design):.2f} s simulated"),
+        ]  # fmt: skip
+        content = [
+            table("The best design on each terrain", header, rows),
+            facts("Its body and gait", shape),
+            picture(self._gait_chart(design), "When its actuators are on: bladders inflate, feet grip.", "screen-only"),
+        ]
+        limits, document = rig_section(design, rig, self._seconds(design))
+        body = {"pressure": design.pressure, "orientation": design.orientation}
+        return Best(content, [limits], {"terrains": told, **body, "rig": document})
+
+    def _gait_chart(self, design: InflatableDesign) -> Html:
+        from robots.view.drawing import draw_schedule
+
+        columns, steps = play(design.schedule, self._robot["actuation"])
+        edges = np.array([*(column.start for column in columns), steps]) * self._robot["geometry"].time_step
+
+        def draw(axes: Any) -> None:
+            draw_schedule(axes, design.schedule, edges)
+            axes.set_xlabel("time [s]")
+
+        share = 100 * design.schedule.played.mean()
+        alt = f"Gait chart: ten actuators over {edges[-1]:.1f} s, on in {share:.0f} % of the columns"
+        return chart(draw, alt, size=(6.4, 2.1))
+
+    def _metres_per_speed(self, design: InflatableDesign) -> float:
+        """Metres that a speed of 1 comes to, by the published convention, see ``InflatableResult.speed``."""
+        geometry, schedule = self._robot["geometry"], design.schedule
+        steps = nominal_steps(schedule.columns * schedule.repeats, self._robot["actuation"])
+        return float(geometry.body_length * steps * geometry.time_step)
+
+    def _seconds(self, design: InflatableDesign) -> float:
+        """Time of the gait, simulated."""
+        return float(play(design.schedule, self._robot["actuation"])[1] * self._robot["geometry"].time_step)
+
+    def columns(self, points: Vector) -> dict[str, list[Text]]:
+        """Pressure and orientation."""
+        designs = [self.problem.design(point) for point in points]
+        return {
+            "Pressure [kPa]": [number(design.pressure / 1000, 2) for design in designs],
+            "Orientation [°]": [number(design.orientation, 1) for design in designs],
+        }
+
+    def commands(self, folder: Path) -> list[tuple[str, str]]:
+        """Simulating, watching and exporting the best design."""
+        problem, where = self.problem, shlex.quote(str(folder))
+        options = f"--geometry {problem.geometry} --weight {problem.weight} --precision {problem.precision}"
+        return [
+            ("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}"),
+            *((f"Simulate the best design {spoken(terrain)}",
+               f"morpholab simulate --gait {shlex.quote(str(folder / 'best.json'))} --slope {terrain.slope:g} {options}")
+              for terrain in problem.terrains),
+            ("Watch it", f"morpholab view {where} --out best.html"),
+            ("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"),
+        ]  # fmt: skip
+
+
+def spoken(terrain: Terrain) -> str:
+    """A terrain after the name of a robot, such as "up a slope of 15°"."""
+    if not terrain.slope:
+        return "on flat ground"
+    return f"{'up' if terrain.slope > 0 else 'down'} a slope of {abs(terrain.slope):g}°"
+
+
+def _described(terrain: Terrain) -> str:
+    friction = {"gripping": terrain.high_friction, "sliding": terrain.low_friction}
+    given = [f"friction {name} {value:g}" for name, value in friction.items() if value is not None]
+    return " with ".join([terrain.name, *given])
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")

@@ -1,0 +1,151 @@
+"""HTML as text: the few elements that reports are made of. All that is not markup is escaped here."""
+
+import html
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from optim.report.style import STYLE
+
+MINUS = "\N{MINUS SIGN}"
+
+
+class Html(str):
+    """Text that is markup already."""
+
+
+Text = Html | str | int | float | None
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page.
+
+    Attributes:
+        title: its heading.
+        content: markup.
+    """
+
+    title: str
+    content: Sequence[Html] = field(default_factory=tuple)
+
+    @property
+    def anchor(self) -> str:
+        """What links call it."""
+        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+
+
+def text(content: Text) -> Html:
+    """Anything as markup; None is a dash."""
+    if isinstance(content, Html):
+        return content
+    if content is None:
+        return Html("&ndash;")
+    return Html(html.escape(f"{content:g}" if isinstance(content, float) else str(content)))
+
+
+def number(value: float | None, digits: int = 4, unit: str = "") -> Html:
+    """A number as read by people, and in full for machines; a dash for none."""
+    if value is None or not math.isfinite(value):
+        return text(None)
+    shown = f"{value:,.{digits}f}".replace("-", MINUS)
+    return Html(f'<data value="{value!r}">{shown}</data>{" " + html.escape(unit) if unit else ""}')
+
+
+def paragraph(content: Text, kind: str = "") -> Html:
+    """A paragraph, of a class of the style."""
+    return Html(f"<p{_class(kind)}>{text(content)}</p>")
+
+
+def joined(parts: Iterable[Text], separator: str = ", ") -> Html:
+    """Parts, one after the other."""
+    return Html(html.escape(separator).join(text(part) for part in parts))
+
+
+def code(content: str) -> Html:
+    """A name of a file, or the like."""
+    return Html(f"<code>{html.escape(content)}</code>")
+
+
+def listing(lines: Iterable[tuple[str, str]]) -> Html:
+    """Commands, each below what it does."""
+    parts = (
+        f"<dt>{html.escape(what)}</dt><dd><pre><code>{html.escape(line)}</code></pre></dd>" for what, line in lines
+    )
+    return Html(f'<dl class="commands">{"".join(parts)}</dl>')
+
+
+def table(caption: str, header: Sequence[Text], rows: Iterable[Sequence[Text]]) -> Html:
+    """A table; the first cell of each row is its name."""
+    top = "".join(f'<th scope="col">{text(cell)}</th>' for cell in header)
+    head = f"<thead><tr>{top}</tr></thead>"
+    return _table(caption, head, rows)
+
+
+def facts(caption: str, rows: Iterable[tuple[str, Text]]) -> Html:
+    """Names and what they are."""
+    return _table(caption, "", rows, "facts")
+
+
+def _table(caption: str, head: str, rows: Iterable[Sequence[Text]], kind: str = "") -> Html:
+    body = []
+    for name, *cells in rows:
+        body.append(f'<tr><th scope="row">{text(name)}</th>{"".join(f"<td>{text(cell)}</td>" for cell in cells)}</tr>')
+    label = html.escape(caption)
+    return Html(
+        f'<div class="scroll" role="region" aria-label="{label}" tabindex="0"><table{_class(kind)}>'
+        f"<caption>{label}</caption>{head}<tbody>{''.join(body)}</tbody></table></div>"
+    )
+
+
+def picture(content: Html, caption: str, kind: str = "") -> Html:
+    """A chart, or another picture, with its caption."""
+    return Html(f"<figure{_class(kind)}>{content}<figcaption>{html.escape(caption)}</figcaption></figure>")
+
+
+def side_by_side(parts: Iterable[Html]) -> Html:
+    """Pictures in as many columns as there is room for."""
+    return Html(f'<div class="pictures">{"".join(parts)}</div>')
+
+
+def folded(summary: str, content: Html) -> Html:
+    """What is shown on demand."""
+    return Html(f"<details><summary>{html.escape(summary)}</summary>{content}</details>")
+
+
+def tiles(numbers: Iterable[tuple[str, Text]]) -> Html:
+    """What matters most, in large type."""
+    parts = (f"<div><dt>{html.escape(name)}</dt><dd>{text(value)}</dd></div>" for name, value in numbers)
+    return Html(f'<dl class="tiles">{"".join(parts)}</dl>')
+
+
+def page(title: str, lead: Sequence[Html], sections: Sequence[Section], foot: str) -> str:
+    """The whole page.
+
+    Args:
+        title: its heading.
+        lead: what comes before the sections.
+        sections: the rest.
+        foot: who made it.
+    """
+    links = "".join(f'<li><a href="#{one.anchor}">{html.escape(one.title)}</a></li>' for one in sections)
+    parts = "".join(
+        f'<section id="{one.anchor}"><h2>{html.escape(one.title)}</h2>{"".join(one.content)}</section>\n'
+        for one in sections
+    )
+    policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; frame-src 'self'"
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        f"<title>{html.escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<header><h1>{html.escape(title)}</h1>{''.join(lead)}\n"
+        f'<nav aria-label="Sections"><ul>{links}</ul></nav></header>\n'
+        f"<main>\n{parts}</main>\n<footer><p>{html.escape(foot)}</p></footer>\n</body>\n</html>\n"
+    )
+
+
+def _class(kind: str) -> str:
+    return f' class="{kind}"' if kind else ""
