@@ -41,8 +41,8 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
     parser = _Parser(prog="morpholab", description="Simulate soft and rigid robots, and design bodies and behaviours.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, view, codesign, status, compare, report, gradient_check, export, sweep, train, interference,
-                    reproduce, bench):  # fmt: skip
+    for command in (simulate, view, codesign, status, compare, report, gradient_check, export, sweep, train,
+                    interference, reproduce, bench):  # fmt: skip
         command.add_parser(commands)
     return parser
 

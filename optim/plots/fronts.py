@@ -41,14 +41,14 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
     front = non_dominated(values)
     if not front.any():
         raise ValueError("objectives: no design has succeeded; give at least one that did")
-    axes.scatter(*values[~front, :2].T, s=6, color="0.7", linewidths=0)
+    axes.scatter(values[~front, 0], values[~front, 1], s=6, color="0.7", linewidths=0)
     shown = None
     if values.shape[1] == 2:
         stairs = values[front][np.argsort(values[front, 0])]
         axes.step(*stairs.T, where="pre", color=COLOURS[0], linewidth=0.8, alpha=0.6)
         draw_points(axes, *stairs.T, colour=COLOURS[0])
     else:
-        shown = axes.scatter(*values[front, :2].T, c=values[front, 2], s=18, cmap="viridis", linewidths=0)
+        shown = axes.scatter(values[front, 0], values[front, 1], c=values[front, 2], s=18, cmap="viridis", linewidths=0)
     if best is not None:
         axes.plot(*values[best, :2], "o", color=COLOURS[1], markersize=8, fillstyle="none", markeredgewidth=1.4,
                   label="best mean")  # fmt: skip
@@ -92,4 +92,5 @@ def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequ
         What a colour bar needs, see :func:`add_bar`.
     """
     axes.set(xlabel=names[0], ylabel=names[1])
-    return axes.scatter(*np.asarray(places, float).T, c=np.asarray(scores, float), s=16, marker="s", linewidths=0)
+    x, y = np.asarray(places, float).T
+    return axes.scatter(x, y, c=np.asarray(scores, float), s=16, marker="s", linewidths=0)

@@ -6,7 +6,7 @@ import html
 import io
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from optim.report.markup import Html
 from optim.studies.figures import STYLE
@@ -33,8 +33,9 @@ def chart(draw: "Callable[[Axes], None]", alt: str, *, size: tuple[float, float]
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    colours = dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK)
-    plain = {"svg.fonttype": "none", "savefig.transparent": True, "axes.unicode_minus": True}
+    inked = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+    colours: dict[Any, Any] = dict.fromkeys(inked, INK)
+    plain: dict[Any, Any] = {"svg.fonttype": "none", "savefig.transparent": True, "axes.unicode_minus": True}
     content = io.StringIO()
     with rc_context({**STYLE, **colours, **plain}):
         figure = Figure(figsize=size, layout="constrained")

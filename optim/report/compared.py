@@ -88,8 +88,9 @@ def _differences(differences: Sequence[Difference]) -> Html:
     if not differences:
         return paragraph("No effect sizes: that takes at least two groups of two runs each, with other seeds.")
     rows = [
-        (f"{one.second} minus {one.first}", number(one.effect.difference), number(one.effect.low), number(one.effect.high),
-         number(one.effect.superiority, 2), number(one.effect.cohens_d, 2), number(one.adjusted_p, 3))
+        (f"{one.second} minus {one.first}", number(one.effect.difference), number(one.effect.low),
+         number(one.effect.high), number(one.effect.superiority, 2), number(one.effect.cohens_d, 2),
+         number(one.adjusted_p, 3))
         for one in differences
     ]  # fmt: skip
     header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")

@@ -162,12 +162,13 @@ class GaitRun:
 
     def commands(self, folder: Path) -> list[tuple[str, str]]:
         """Simulating, watching and exporting the best design."""
-        problem, where = self.problem, shlex.quote(str(folder))
+        problem = self.problem
+        where, best = (shlex.quote(str(path)) for path in (folder, folder / "best.json"))
         options = f"--geometry {problem.geometry} --weight {problem.weight} --precision {problem.precision}"
         return [
             ("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}"),
             *((f"Simulate the best design {spoken(terrain)}",
-               f"morpholab simulate --gait {shlex.quote(str(folder / 'best.json'))} --slope {terrain.slope:g} {options}")
+               f"morpholab simulate --gait {best} --slope {terrain.slope:g} {options}")
               for terrain in problem.terrains),
             ("Watch it", f"morpholab view {where} --out best.html"),
             ("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"),

@@ -134,7 +134,8 @@ def page(title: str, lead: Sequence[Html], sections: Sequence[Section], foot: st
         f'<section id="{one.anchor}"><h2>{html.escape(one.title)}</h2>{"".join(one.content)}</section>\n'
         for one in sections
     )
-    policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; frame-src 'self'"
+    inline = "'unsafe-inline'"
+    policy = f"default-src 'none'; script-src {inline}; style-src {inline}; img-src data: blob:; frame-src 'self'"
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'

@@ -33,7 +33,6 @@ from optim.report.markup import (
 )
 from optim.runs import files
 from optim.runs.history import History
-from optim.search import METHODS
 from optim.space import Variable
 from robots.hardware import PneumaticRig
 
@@ -129,13 +128,12 @@ class OneRun:
     def _run(self) -> list[Html]:
         history, config = self.history, dict(self.history.config["method"])
         name, seed = config.pop("name"), config.pop("seed", None)
-        about = (METHODS[name].__doc__ or "").splitlines()[0] if name in METHODS else ""
         settings = [(key.replace("_", " "), str(value)) for key, value in sorted(config.items())]
         failed = sum(generation.failed for generation in history.generations)
         last = history.generations[-1]
         rows: list[tuple[str, Text]] = [
             *self.kind.facts,
-            ("Method", joined([Html(f"<strong>{name}</strong>"), about], ": ")),
+            ("Method", name),
             ("Settings", joined((f"{key} {value}" for key, value in settings)) if settings else "the method's own"),
             ("Seed", str(seed) if seed is not None else None),
             ("Generations", f"{last.generation} of {history.config['generations']}, after the starts"),

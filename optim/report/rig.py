@@ -27,13 +27,13 @@ def rig_section(design: Design, rig: PneumaticRig | None, simulated: float) -> t
         f"It takes {report.shaping_s:.1f} s to give the body its shape, then {report.playing_s:.1f} s for "
         f"{report.states} states of {_range(report)}{slower}."
     )
-    header = ["Channel", "Pressure, kPa", "Allowed, kPa", "Pressure, psi", "Allowed, psi", "Rate, kPa/s", "Allowed, kPa/s",
-              "Verdict"]  # fmt: skip
+    header = ["Channel", "Pressure, kPa", "Allowed, kPa", "Pressure, psi", "Allowed, psi", "Rate, kPa/s",
+              "Allowed, kPa/s", "Verdict"]  # fmt: skip
     content = [
         paragraph(joined([Html(f"<strong>{verdict}</strong>"), time], " "), "note" if report.exceeded else ""),
         table("What the gait asks of each channel (gauge pressures)", header, map(_row, report.uses)),
-        paragraph("Near: more than 90 % of a limit. Channels start vented; columns of the gait last until the slowest of "
-                  "them is done."),
+        paragraph("Near: more than 90 % of a limit. Channels start vented; columns of the gait last until the slowest "
+                  "of them is done."),
     ]  # fmt: skip
     document = {
         "exceeded": report.exceeded, "shaping_s": report.shaping_s, "playing_s": report.playing_s,
@@ -62,7 +62,7 @@ def _row(use: Use) -> list[Text]:
 
 
 def _span(low: float, high: float) -> Html:
-    return joined([number(low, 1), number(high, 1)], " to ")
+    return Html(f'<span class="whole">{number(low, 1)} to {number(high, 1)}</span>')
 
 
 def _name(names: tuple[str, ...]) -> str:

@@ -96,13 +96,14 @@ def training_page(folder: Path) -> Page:
         axes.set_ylabel("share of runs with all solved")
 
     alt = f"Share of runs of {len(methods)} methods that solve all environments, against evaluations"
+    drawn = chart(draw, alt, size=(5, 3))
     header = ("Method", "Runs", "Solve all", "Evaluations, mean", "Median")
     lead = [
         paragraph("Evaluations until a controller solves all four environments, in bodies of vehicles.", "lead"),
         tiles([("bodies", number(len(found.designs), 0)), ("methods", number(len(methods), 0))]),
     ]
     sections = [
-        Section("Methods", [table("Runs of each method", header, rows), picture(chart(draw, alt, size=(5, 3)), alt, "narrow")]),
+        Section("Methods", [table("Runs of each method", header, rows), picture(drawn, alt, "narrow")]),
         _settings(settings, folder),
     ]  # fmt: skip
     document = {"kind": "training", "bodies": len(found.designs), "methods": list(found.methods)}

@@ -35,17 +35,18 @@ tbody th { font-weight: 500; }
 .facts tbody th { color: var(--quiet); white-space: nowrap; }
 .good { color: var(--good); } .warn { color: var(--warn); } .bad { color: var(--bad); font-weight: 600; }
 .pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 1rem 2rem;
-  align-items: end; }
+  align-items: start; }
 figure { margin: 1rem 0; min-width: 0; }
 figure svg, figure img { display: block; width: 100%; height: auto; }
 figure img { background: #fff; border-radius: 4px; }
 figure svg * { stroke-linejoin: round; stroke-linecap: butt; }
 figure svg text { font-family: inherit !important; }
 figure svg image { image-rendering: pixelated; }
+.whole { white-space: nowrap; }
 .narrow { max-width: 30rem; }
 figcaption { color: var(--quiet); font-size: .88rem; margin-top: .35rem; max-width: 44rem; }
-.player iframe { display: block; width: 100%; height: min(820px, 96vh); border: 1px solid var(--line); border-radius: 6px;
-  background: #fff; color-scheme: light; }
+.player iframe { display: block; width: 100%; height: min(820px, 96vh); border: 1px solid var(--line);
+  border-radius: 6px; background: #fff; color-scheme: light; }
 code, pre { font: .88rem/1.5 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; }
 pre { margin: .2rem 0; padding: .6rem .8rem; background: var(--ground); border-radius: 5px; white-space: pre-wrap;
   overflow-wrap: anywhere; }
@@ -55,7 +56,8 @@ a:focus-visible, summary:focus-visible, .scroll:focus-visible { outline: 2px sol
 footer { margin-top: 3rem; border-top: 1px solid var(--line); color: var(--quiet); font-size: .88rem; }
 .print-only { display: none; }
 @media (max-width: 36rem) { .facts, .facts tbody, .facts tr, .facts th, .facts td { display: block; border: 0;
-  padding-right: 0; } .facts th { padding-bottom: 0; } .facts td { padding-top: 0; border-bottom: 1px solid var(--line); } }
+  padding-right: 0; } .facts th { padding-bottom: 0; } .facts td { padding-top: 0;
+  border-bottom: 1px solid var(--line); } }
 @media print {
   :root { color-scheme: light; --ink: #000; --quiet: #444; --line: #bbb; --ground: #f3f1ec; --paper: #fff;
     --accent: #000; --good: #000; --warn: #000; --bad: #000; }

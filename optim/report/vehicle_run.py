@@ -97,22 +97,15 @@ class VehicleRun:
             solved = distance is not None and distance < radius
             rows.append((f"environment {n}", number(distance), "yes" if solved else "no"))
             told.append({"environment": n, "closest": distance, "solved": solved})
-        content = (
-            [table("The best vehicle, replayed here", ("", "Smallest distance [m]", "Solved"), rows)] if rows else []
-        )
-        content.append(
-            facts(
-                "Its body and controller",
-                [
-                    (
-                        "Sensors, ahead and to the left [m]",
-                        joined((joined(map(number, site), " and ") for site in body.sensors), "; "),
-                    ),
-                    *((f"Weights of motor {m}", joined(map(number, row))) for m, row in enumerate(weights.tolist(), 1)),
-                    ("Environments solved, as logged", str((last.best_details or {}).get("solved", ""))),
-                ],
-            )  # fmt: skip
-        )
+        header = ("", "Smallest distance [m]", "Solved")
+        measured = [table("The best vehicle, replayed here", header, rows)] if rows else []
+        sites = joined((joined(map(number, site), " and ") for site in body.sensors), "; ")
+        about = [
+            ("Sensors, ahead and to the left [m]", sites),
+            *((f"Weights of motor {m}", joined(map(number, row))) for m, row in enumerate(weights.tolist(), 1)),
+            ("Environments solved, as logged", str((last.best_details or {}).get("solved", ""))),
+        ]
+        content = [*measured, facts("Its body and controller", about)]
         pictures = [*replay.pictures, *([self._success(body, weights)] if rows and self._is_swept else [])]
         return Best([*content, side_by_side(pictures)], [], {"environments": told})
 

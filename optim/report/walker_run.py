@@ -83,10 +83,10 @@ class WalkerRun:
         """Its numbers, and the layers of its body."""
         del rig  # nothing inflates
         design, details, where = self.problem.design(point), last.best_details or {}, self.problem.terrain
-        told = {"terrain": where.name, "speed": last.best, "distance": details.get("distance"),
-                "replayed": replay.numbers[0] if replay.numbers else None}  # fmt: skip
+        again = replay.numbers[0] if replay.numbers else None
+        speeds = {"speed": last.best, "distance": details.get("distance"), "replayed": again}
         header = ["Terrain", f"Speed [{UNIT}]", "Distance [m]"] + [f"Replayed here [{UNIT}]"] * bool(replay.numbers)
-        row = [number(told[name]) for name in ("speed", "distance", "replayed")[: 3 if replay.numbers else 2]]
+        row = list(map(number, speeds.values()))[: len(header) - 1]
         counts = np.bincount(design.materials.ravel(), minlength=len(KINDS))
         body = [(f"{kind.capitalize()} voxels", str(count)) for kind, count in zip(KINDS, counts, strict=True)]
         content = [
@@ -94,7 +94,7 @@ class WalkerRun:
             facts("Its body", [*body, ("That walk, joined in one piece", str(details.get("voxels", "")))]),
             picture(_layers(design), "Its layers from the lowest, on the left, to the highest; x to the right."),
         ]
-        return Best(content, [], {"terrains": [told]})
+        return Best(content, [], {"terrains": [{"terrain": where.name, **speeds}]})
 
     def columns(self, points: Vector) -> dict[str, list[Text]]:
         """How many voxels."""
@@ -107,16 +107,15 @@ class WalkerRun:
 
 def _layers(design: WalkerDesign) -> Any:
     """The body as a chart, layers side by side."""
-    from matplotlib.colors import ListedColormap
+    from matplotlib.colors import ListedColormap, NoNorm
 
     width, depth, height = design.materials.shape
-    gap = 0.4
+    gap, cells = 0.4, {"cmap": ListedColormap(KIND_COLOURS), "norm": NoNorm(), "interpolation": "nearest"}
 
     def draw(axes: Any) -> None:
         for layer in range(height):
             left = layer * (width + gap)
-            axes.imshow(design.materials[:, :, layer].T, origin="lower", extent=(left, left + width, 0, depth),
-                        cmap=ListedColormap(KIND_COLOURS), vmin=-0.5, vmax=len(KINDS) - 0.5, interpolation="nearest")  # fmt: skip
+            axes.imshow(design.materials[:, :, layer].T, origin="lower", extent=(left, left + width, 0, depth), **cells)
         for kind, colour in list(zip(KINDS, KIND_COLOURS, strict=True))[1:]:
             axes.plot([], [], "s", color=colour, label=kind)
         axes.set(xlim=(0, height * (width + gap)), ylim=(0, depth), aspect="equal")
