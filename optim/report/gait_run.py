@@ -119,10 +119,14 @@ class GaitRun:
             ("Gait", f"{design.schedule.columns} columns, played {_times(design.schedule.repeats)}, "
                      f"{self._seconds(design):.2f} s simulated"),
         ]  # fmt: skip
+        # Prints show poses above the same chart instead of the player.
+        printed = [Html(f'<div class="print-only">{joined(replay.pictures, "")}</div>')] if replay.pictures else []
+        chart_of = "screen-only" if printed else ""
         content = [
             table("The best design on each terrain", header, rows),
             facts("Its body and gait", shape),
-            picture(self._gait_chart(design), "When its actuators are on: bladders inflate, feet grip.", "screen-only"),
+            picture(self._gait_chart(design), "When its actuators are on: bladders inflate, feet grip.", chart_of),
+            *printed,
         ]
         limits, document = rig_section(design, rig, self._seconds(design))
         body = {"pressure": design.pressure, "orientation": design.orientation}

@@ -23,7 +23,7 @@ class Replay:
     Attributes:
         motions: to be played.
         numbers: what each of these came to: a speed, or the smallest distance from the light; None of a failure.
-        pictures: to be printed, where nothing moves.
+        pictures: of what happened.
     """
 
     motions: Sequence[Motion] = ()

@@ -128,9 +128,11 @@ def interference_page(folder: Path) -> Page:
                   "another.", "lead"),
         tiles((name, number(count, 0)) for name, count in counts.items()),
     ]  # fmt: skip
-    named = [[" ".join(row[:3]), *row[3:]] for row in rows]
+    named = [
+        (" ".join(row[:4]), row[4], *(number(float(cell) if cell else None, 3) for cell in row[5:])) for row in rows
+    ]
     sections = [
-        Section("Measures", [table("M1 to M4", [" ".join(header[:3]), *header[3:]], named)]),
+        Section("Measures", [table("M1 to M4", [" ".join(header[:4]), *header[4:]], named)]),
         *([Section("Pictures", pictures)] if pictures else []),
         _settings(settings, folder),
     ]

@@ -8,7 +8,7 @@ from typing import Any
 from optim.report.compared import check_comparable, comparison_sections
 from optim.report.condition import state_of
 from optim.report.kinds import Progress, Replay
-from optim.report.markup import Html, Section, paragraph, picture, side_by_side
+from optim.report.markup import Html, Section, paragraph, picture
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun
 from optim.runs.comparison import Axis
@@ -109,7 +109,7 @@ def _page(
     if len(shown) < len(replay.motions):
         notes.append(f"the player shows {MOST_MOTIONS} of {len(replay.motions)} motions")
     while True:
-        player = _player(shown, replay) if shown else None
+        player = _player(shown) if shown else None
         text = page_of(title, lead, [*before, *run.sections(best, player)], FOOT)
         size, frames = len(text.encode()), max((len(motion.times) for motion in shown), default=0)
         if size <= MOST_BYTES or frames <= 2:
@@ -126,9 +126,8 @@ def _page(
     return Built(text, document, notes)
 
 
-def _player(motions: Sequence[Motion], replay: Replay) -> Html:
-    """The player for screens, pictures for print."""
+def _player(motions: Sequence[Motion]) -> Html:
+    """The player, for screens."""
     element = Html(embedded(page(motions), title="Player: the best design in motion"))
     words = "The best design in motion: drag to orbit, space to play. Simulated again when this page was made."
-    printed = f'<div class="print-only">{side_by_side(map(Html, replay.pictures))}</div>'
-    return Html(picture(element, words, "player") + printed)
+    return picture(element, words, "player")
