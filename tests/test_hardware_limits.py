@@ -52,7 +52,7 @@ def test_the_rig_refuses_exactly_what_exceeds_a_limit(limit, verdict, share):
     assert core.verdict == verdict and max(core.shares, key=core.shares.get) == share
     assert found.exceeded == (verdict == "exceeded")
     if found.exceeded:
-        with pytest.raises(ValueError, match="^core: "):
+        with pytest.raises(ValueError, match=r"^core: "):
             gait_table(ROLLING, rig)
     else:
         gait_table(ROLLING, rig)

@@ -126,8 +126,8 @@ def test_a_page_says_what_the_files_say(morpholab, reported, tmp_path):
     assert {best.pressure / 1000, best.orientation, last["best"], 25.0} <= set(page.numbers)
     assert {line[name] for line in lines for name in ("best", "mean", "median", "evaluations")} <= set(page.numbers)
     told = [
-        "Terrains flat, hill:15", "Free orientation, shape, control", "Method hill-climb", "Settings climbers 5", "Seed 0",
-        "4 of 4", "25 (0 failed)", "morpholab export runs/a --csv gait.csv",
+        "Terrains flat, hill:15", "Free orientation, shape, control", "Method hill-climb", "Settings climbers 5",
+        "Seed 0", "4 of 4", "25 (0 failed)", "morpholab export runs/a --csv gait.csv",
         "--gait runs/a/best.json --slope 15 --geometry small",
     ]  # fmt: skip
     assert [words for words in told if words not in page.text] == []

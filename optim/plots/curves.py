@@ -14,7 +14,9 @@ from optim.studies.figures import COLOURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CLIMBER_LINES = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "steps-post"}
+END: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # where a step would not be seen
+LINES: dict[str, Any] = {"linewidth": 1.8, "drawstyle": "steps-post", **END}
+UNIT_LINES: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "steps-post"}
 
 
 def draw_run(
@@ -34,12 +36,12 @@ def draw_run(
     climbers = all(generation.scores is not None for generation in generations)
     if climbers:
         scores = np.array([generation.scores for generation in generations], float)
-        axes.plot(x, scores, color=mean, **CLIMBER_LINES)  # type: ignore[arg-type]
+        axes.plot(x, scores, color=mean, **UNIT_LINES)
     kept = "mean of the climbers" if climbers else "mean of what the search keeps"
     for label, colour, name in ((kept, mean, "mean"), ("best", best, "best")):
         values = np.array([getattr(generation, name) for generation in generations], float)
-        axes.plot(x, values, color=colour, linewidth=1.8, drawstyle="steps-post", label=label)
-    _by_generation(axes, len(x))
+        axes.plot(x, values, color=colour, label=label, **LINES)
+    _by_generation(axes)
 
 
 def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[str, str]) -> None:
@@ -52,19 +54,17 @@ def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[
     """
     for (name, label), colour in zip(details.items(), COLOURS[2:] + COLOURS[:2], strict=False):
         values = np.array([(g.best_details or {}).get(name) for g in generations], float)
-        axes.plot([g.generation for g in generations], values, color=colour, linewidth=1.8, drawstyle="steps-post",
-                  label=label)  # fmt: skip
-    _by_generation(axes, len(generations))
+        axes.plot([g.generation for g in generations], values, color=colour, label=label, **LINES)
+    _by_generation(axes)
 
 
-def _by_generation(axes: "Axes", count: int) -> None:
+def _by_generation(axes: "Axes") -> None:
     from matplotlib.ticker import MaxNLocator
 
-    if count == 1:  # a step has no length: show where it is
-        for line in axes.lines:
-            line.set_marker("o")
     axes.set_xlabel("generation")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    if axes.get_xlim()[1] < 1:
+        axes.set_xlim(-0.5, 0.5)
 
 
 def draw_band(
@@ -95,7 +95,7 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
     """
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
-        axes.plot(curve.x, curve.scores.T, color=colour, **CLIMBER_LINES)  # type: ignore[arg-type]
+        axes.plot(curve.x, curve.scores.T, color=colour, **UNIT_LINES)
         label = f"{curve.label}\n(mean of {len(curve.scores)} {curve.unit})"
         draw_band(axes, curve.x, *curve.band(), colour=colour, label=label, steps=True)
     axes.set_xlabel({"seconds": "time [s]"}.get(axis, axis))

@@ -82,7 +82,7 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
         runs, key=lambda run: (run.history.generations[-1].best is not None, run.history.generations[-1].best or 0)
     )
     title = f"{len(runs)} runs: {best.kind.task}"
-    lead = [paragraph(f"The best design is that of {best.history.path}, told of below.", "lead")]
+    lead = [paragraph(f"The best design is that of {best.history.path}, and the numbers here are that run's.", "lead")]
     return _page(best, title, [*lead, *best.lead[1:]], sections, {"comparison": document}, settings, progress)
 
 
@@ -110,7 +110,9 @@ def _page(
         notes.append(f"the player shows {MOST_MOTIONS} of {len(replay.motions)} motions")
     while True:
         player = _player(shown) if shown else None
-        text = page_of(title, lead, [*before, *run.sections(best, player)], FOOT)
+        text = page_of(
+            title, lead, [*before, *run.sections(best, player, "The best run" if before else "The run")], FOOT
+        )
         size, frames = len(text.encode()), max((len(motion.times) for motion in shown), default=0)
         if size <= MOST_BYTES or frames <= 2:
             break

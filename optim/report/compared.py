@@ -54,7 +54,7 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
     alt = f"Best {what} of {len(curves)} groups over {axis}, mean and 95 % band"
     caption = "Best so far: mean of each group, its 95 % bootstrap band, and every unit as a thin line."
     compared = [
-        picture(chart(draw, alt, size=(6.4, 3.4)), caption),
+        picture(chart(draw, alt, size=(5.0, 3.0)), caption, "medium"),
         _standings(standings, f"Best scores at {end:g} {axis} [{unit}]"),
         _differences(differences),
     ]

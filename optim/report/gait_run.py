@@ -121,11 +121,11 @@ class GaitRun:
         ]  # fmt: skip
         # Prints show poses above the same chart instead of the player.
         printed = [Html(f'<div class="print-only">{joined(replay.pictures, "")}</div>')] if replay.pictures else []
-        chart_of = "screen-only" if printed else ""
+        kind = "medium screen-only" if printed else "medium"
         content = [
             table("The best design on each terrain", header, rows),
             facts("Its body and gait", shape),
-            picture(self._gait_chart(design), "When its actuators are on: bladders inflate, feet grip.", chart_of),
+            picture(self._gait_chart(design), "When its actuators are on: bladders inflate, feet grip.", kind),
             *printed,
         ]
         limits, document = rig_section(design, rig, self._seconds(design))
@@ -144,7 +144,7 @@ class GaitRun:
 
         share = 100 * design.schedule.played.mean()
         alt = f"Gait chart: ten actuators over {edges[-1]:.1f} s, on in {share:.0f} % of the columns"
-        return chart(draw, alt, size=(6.4, 2.1))
+        return chart(draw, alt, size=(4.8, 2.1))
 
     def _metres_per_speed(self, design: InflatableDesign) -> float:
         """Metres that a speed of 1 comes to, by the published convention, see ``InflatableResult.speed``."""

@@ -104,14 +104,15 @@ class OneRun:
         """What is wrong with its files."""
         return damages(self.history, self.kind.problem)
 
-    def sections(self, best: Best | None, player: Html | None) -> list[Section]:
+    def sections(self, best: Best | None, player: Html | None, name: str) -> list[Section]:
         """All of them.
 
         Args:
             best: the best design; None if every evaluation has failed.
             player: its motion.
+            name: of the first of them.
         """
-        parts = [Section("The run", self._run()), Section("How the search went", self._search())]
+        parts = [Section(name, self._run()), Section("How the search went", self._search())]
         if best is not None:
             parts.append(Section("The best design", [*([player] if player else []), *best.content]))
             parts += best.sections
@@ -186,7 +187,8 @@ class OneRun:
 
             def details(axes: Any) -> None:
                 draw_best(axes, generations, self.kind.curves)
-                axes.set_ylabel(f"of the best design [{unit}]" if len(self.kind.curves) > 1 else "of the best design")
+                one, *others = self.kind.curves.values()
+                axes.set_ylabel(f"of the best design [{unit}]" if others else one)
 
             told = ", ".join(self.kind.curves.values())
             parts.append(picture(chart(details, f"The best design over generations: {told}"),

@@ -34,7 +34,7 @@ thead th { color: var(--quiet); font-weight: 500; vertical-align: bottom; }
 tbody th { font-weight: 500; }
 .facts tbody th { color: var(--quiet); white-space: nowrap; }
 .good { color: var(--good); } .warn { color: var(--warn); } .bad { color: var(--bad); font-weight: 600; }
-.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 1rem 2rem;
+.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 22rem), 1fr)); gap: 1rem 2rem;
   align-items: start; }
 figure { margin: 1rem 0; min-width: 0; }
 figure svg, figure img { display: block; width: 100%; height: auto; }
@@ -44,18 +44,20 @@ figure svg text { font-family: inherit !important; }
 figure svg image { image-rendering: pixelated; }
 .whole { white-space: nowrap; }
 .narrow { max-width: 30rem; }
+.medium { max-width: 48rem; }
 figcaption { color: var(--quiet); font-size: .88rem; margin-top: .35rem; max-width: 44rem; }
 .player iframe { display: block; width: 100%; height: min(820px, 96vh); border: 1px solid var(--line);
   border-radius: 6px; background: #fff; color-scheme: light; }
+table code { white-space: nowrap; }
 code, pre { font: .88rem/1.5 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; }
-pre { margin: .2rem 0; padding: .6rem .8rem; background: var(--ground); border-radius: 5px; white-space: pre-wrap;
-  overflow-wrap: anywhere; }
+pre { margin: .2rem 0; padding: .6rem .8rem; background: var(--ground); border-radius: 5px; overflow-x: auto; }
 .commands dt { margin-top: .8rem; } .commands dd { margin: 0; }
 details { margin: .8rem 0; } summary { cursor: pointer; color: var(--accent); }
 a:focus-visible, summary:focus-visible, .scroll:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }
 footer { margin-top: 3rem; border-top: 1px solid var(--line); color: var(--quiet); font-size: .88rem; }
 .print-only { display: none; }
-@media (max-width: 36rem) { .facts, .facts tbody, .facts tr, .facts th, .facts td { display: block; border: 0;
+@media (max-width: 36rem) { .scroll table:not(.facts) { width: max-content; } .facts caption { display: block; }
+  .facts, .facts tbody, .facts tr, .facts th, .facts td { display: block; border: 0;
   padding-right: 0; } .facts th { padding-bottom: 0; } .facts td { padding-top: 0;
   border-bottom: 1px solid var(--line); } }
 @media print {
@@ -63,5 +65,6 @@ footer { margin-top: 3rem; border-top: 1px solid var(--line); color: var(--quiet
     --accent: #000; --good: #000; --warn: #000; --bad: #000; }
   body { padding: 0; max-width: none; font-size: 10pt; } nav, .player, .screen-only { display: none; }
   .print-only { display: block; } h2 { break-after: avoid; } figure, tr, .tiles div { break-inside: avoid; }
-  .tiles div, pre { border: 1px solid var(--line); } .scroll { overflow: visible; } }
+  .tiles div, pre { border: 1px solid var(--line); }
+  pre { white-space: pre-wrap; overflow-wrap: anywhere; } .scroll { overflow: visible; } }
 """

@@ -41,20 +41,20 @@ class VehicleRun:
 
     @property
     def score(self) -> tuple[str, str]:
-        """Minus the distances, as scores are maximised."""
-        total = self.problem.objectives == "total"
-        return f"minus the {'sum' if total else 'mean'} of the smallest distances", UNIT
+        """Minus the sum or the mean of the distances."""
+        return "score", UNIT
 
     @property
     def facts(self) -> list[tuple[str, Text]]:
         """Body, controller, task, and the simulation."""
         problem, task = self.problem, self.problem.task
         free = "weights" if problem.body else "places of the sensors and weights"
-        aim = "their sum" if problem.objectives == "total" else "one objective for each environment"
+        total = self.problem.objectives == "total"
+        aim = "the score is minus their sum" if total else "each is an objective, the score minus their mean"
         return [
             ("Robot", f"Braitenberg vehicle with {problem.sensors} sensors, {problem.controller} controller"),
             ("Environments", f"{len(task.starts)}, solved within {task.radius:g} m of the light"),
-            ("Objective", f"minus the smallest distances from the light [m], {aim}"),
+            ("Objective", f"the smallest distances from the light [m]; {aim}"),
             ("Free", free),
             ("Simulation", f"{task.steps:,} steps of {task.time_step:g} s, {problem.precision} on {problem.device}"),
         ]

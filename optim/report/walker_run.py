@@ -92,7 +92,9 @@ class WalkerRun:
         content = [
             table("The best design", header, [[spoken(where), *row]]),
             facts("Its body", [*body, ("That walk, joined in one piece", str(details.get("voxels", "")))]),
-            picture(_layers(design), "Its layers from the lowest, on the left, to the highest; x to the right."),
+            picture(
+                _layers(design), "Its layers from the lowest, on the left, to the highest; x to the right.", "narrow"
+            ),
         ]
         return Best(content, [], {"terrains": [{"terrain": where.name, **speeds}]})
 
