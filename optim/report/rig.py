@@ -57,7 +57,7 @@ def _row(use: Use) -> list[Text]:
         _span(use.lowest_kpa / KPA_PER_PSI, use.highest_kpa / KPA_PER_PSI),
         _span(limits.minimum_kpa / KPA_PER_PSI, limits.maximum_kpa / KPA_PER_PSI),
         number(use.fastest_kpa_per_s, 1), number(limits.slew_kpa_per_s, 1),
-        Html(f'<span class="whole"><span class="{KINDS[use.verdict]}">{use.verdict}</span>{what}</span>'),
+        Html(f'<span class="{KINDS[use.verdict]}">{use.verdict}</span>{what}'),
     ]  # fmt: skip
 
 
