@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from optim.report.style import STYLE
 
 MINUS = "\N{MINUS SIGN}"
@@ -50,7 +52,8 @@ def number(value: float | None, digits: int = 4, unit: str = "") -> Html:
     if value is None or not math.isfinite(value):
         return text(None)
     shown = f"{value:,.{digits}f}".replace("-", MINUS)
-    return Html(f'<data value="{value!r}">{shown}</data>{" " + html.escape(unit) if unit else ""}')
+    exact = value.item() if isinstance(value, np.generic) else value
+    return Html(f'<data value="{exact!r}">{shown}</data>{" " + html.escape(unit) if unit else ""}')
 
 
 def paragraph(content: Text, kind: str = "") -> Html:

@@ -115,14 +115,13 @@ def interference_page(folder: Path) -> Page:
     if not (folder / "summary.json").is_file():
         raise ValueError(f"run: {folder} is a study of interference that has no tables yet; run its command to the end")
     settings = read_settings(folder / "runs", INTERFERENCE)
-    summary = json.loads(read_text(folder / "summary.json"))
     header, rows = read_table(folder / "tables.csv")
     pictures = [
         picture(picture_of((folder / name).read_bytes(), words), words)
         for name, words in zip((*PICTURES, *PICTURES_OF_TWO), PICTURE_NAMES, strict=True)
         if (folder / name).is_file()
     ]
-    counts = {name: int(summary[name]) for name in ("runs", "generations", "population")}
+    counts = _counts(folder / "summary.json")
     lead = [
         paragraph("Quadrupeds trained to reach the light in several environments, and how what helps in one harms in "
                   "another.", "lead"),
@@ -137,6 +136,15 @@ def interference_page(folder: Path) -> Page:
         _settings(settings, folder),
     ]
     return f"Interference {folder.resolve().name}", lead, sections, {"kind": "interference", **counts}
+
+
+def _counts(path: Path) -> dict[str, int]:
+    """How much a study of interference did; a one-line ValueError for a file that does not say."""
+    try:
+        summary = json.loads(read_text(path))
+        return {name: int(summary[name]) for name in ("runs", "generations", "population")}
+    except (ValueError, KeyError, TypeError):
+        raise ValueError(f"{path}: is not the summary of a study of interference") from None
 
 
 PICTURE_NAMES = (
