@@ -35,7 +35,7 @@ def damages(history: History, problem: Problem) -> list[str]:
     if np.isnan(history.seconds).any():
         told.append("timing.jsonl is not as it was written; not all times are known")
     best = history.generations[-1].best_point
-    if best is not None:
+    if best is not None and not history.running:  # else it may be newer than what was read
         with tempfile.TemporaryDirectory() as folder:
             problem.save(problem.space.from_dict(best), Path(folder) / "best.json")
             if _content(history.path / "best.json") != _content(Path(folder) / "best.json"):

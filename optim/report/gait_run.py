@@ -168,7 +168,8 @@ class GaitRun:
         """Simulating, watching and exporting the best design."""
         problem = self.problem
         where, best = (shlex.quote(str(path)) for path in (folder, folder / "best.json"))
-        options = f"--geometry {problem.geometry} --weight {problem.weight} --precision {problem.precision}"
+        named = ("geometry", "weight", "precision", "device")
+        options = " ".join(f"--{name} {getattr(problem, name)}" for name in named)
         return [
             ("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}"),
             *((f"Simulate the best design {spoken(terrain)}",

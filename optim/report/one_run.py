@@ -204,16 +204,8 @@ class OneRun:
              *(number((one.best_details or {}).get(name)) for name in self.kind.curves))
             for n, one in ((n, generations[n]) for n in chosen.tolist())
         ]  # fmt: skip
-        header = (
-            "Generation",
-            "Evaluations",
-            "Best",
-            "Mean",
-            "Median",
-            "Failed",
-            "Time [s]",
-            *self.kind.curves.values(),
-        )
+        named = "Generation", "Evaluations", "Best", "Mean", "Median", "Failed", "Time [s]"
+        header = (*named, *self.kind.curves.values())
         part = "" if len(rows) == len(generations) else f", {len(rows)} of {len(generations)}; log.jsonl has all"
         return table(f"Generations{part}", header, rows)
 
