@@ -194,7 +194,7 @@ def test_warping_compares_each_two_environments_without_offset_and_scale():
 def test_time_near_the_light_is_told_in_all_and_at_the_end():
     away = np.array([[[1, 0.4, 1, 0.4, 0.4]], [[0.4, 0.4, 0.4, 0.4, 1]]])
     paths = np.stack([9 - away, 0 * away], axis=-1)
-    seen = Champions(0.1 * np.arange(5), paths, np.ones((2, 1, 5)), np.array([[0.4], [1.0]]))
+    seen = Champions(np.zeros((2, 5, 8)), 0.1 * np.arange(5), paths, np.ones((2, 1, 5)), np.array([[0.4], [1.0]]))
     near, waiting = time_near(seen, [(9, 0)])
     assert near[:, 0] == pytest.approx([0.3, 0.4]) and waiting[:, 0] == pytest.approx([0.2, 0])
     assert typical(seen) == 0

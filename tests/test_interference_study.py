@@ -167,7 +167,7 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     code, out, error = morpholab(f"interference --out a {SMALL} --figures --alone --json")
     assert (code, error) == (0, "")
     document = json.loads(out)
-    assert all((tmp_path / "a" / name).is_file() for name in document["files"])
+    assert all((tmp_path / "a" / name).exists() for name in document["files"])
     assert {"tables.md", "changes.png", "curves.png", "traces.png", "alone.csv"} <= set(document["files"])
     cells = document["definitions"]["defined"]["cells"]
     assert len(cells) == 36 and cells[0]["published"] == 8.181 and cells[0]["published_deviation"] == 1.55
@@ -177,6 +177,8 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     ]
     likeness = json.loads((tmp_path / "a/summary.json").read_text())["likeness"]
     assert len(likeness["warping"]["means"]) == 12 and len(likeness["asymmetry"]["tests"]["min"]) == 3
+    seen = "view whegged --controller a/champions/whegged_min.json --frames 3 --threads 1 --quiet --out page.html"
+    assert len(list((tmp_path / "a/champions").iterdir())) == 9 and morpholab(seen)[0] == 0
     monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
     code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
     assert (code, error) == (0, "") and "M1: whegged min" in out

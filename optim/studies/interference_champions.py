@@ -1,7 +1,9 @@
 """Champions, run once more: their paths and what they saw."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 from optim.studies.interference_evolution import Run
 from optim.studies.interference_settings import Arrays, Floats, Interference, Treatment
 from optim.studies.interference_tables import measure
+from robots.files import write_text
 from robots.quadruped import TIME_STEP
 
 FRAMES = 500  # of a signal, at most
@@ -20,12 +23,14 @@ class Champions:
     """What the champions of a treatment did; R runs, E environments, F moments.
 
     Attributes:
+        weights: their controllers, (R, 5, 8).
         times: (F,) [s].
         paths: of the main body, seen from above, (R, E, F, 2) [m].
         light: readings, (R, E, F) [1/m^2].
         distance: from the light at the end, (R, E) [m].
     """
 
+    weights: Floats
     times: Floats
     paths: Floats
     light: Floats
@@ -52,7 +57,7 @@ def follow(settings: Interference, robot: str, weights: Floats, threads: int | N
     frames = result.rollouts.frames
     assert frames is not None  # they were asked for
     shape = (len(weights), len(settings.lights), len(frames.times))
-    return Champions(frames.times, frames.position[:, :, :2].swapaxes(0, 1).reshape(*shape, 2),
+    return Champions(weights, frames.times, frames.position[:, :, :2].swapaxes(0, 1).reshape(*shape, 2),
                      frames.readings[:, :, -1].T.reshape(shape), result.distance)  # fmt: skip
 
 
@@ -62,6 +67,14 @@ def time_near(seen: Champions, lights: Sequence[Sequence[float]]) -> tuple[Float
     step = seen.times[1] - seen.times[0] if len(seen.times) > 1 else TIME_STEP
     waiting = np.cumprod(near[..., ::-1], axis=-1)
     return near.sum(axis=-1) * step, waiting.sum(axis=-1) * step
+
+
+def write_champions(champions: Mapping[Treatment, Champions], folder: Path) -> None:
+    """Controllers of typical champions, a file a treatment, as ``morpholab view --controller`` reads them."""
+    folder.mkdir(exist_ok=True)
+    for treatment, seen in champions.items():
+        name = f"{treatment.robot}_{treatment.row}".replace(", ", "_")
+        write_text(folder / f"{name}.json", json.dumps(seen.weights[typical(seen)].tolist()) + "\n")
 
 
 def typical(seen: Champions) -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.studies.interference_alone import Alone, train_alone
-from optim.studies.interference_champions import champions_of
+from optim.studies.interference_champions import champions_of, write_champions
 from optim.studies.interference_curves import all_mutations, write_curves
 from optim.studies.interference_evolution import Run, evolve
 from optim.studies.interference_likeness import likeness, write_likeness
@@ -27,6 +27,7 @@ TABLES = (
     "likeness.md",
     "likeness.csv",
     "summary.json",
+    "champions",
 )
 PICTURES = ("curves.png", "traces.png")
 PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
@@ -75,6 +76,7 @@ def train(
     about = {**asdict(settings), "runs": runs, "generations": generations}
     summary = write_tables(found, out, about)
     champions = champions_of(settings, found, threads)
+    write_champions(champions, out / "champions")
     summary["likeness"] = write_likeness(likeness(champions, settings, threads), out)
     write_json(out / "summary.json", summary)
     curves = write_curves(found, out / "curves.csv")
