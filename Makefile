@@ -20,7 +20,7 @@ demo: $(venv)/runtime
 	set -x; exec $(venv)/bin/morpholab codesign $(DEMO) --out "$(or $(OUT),runs/demo-$$n)"
 
 test: $(venv)/dev
-	$(python) -m pytest -q
+	$(python) -m pytest -q -n auto --maxprocesses 4 --dist loadfile
 
 validate: $(venv)/dev
 	$(python) -m pytest -q -m slow
