@@ -1,5 +1,6 @@
 """The beam lattice: soft bodies of voxels joined by beams, after Voxelyze (Hiller & Lipson 2014)."""
 
+from taichi_sim.lattice.arrays import body_from_array
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 from taichi_sim.lattice.gradient import LatticeGradient, Tape
@@ -17,4 +18,5 @@ __all__ = [
     "ProgramBuilder",
     "Quantity",
     "Tape",
+    "body_from_array",
 ]

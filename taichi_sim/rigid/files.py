@@ -3,15 +3,12 @@
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from xml.etree import ElementTree
-from xml.parsers import expat
 
+from taichi_sim.plain_xml import parse_xml
 from taichi_sim.rigid.assembly import Model
 from taichi_sim.rigid.mjcf import read_mjcf
 from taichi_sim.rigid.shapes import positive
 from taichi_sim.rigid.urdf import read_urdf
-
-_LARGEST = 50_000_000  # characters
 
 
 def load_model(path: str | Path, **settings: object) -> Model:
@@ -53,7 +50,7 @@ def parse_model(
     """
     positive("speed", speed)
     positive("fastest", fastest)
-    root = _parse(text)
+    root = parse_xml(text)
     if root.tag == "mujoco":
         model = read_mjcf(root, dict(angles or {}), speed, fastest)
     elif root.tag == "robot":
@@ -63,20 +60,3 @@ def parse_model(
     if model.ignored:
         warnings.warn(f"model: ignored are {'; '.join(model.ignored)}", stacklevel=2)
     return model
-
-
-def _parse(text: str) -> ElementTree.Element:
-    """The root of an XML text. Document types, which can make a small file endless, are not allowed."""
-
-    def refuse(*_: object) -> None:
-        raise ValueError("model: a document type is not allowed; give plain XML")
-
-    if len(text) > _LARGEST:
-        raise ValueError(f"model: {len(text)} characters are not allowed; give at most {_LARGEST}")
-    try:
-        checker = expat.ParserCreate()
-        checker.StartDoctypeDeclHandler = refuse
-        checker.Parse(text, True)
-        return ElementTree.fromstring(text)
-    except (expat.ExpatError, ElementTree.ParseError) as error:
-        raise ValueError(f"model: this is no XML: {error}") from None

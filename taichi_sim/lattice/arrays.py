@@ -1,0 +1,122 @@
+"""Bodies from arrays of materials, and arrays from bodies."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.materials import Material
+
+Palette = Material | Sequence[Material] | Mapping[int, Material]
+
+
+def body_from_array(
+    array: ArrayLike,
+    materials: Palette,
+    voxel_size: float,
+    *,
+    regions: ArrayLike | None = None,
+    fixed: ArrayLike | None = None,
+    pressure_normals: ArrayLike | None = None,
+) -> LatticeBody:
+    """The body of an array of numbers: 0 is empty, any other number a material.
+
+    Args:
+        array: numbers or truth values, shape (X, Y, Z); x, y and z are the axes of the world, and z is up.
+        materials: by number; a sequence is numbered from 1, and a material alone is 1.
+        voxel_size: edge h [m].
+        regions: labels of the groups that programs address, shape (X, Y, Z), 0 to R-1 where there are voxels; by
+            default voxels of one material are one, in the order of ``materials``.
+        fixed: voxels that the world holds in all six degrees of freedom, shape (X, Y, Z), or which of the six it
+            holds, shape (X, Y, Z, 6).
+        pressure_normals: see ``LatticeBody``, shape (X, Y, Z, 3).
+
+    Returns:
+        The body; its voxels in the order of ``numpy.argwhere(array)``, at their places in the array.
+
+    Raises:
+        ValueError: one line that names the argument, the value and what is allowed.
+
+    Example:
+        >>> rubber, foam = Material(1e6, 1e3), Material(1e5, 2e2)
+        >>> body_from_array([[[1, 2]], [[1, 0]]], (rubber, foam), 0.01).voxels.tolist()
+        [[0, 0, 0], [0, 0, 1], [1, 0, 0]]
+    """
+    given = np.asarray(array)
+    if given.ndim != 3 or given.dtype.kind not in "biuf":
+        raise ValueError(f"array: shape {given.shape} of {given.dtype} is not allowed; give numbers of (X, Y, Z)")
+    palette = _numbered(materials)
+    places = np.argwhere(given)
+    if not len(places):
+        raise ValueError("array: it is empty; give at least one voxel that is not 0")
+    numbers = given[tuple(places.T)]
+    unknown = np.flatnonzero(~np.isin(numbers, list(palette)))
+    if len(unknown):
+        place = tuple(places[unknown[0]].tolist())
+        known = ", ".join(map(str, palette))
+        raise ValueError(f"array: material {numbers[unknown[0]]} of voxel {place} is unknown; give 0 or {known}")
+    kinds = list(palette)
+    held = _of_voxels("fixed", fixed, given.shape, places, 6)
+    return LatticeBody(
+        voxels=places,
+        materials=tuple(palette.values()),
+        material_index=np.array([kinds.index(int(n)) for n in numbers]),
+        voxel_size=voxel_size,
+        regions=_of_voxels("regions", regions, given.shape, places, 0),
+        fixed=held if held is None or held.ndim == 2 else np.repeat(held[:, None], 6, axis=1),
+        pressure_normals=_of_voxels("pressure_normals", pressure_normals, given.shape, places, 3),
+    )
+
+
+def array_of_body(body: LatticeBody) -> NDArray[np.int64]:
+    """Numbers of materials from 1, 0 where there is no voxel, shape (X, Y, Z); the body's lowest place is (0, 0, 0).
+
+    Raises:
+        ValueError: in one line, if the array would have more than 2^28 places.
+    """
+    places = body.voxels - body.voxels.min(axis=0)
+    shape = (places.max(axis=0) + 1).tolist()
+    if np.prod(shape, dtype=float) > 2**28:
+        raise ValueError(f"body: an array of {' x '.join(map(str, shape))} places is not allowed; the most is 2^28")
+    array = np.zeros(shape, np.int64)
+    array[tuple(places.T)] = body.material_index + 1
+    return array
+
+
+def labels(*columns: ArrayLike) -> NDArray[np.int64]:
+    """Labels 0, 1, ... of equal rows, in sorted order: the regions of voxels that have all columns in common.
+
+    Args:
+        columns: numbers of each voxel, shape (V,) or (V, N) each.
+    """
+    table = np.column_stack([np.asarray(column, float) for column in columns])
+    found: NDArray[np.int64] = np.unique(table, axis=0, return_inverse=True)[1].reshape(-1)
+    return found
+
+
+def _numbered(materials: Palette) -> dict[int, Material]:
+    """Materials by their numbers in arrays."""
+    if isinstance(materials, Material):
+        materials = (materials,)
+    palette = dict(materials) if isinstance(materials, Mapping) else dict(enumerate(materials, 1))
+    wrong = [n for n, m in palette.items() if isinstance(n, bool) or not isinstance(n, int) or n == 0
+             or not isinstance(m, Material)]  # fmt: skip
+    if wrong or not palette:
+        told = f"number {wrong[0]!r} is not allowed" if wrong else "there are none"
+        raise ValueError(f"materials: {told}; give a Material for each whole number but 0")
+    return palette
+
+
+def _of_voxels(
+    name: str, given: ArrayLike | None, shape: tuple[int, ...], places: NDArray[Any], width: int
+) -> NDArray[Any] | None:
+    """What an array over all places says of the voxels."""
+    if given is None:
+        return None
+    array = np.asarray(given)
+    allowed = [shape] if name == "regions" else [(*shape, width)] + [shape] * (name == "fixed")
+    if array.shape not in allowed:
+        raise ValueError(f"{name}: shape {array.shape} is not allowed; give {' or '.join(map(str, allowed))}")
+    return array[tuple(places.T)]

@@ -1,0 +1,69 @@
+"""Files of Voxelyze, VoxCAD and voxcraft: ``.vxl.json``, ``.vxa``, ``.vxc`` and ``.vxd`` in, ``.vxl.json`` out."""
+
+import warnings
+from os import PathLike
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.files.voxel_file import Heat, VoxelFile, decoded, read_bytes
+from taichi_sim.lattice.files.vxa import read_vxa
+from taichi_sim.lattice.files.vxd import merged
+from taichi_sim.lattice.files.vxl_json import read_vxl_json, write_vxl_json
+from taichi_sim.plain_xml import parse_xml
+
+__all__ = ["Heat", "VoxelFile", "load_voxel_file", "read_vxl_json", "save_vxl_json", "write_vxl_json"]
+
+SUFFIXES = (".vxl.json", ".json", ".vxa", ".vxc", ".vxd")
+
+
+def load_voxel_file(path: str | PathLike[str], base: str | PathLike[str] | None = None) -> VoxelFile:
+    """Read a voxel robot. What the file says and the lattice has not is named in one warning.
+
+    Args:
+        path: of a ``.vxl.json``, ``.vxa``, ``.vxc`` or ``.vxd`` file.
+        base: the ``.vxa`` that a ``.vxd`` changes; by default ``base.vxa`` in the same folder.
+
+    Raises:
+        ValueError: one line that names the file and what is wrong with it, before memory is taken for its voxels.
+    """
+    path = Path(path)
+    if not path.name.lower().endswith(SUFFIXES):
+        raise ValueError(f"{path}: its kind is unknown; give a file of {', '.join(SUFFIXES)}")
+    text = decoded(read_bytes(path))
+    below = None
+    if path.suffix.lower() == ".vxd":
+        below = _root(Path(base) if base is not None else path.with_name("base.vxa"))
+    try:
+        if path.suffix.lower() == ".json":
+            found = read_vxl_json(text)
+        else:
+            root = parse_xml(text, "file")
+            found = read_vxa(root if below is None else merged(below, root))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if found.ignored:
+        warnings.warn(f"{path}: ignored are {', '.join(found.ignored)}", stacklevel=2)
+    return found
+
+
+def save_vxl_json(robot: VoxelFile | LatticeBody, path: str | PathLike[str]) -> None:
+    """Write a robot, or a body alone, for Voxelyze; :func:`load_voxel_file` gives it back to the bit.
+
+    Raises:
+        ValueError: in one line, for a robot that is driven by heat, and files that cannot be written.
+    """
+    file = VoxelFile.of_body(robot) if isinstance(robot, LatticeBody) else robot
+    text = write_vxl_json(file)
+    try:
+        Path(path).write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def _root(path: Path) -> Element:
+    text = decoded(read_bytes(path))
+    try:
+        return parse_xml(text, "file")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

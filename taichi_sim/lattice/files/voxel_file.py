@@ -1,0 +1,110 @@
+"""What a file of a voxel robot says: its body, its loads, its heat."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.program import ProgramBuilder, Quantity
+
+MOST_VOXELS = 1_000_000
+LARGEST = 50_000_000  # bytes of a file
+
+
+@dataclass(frozen=True, eq=False)
+class Heat:
+    """A temperature that swings: T = mean + amplitude sin(2 pi (t / period + phase)), relative to the stress-free one.
+
+    Edges of a voxel grow by 1 + alpha T, alpha its material's ``thermal_expansion``.
+
+    Attributes:
+        amplitude: [K].
+        period: [s].
+        phase: of each voxel [periods], shape (V,).
+        mean: [K].
+    """
+
+    amplitude: float
+    period: float
+    phase: NDArray[np.float64]
+    mean: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelFile:
+    """A robot from a file.
+
+    Attributes:
+        body: its regions, unless the file numbers them, are the voxels that have material, loads and phase in common.
+        colours: red, green, blue and alpha of every material, 0 to 255, shape (M, 4).
+        force: on every voxel [N], world frame, shape (V, 3).
+        moment: likewise [N m], shape (V, 3).
+        displacement: of fixed translations [m] and rotations [rad, rotation vector], shape (V, 6).
+        heat: that drives it, if any.
+        gravity: along -z [m/s^2]; None if the file says nothing.
+        floor: whether there is one; None if the file says nothing.
+        time_step_fraction: of the largest stable time step; None if the file says nothing.
+        ignored: what the file says and the lattice has not.
+    """
+
+    body: LatticeBody
+    colours: NDArray[np.uint8]
+    force: NDArray[np.float64]
+    moment: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    heat: Heat | None = None
+    gravity: float | None = None
+    floor: bool | None = None
+    time_step_fraction: float | None = None
+    ignored: tuple[str, ...] = field(default=())
+
+    @classmethod
+    def of_body(cls, body: LatticeBody) -> "VoxelFile":
+        """A body alone, in grey, without loads."""
+        colours = np.tile(np.array([180, 180, 180, 255], np.uint8), (len(body.materials), 1))
+        none = np.zeros((body.voxel_count, 3))
+        return cls(body, colours, none, none, np.zeros((body.voxel_count, 6)))
+
+    def apply_loads(self, builder: ProgramBuilder, step: int = 0) -> None:
+        """Let forces, moments and displacements act from a step on; voxels of a region must have them in common.
+
+        Raises:
+            ValueError: in one line, if they have not.
+        """
+        for quantity, values in (
+            (Quantity.FORCE, self.force),
+            (Quantity.MOMENT, self.moment),
+            (Quantity.TRANSLATION, self.displacement[:, :3]),
+            (Quantity.ROTATION, self.displacement[:, 3:]),
+        ):
+            for region in np.unique(self.body.regions[values.any(axis=1)]):  # type: ignore[index]
+                found = np.unique(values[self.body.regions == region], axis=0)
+                if len(found) > 1:
+                    raise ValueError(f"regions: the voxels of region {region} do not have their loads in common")
+                for axis in np.flatnonzero(found[0]).tolist():
+                    builder.set(quantity + axis, found[0, axis], regions=[region], step=step)
+
+
+def read_bytes(path: Path) -> bytes:
+    """What is in a file.
+
+    Raises:
+        ValueError: in one line, if it cannot be read, or is larger than ``LARGEST``, which is found out beforehand.
+    """
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise ValueError(f"{path}: {size} bytes are not allowed; give at most {LARGEST}")
+        return path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def decoded(content: bytes) -> str:
+    """The text of a file: UTF-8, or else Latin-1, which VoxCAD writes."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
