@@ -12,7 +12,7 @@ from optim.space import Space
 
 OK = "ok"
 FAILED = "failed"
-GAIT, WALKER, VEHICLE = "gait", "walker", "vehicle"  # kinds of problems, as descriptions name them
+GAIT, WALKER, VEHICLE, ROBOT = "gait", "walker", "vehicle", "robot"  # kinds of problems, as descriptions name them
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,17 @@ def rest_sizes(body: LatticeBody, program: LatticeProgram) -> Array:
     return np.broadcast_to(sizes, shape) * body.voxel_size
 
 
+def thermal_growth(body: LatticeBody, program: LatticeProgram) -> Array:
+    """1 + alpha T of every voxel at every snapshot, by which it grows beyond those sizes, shape (B, S, V, 1)."""
+    events, elapsed = _last_events(program, body.region_count, Quantity.TEMPERATURE, 1)
+    found = np.array([m.temperature for m in body.materials])[body.material_index][:, None]
+    if len(program.events):
+        told = program.events["value"][events] + program.events["rate"][events] * elapsed
+        found = np.where((events >= 0)[:, :, body.regions], told[:, :, body.regions], found)
+    alpha = np.array([m.thermal_expansion for m in body.materials])[body.material_index][:, None]
+    return np.broadcast_to(1 + alpha * found, (*program.snapshots.shape, body.voxel_count, 1))
+
+
 def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents: Array) -> tuple[Array, Array]:
     """Derivatives of a cost by the values and by the rates of all events, shape (E,) each, by way of the rest sizes.
 
@@ -41,18 +52,21 @@ def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents:
     return values, rates
 
 
-def _last_events(program: LatticeProgram, regions: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number of the event that every scale follows at every snapshot, and the steps since, shape (B, S, R, 3) each.
+def _last_events(
+    program: LatticeProgram, regions: int, quantity: int = Quantity.SCALE, width: int = 3
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number of the event that channels follow at every snapshot, and the steps since, shape (B, S, R, width) each.
 
     The number is -1 where there is none yet.
     """
     robots = program.robot_count
-    numbers = np.flatnonzero(program.events["quantity"] < Quantity.SCALE + 3)
+    given = program.events["quantity"]
+    numbers = np.flatnonzero((given >= quantity) & (given < quantity + width))
     events = program.events[numbers]
-    channel = (events["robot"].astype(np.int64) * regions + events["region"]) * 3 + events["quantity"]
+    channel = (events["robot"].astype(np.int64) * regions + events["region"]) * width + (events["quantity"] - quantity)
     order = np.lexsort((events["step"], channel))
     numbers, channel, step = numbers[order], channel[order], events["step"][order].astype(np.int64)
-    asked = np.arange(robots * regions * 3).reshape(robots, 1, regions, 3)
+    asked = np.arange(robots * regions * width).reshape(robots, 1, regions, width)
     last = np.maximum(program.snapshots - 1, 0)[:, :, None, None]
     first, end = np.searchsorted(channel, asked), np.searchsorted(channel, asked, side="right")
     span = np.int64(2**31)  # more than any step

@@ -1,6 +1,5 @@
 """Soft voxel walkers: what their bodies do on a terrain while their active voxels swell and shrink."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.checks import number, whole_number
+from robots.cyclic import SEGMENTS, Cycle, build_cyclic_program, recorded_frames
 from robots.inflatable import Frames
 from robots.inflatable_program import gravity_vector
-from robots.rest_sizes import rest_sizes
 from robots.terrain import Terrain
 from robots.walker_body import (
     ACTIVE,
@@ -25,8 +24,7 @@ from robots.walker_body import (
     load_walker,
     save_walker,
 )
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult, ProgramBuilder, Quantity
-from taichi_sim.lattice.faces import half_extents
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Quantity
 
 __all__ = [
     "ACTIVE",
@@ -44,7 +42,6 @@ __all__ = [
     "simulate",
 ]
 
-SEGMENTS = 16  # straight pieces of a cycle's sine
 PHASES = np.array([0.0, 0.0, 1.0, -1.0])  # of the kinds, times the sine
 
 
@@ -74,8 +71,11 @@ class WalkerActuation:
 
     def time_step(self, largest: float) -> float:
         """The largest dt [s] up to one of the tissue's of which a whole number makes a segment of the cycle."""
-        segment = 1.0 / (self.frequency * SEGMENTS)
-        return segment / math.ceil(segment / largest)
+        return Cycle.fit(self.frequency, largest)
+
+    def cycle(self, time_step: float) -> Cycle:
+        """When what happens, in steps of dt [s]."""
+        return Cycle(self.frequency, self.settling, self.cycles, time_step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ def simulate(
         status[members], steps[members] = run.status, run.steps
         for row, i in enumerate(members):
             bodies[i] = body
-            frames[i] = _frames(body, run, program, row, record_every * dt) if record_every else None
+            frames[i] = recorded_frames(body, run, program, row, record_every * dt) if record_every else None
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
     speed = distance / lengths * actuation.frequency / actuation.cycles
     return WalkerResult(distance, speed, status.astype(str), reason, steps, dt, tuple(bodies), tuple(frames))
@@ -185,37 +185,13 @@ def build_program(
     kinds: NDArray[np.int8], terrain: Terrain, actuation: WalkerActuation, time_step: float,
     record_every: int | None = None,
 ) -> LatticeProgram:  # fmt: skip
-    """The program of robots whose regions are of these kinds, shape (B, R).
-
-    Snapshot 0 is the end of the first cycle, snapshot 1 the end of the last; with ``record_every`` the poses every so
-    many steps from the start of the actuation follow.
-    """
-    robots, regions = len(kinds), np.arange(kinds.shape[1])
-    builder = ProgramBuilder(robots)
-    for axis, acceleration in enumerate(gravity_vector(terrain.slope, 0.0)):
-        builder.set(Quantity.ACCELERATION + axis, float(acceleration), regions=regions)  # type: ignore[arg-type]
-    begin = round(actuation.settling / time_step)
-    segment = round(1.0 / (actuation.frequency * SEGMENTS * time_step))
-    nodes = np.arange((actuation.cycles + 1) * SEGMENTS + 1)
-    sine = actuation.amplitude * np.sin(2 * np.pi * (nodes % SEGMENTS) / SEGMENTS)
-    phase = PHASES[kinds]
-    for node, (value, rate) in enumerate(zip(sine[:-1], np.diff(sine) / segment, strict=True)):
-        for axis in range(3):
-            builder.set(
-                Quantity.SCALE + axis, 1.0 + value * phase, rate=rate * phase, regions=regions,
-                step=begin + node * segment,
-            )  # fmt: skip
-    first, end = begin + SEGMENTS * segment, begin + int(nodes[-1]) * segment
-    marks = [first, end, *(range(begin, end + 1, record_every) if record_every else ())]
-    return builder.build(end, np.tile(marks, (robots, 1)))
-
-
-def _frames(body: LatticeBody, run: LatticeResult, program: LatticeProgram, row: int, interval: float) -> Frames:
-    """The recorded poses of one robot of a batch."""
-    sizes = rest_sizes(body, program)
-    extents = half_extents(body, run.strains, sizes)
-    # Frames hold (F, B, ...): here a batch of one.
-    positions, orientations, shown, rest = (
-        np.swapaxes(a[row : row + 1, 2:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
-    )
-    return Frames(positions, orientations, np.arange(len(positions)) * interval, shown, rest)
+    """The program of robots whose regions are of these kinds, shape (B, R); snapshots as of ``robots.cyclic``."""
+    regions = np.arange(kinds.shape[1])
+    sine = actuation.amplitude * np.sin(2 * np.pi * np.arange(SEGMENTS) / SEGMENTS)
+    swing = np.repeat(PHASES[kinds][..., None] * sine, 3, axis=1)  # of x, y and z
+    quantities = np.tile(Quantity.SCALE + np.arange(3), len(regions))
+    cycle = actuation.cycle(time_step)
+    gravity = np.array(gravity_vector(terrain.slope, 0.0), float)
+    return build_cyclic_program(
+        np.repeat(regions, 3), quantities, 1.0, swing, cycle, gravity, len(regions), record_every
+    ).program

@@ -17,6 +17,7 @@ from optim.search import METHODS
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
+    from optim.lattice_robot_problem import LatticeRobotProblem
     from optim.runs import Generation, RunFolder
 
 
@@ -77,6 +78,10 @@ def _add_search(search: Any) -> None:
 
 
 def _add_design(design: Any) -> None:
+    design.add_argument(
+        "--robot", type=Path, metavar="FILE", help="a robot of your own instead, see docs/own-robots.md: Python that "
+        "sets robot, a .json design, .vxa or .vxd; of this group it takes one --terrain (default: flat)",
+    )  # fmt: skip
     design.add_argument(
         "--terrain",
         type=options.terrain,
@@ -165,7 +170,7 @@ def run(args: argparse.Namespace) -> Report:
             written = _write_best(problem, last, folder)
         except KeyboardInterrupt as interrupt:
             return _interrupted(search.last, planned.generations, folder.path, stopped_by(interrupt))
-    return _report(last, folder.path, written)
+    return _report(last, folder.path, written, planned.what)
 
 
 class _Search:
@@ -207,8 +212,9 @@ class _Search:
         return f", {spoken_duration(left * pace)} left" if left else ""
 
 
-def _write_best(problem: "GaitProblem", last: "Generation", folder: "RunFolder") -> list[str]:
-    """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
+def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation", folder: "RunFolder") -> list[str]:
+    """Gait table and pictures of the best gait, unless they are up to date; the names of all files."""
+    from optim.gait_problem import GaitProblem
     from optim.runs.products import Products
     from robots.hardware import export_csv
     from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
@@ -216,6 +222,8 @@ def _write_best(problem: "GaitProblem", last: "Generation", folder: "RunFolder")
 
     if last.best_point is None:
         return []
+    if not isinstance(problem, GaitProblem):
+        return ["best.json"]
     design = problem.design(problem.space.from_dict(last.best_point))
     robot: dict[str, Any] = {
         "geometry": NAMED_GEOMETRIES[problem.geometry],
@@ -229,14 +237,14 @@ def _write_best(problem: "GaitProblem", last: "Generation", folder: "RunFolder")
     return ["best.json", "gait.csv", *pictures]
 
 
-def _report(last: "Generation", folder: Path, written: list[str]) -> Report:
+def _report(last: "Generation", folder: Path, written: list[str], what: str) -> Report:
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
     if last.best is None:
         return Report(document, f"{folder}: all {last.evaluations} evaluations failed", FAILED)
     details = (last.best_details or {}).items()
     speeds = ", ".join(f"{name.removeprefix('speed_')} {value:.4f}" for name, value in details)
     text = (
-        f"best gait: {last.best:.4f} BL/s ({speeds}) after {last.evaluations} evaluations\n"
+        f"best {what}: {last.best:.4f} BL/s ({speeds}) after {last.evaluations} evaluations\n"
         f"{folder}: {', '.join(written)}"
     )
     return Report(document, text)

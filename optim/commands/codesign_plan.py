@@ -13,6 +13,7 @@ from optim.search import METHODS, check_settings, default_settings
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
+    from optim.lattice_robot_problem import LatticeRobotProblem
 
 METHOD = "hill-climb"
 GENERATIONS = 200
@@ -32,11 +33,16 @@ class Plan:
         note: what was fixed by default, or nothing.
     """
 
-    problem: "GaitProblem"
+    problem: "GaitProblem | LatticeRobotProblem"
     method: str
     settings: dict[str, Any]
     generations: int
     note: str
+
+    @property
+    def what(self) -> str:
+        """What is designed, in a word."""
+        return str(self.problem.describe().get("kind", "gait"))
 
     def config(self) -> dict[str, Any]:
         """The settings of the run."""
@@ -50,12 +56,17 @@ def plan(args: argparse.Namespace) -> Plan:
     Raises:
         ValueError: in one line, if they do not fit.
     """
+    from optim.commands.robot_options import is_robot, robot_problem
     from optim.gait_problem import GaitProblem
     from optim.runs.config import has_run, read_config
 
     known = read_config(args.out) if args.resume and has_run(args.out) else None
     name = _same("method.name", args.method, known["method"]["name"], args.out) if known else args.method or METHOD
-    problem, note = _problem(args, GaitProblem.from_description(known["problem"]) if known else None, name)
+    problem: GaitProblem | LatticeRobotProblem
+    if is_robot(args, known):
+        problem, note = robot_problem(args, known["problem"] if known else None), ""
+    else:
+        problem, note = _problem(args, GaitProblem.from_description(known["problem"]) if known else None, name)
     settings = _method(args, name, problem, known["method"] if known else None)
     generations = args.generations
     if generations is None:
@@ -143,7 +154,7 @@ def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[st
 
 
 def _method(
-    args: argparse.Namespace, name: str, problem: "GaitProblem", known: dict[str, Any] | None
+    args: argparse.Namespace, name: str, problem: "GaitProblem | LatticeRobotProblem", known: dict[str, Any] | None
 ) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
     given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}

@@ -12,6 +12,7 @@ from optim.commands import options
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
+    from optim.lattice_robot_problem import LatticeRobotProblem
     from optim.runs import RunFolder
     from optim.runs.requests import Evaluate
 
@@ -36,7 +37,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 @contextlib.contextmanager
 def opened_workers(
-    problem: "GaitProblem", folder: "RunFolder", args: argparse.Namespace
+    problem: "GaitProblem | LatticeRobotProblem", folder: "RunFolder", args: argparse.Namespace
 ) -> Iterator["Evaluate | None"]:
     """What evaluates the points of a generation; None for this process itself."""
     if args.workers is None and args.ray is None:

@@ -8,10 +8,12 @@ import numpy as np
 
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
+from optim.commands.robot_options import horizons_of_robot
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
+    from optim.problem import RelaxableProblem
 
 HORIZONS = (1, 2, 4, 8)
 INSIDE = 0.15  # of its range: how far the point keeps from every bound
@@ -25,14 +27,19 @@ def add_parser(commands: Any) -> None:
         description="Compare the exact gradient of the speed, by pressure, orientation and relaxed schedule, with "
         "central differences over step sizes and horizons, and with the gradient of the smoothed speed.",
     )
-    parser.add_argument("--gait", default="inching", metavar="GAIT", help="inching, rolling, or the file of a design")
+    parser.add_argument("--gait", metavar="GAIT", help="inching, rolling, or the file of a design (default: inching)")
+    parser.add_argument(
+        "--robot", type=Path, metavar="FILE", help="a robot of your own instead, by all that is free of it, see "
+        "docs/own-robots.md",
+    )  # fmt: skip
     parser.add_argument(
         "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN", help="flat or hill:15 (default: flat)"
     )
     parser.add_argument(
         "--horizons",
         metavar="COLUMNS",
-        help="columns that are played: some of the gait, or all of it several times (default: 1,2,4,8)",
+        help="columns that are played: some of the gait, or all of it several times (default: 1,2,4,8); of a robot "
+        "cycles (default: 1,2,4)",
     )
     parser.add_argument("--directions", type=options.whole(2), default=6, metavar="N", help="random ones (default: 6)")
     parser.add_argument(
@@ -55,16 +62,11 @@ def run(args: argparse.Namespace) -> Report:
     from optim.gradient_report import check_gradient, save_plot
     from robots.files import write_text
 
-    gait = options.load_gait(args.gait)
+    problems = _problems(args)
     if args.out:
         if args.out.exists() and not args.out.is_dir():
             raise ValueError(f"out: {args.out} is not a folder")
         args.out.mkdir(parents=True, exist_ok=True)
-    problems = {}
-    for columns in _horizons(args.horizons, gait.schedule.columns):
-        repeats = max(columns // gait.schedule.columns, 1)
-        problem = _problem(args, columns // repeats, repeats)
-        problems[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _point(problem, gait)
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
             problems, directions=args.directions, smoothing=args.smoothing, samples=args.samples, seed=args.seed,
@@ -78,6 +80,23 @@ def run(args: argparse.Namespace) -> Report:
         save_plot(report, args.out / "gradient.png")
         text += f"\n{args.out}: gradient.json, gradient.png"
     return Report(document, text)
+
+
+def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np.ndarray]]":
+    """What to check, by name, each with a point that keeps away from the bounds."""
+    found: dict[str, tuple[RelaxableProblem, np.ndarray]] = {}
+    if args.robot is not None:
+        for name, (robot, start) in horizons_of_robot(args).items():
+            found[name] = robot, _inside(robot, start)
+        return found
+    gait = options.load_gait(args.gait or "inching")
+    for columns in _horizons(args.horizons, gait.schedule.columns):
+        repeats = max(columns // gait.schedule.columns, 1)
+        problem = _problem(args, columns // repeats, repeats)
+        bits = gait.schedule.bits[:, : problem.columns].astype(float)
+        point = np.concatenate([[gait.orientation, gait.pressure], bits.ravel()])
+        found[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _inside(problem, point)
+    return found
 
 
 def _horizons(text: str | None, columns: int) -> list[int]:
@@ -104,9 +123,7 @@ def _problem(args: argparse.Namespace, columns: int, repeats: int) -> "GaitProbl
     )  # fmt: skip
 
 
-def _point(problem: "GaitProblem", gait: Any) -> np.ndarray:
-    """The first columns of a gait, drawn away from the bounds so that differences reach both sides."""
-    bits = gait.schedule.bits[:, : problem.columns].astype(float)
-    point = np.concatenate([[gait.orientation, gait.pressure], bits.ravel()])
+def _inside(problem: "RelaxableProblem", point: np.ndarray) -> np.ndarray:
+    """The point, drawn away from the bounds so that differences reach both sides."""
     space = problem.space
     return np.clip(point, space.low + INSIDE * space.span, space.high - INSIDE * space.span)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from optim.commands import options
 from optim.commands.kept_points import kept_point
-from optim.problem import GAIT, VEHICLE, WALKER
+from optim.problem import GAIT, ROBOT, VEHICLE, WALKER
 from robots.files import read_text
 from robots.terrain import Terrain
 from robots.view.motion import Motion
@@ -69,16 +69,26 @@ def _of_run(folder: Path, args: argparse.Namespace, progress: Progress) -> Motio
         vehicles, point = kept_point(folder, VehicleProblem, args.member)
         sites, controllers = vehicles.split(point)
         return _vehicle(VehicleBody(sites[0]), controllers[0, 0], vehicles.task, folder.name, args)
+    if kind == ROBOT:
+        from optim.lattice_robot_problem import LatticeRobotProblem
+
+        own, point = kept_point(folder, LatticeRobotProblem, args.member)
+        return _lattice_robot(own.design(point), folder.name, args, own.terrain, progress)
     raise ValueError(f"source: {folder} is a run of a {kind}, which has no view")
 
 
 def _of_file(path: Path, args: argparse.Namespace, progress: Progress) -> Motion:
     from robots.inflatable import load_design
+    from robots.lattice_robot import load_robot
+    from robots.lattice_robot.record import ROBOT_FORMAT
+    from robots.lattice_robot.sources import VOXEL_SUFFIXES
     from robots.walker import load_walker
     from robots.walker_body import DESIGN_FORMAT
 
     if args.member is not None:
         raise ValueError(f"member: {args.member} is not allowed, as {path} is the file of one design; name a run")
+    if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{ROBOT_FORMAT}"' in read_text(path):
+        return _lattice_robot(load_robot(path), path.stem, args, None, progress)
     if f'"{DESIGN_FORMAT}"' in read_text(path):
         return _walker(load_walker(path), path.stem, args, None, progress)
     return _inflatable(load_design(path), path.stem, args, None, progress)
@@ -118,6 +128,19 @@ def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress
     result = walker.simulate(design, terrain, actuation=drive, **_where(args), progress=progress,
                              record_every=int(-(-steps // (args.frames - 1))))  # fmt: skip
     return walker_motion(result, design, terrain, actuation=drive, name=f"{name} on {terrain.name}")
+
+
+def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain | None, progress: Progress) -> Motion:
+    from robots.lattice_robot import simulate
+    from robots.view.soft_motion import lattice_robot_motion
+
+    terrain = _terrain(args, own)
+    steps = robot.cycle.end - robot.cycle.begin
+    result = simulate(robot, None, terrain, **_where(args), record_every=-(-steps // (args.frames - 1)),
+                      progress=progress)  # fmt: skip
+    if result.reason[0]:
+        raise ValueError(f"source: {name} is no robot: {result.reason[0]}")
+    return lattice_robot_motion(result, robot, terrain, name=f"{name} on {terrain.name}")
 
 
 def _vehicle(body: Any, controller: NDArray[np.float64], task: Any, name: str, args: argparse.Namespace) -> Motion:

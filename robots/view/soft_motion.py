@@ -4,9 +4,12 @@ from itertools import repeat
 
 import numpy as np
 
+from robots.cyclic import SEGMENTS
 from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableDesign, InflatableResult
 from robots.inflatable_actuation import play
 from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.lattice_robot import LatticeRobot, LatticeRobotResult
+from robots.lattice_robot.drive import UNITS
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 from robots.view.lattice_states import LatticeStates
@@ -102,6 +105,42 @@ def walker_motion(
     nodes = [Node(f"voxel {v}", CUBE, colours[int(k)], channels[int(k)]) for v, k in enumerate(kinds)]
     slope = (terrain or Terrain()).slope
     return _voxels(name, frames, body, 0, nodes, driven, [], Ground(-0.5 * body.voxel_size, slope))
+
+
+def lattice_robot_motion(
+    result: LatticeRobotResult, robot: LatticeRobot, terrain: Terrain | None = None, *, place: int = 0,
+    name: str = "robot",
+) -> Motion:  # fmt: skip
+    """The motion of a robot of the user's own, a node for each voxel.
+
+    Channels: each drive, as it is in its first region, distance and speed along the heading.
+
+    Args:
+        result: of ``simulate``, with frames.
+        robot: as it was simulated, without anything free, or where it starts.
+        terrain: where it was; flat ground by default.
+        place: of the point in the batch.
+        name: of the motion.
+
+    Raises:
+        ValueError: in one line, for results without frames, and points that are no robots.
+    """
+    if result.reason[place]:
+        raise ValueError(f"frames: point {place} has none, as it is no robot: {result.reason[place]}")
+    body = result.bodies[place]
+    frames = _recorded(result.frames[place], body, 0)
+    cycle, regions = robot.cycle, np.asarray(body.regions)
+    times: Floats = np.arange((cycle.cycles + 1) * SEGMENTS + 1, dtype=float) * (cycle.segment * cycle.time_step)
+    driven, shown = [], np.full(body.voxel_count, -1)
+    for number, (drive, values) in enumerate(robot.nodes(robot.start).items()):
+        wave: Floats = np.tile(values[0], cycle.cycles + 2)[: len(times)]
+        driven.append(Channel(f"{drive.name} {drive.quantity}", UNITS[drive.quantity], times, wave,
+                              _colour(BLADDERS[number % BLADDER_COUNT])))  # fmt: skip
+        shown[np.isin(regions, drive.regions)] = number
+    nodes = [Node(f"voxel {v}", CUBE, driven[c].colour if c >= 0 else _colour(SKIN_COLOUR), int(c) if c >= 0 else None)
+             for v, c in enumerate(shown)]  # fmt: skip
+    ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, robot.heading)
+    return _voxels(name, frames, body, 0, nodes, driven, [], ground)
 
 
 def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:

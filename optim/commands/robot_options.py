@@ -1,0 +1,97 @@
+"""What commands make of ``--robot FILE``: problems of the user's own robot."""
+
+import argparse
+import dataclasses
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from optim.problem import GAIT, ROBOT
+
+if TYPE_CHECKING:
+    from optim.lattice_robot_problem import LatticeRobotProblem
+
+# Options about gaits of the inflatable robot.
+_GAITS = ("free", "encoding", "gait", "orientation", "pressure", "objective", "start_orientation", "start_pressure",
+          "geometry", "columns", "repeats", "weight")  # fmt: skip
+CYCLES = (1, 2, 4)  # horizons of ``gradient-check``
+
+
+def is_robot(args: argparse.Namespace, known: Mapping[str, Any] | None) -> bool:
+    """Whether the user's own robot is designed; ``known`` are the settings of a run that continues.
+
+    Raises:
+        ValueError: in one line, where a robot is given to a run of something else.
+    """
+    kind = known["problem"].get("kind", GAIT) if known else None
+    if kind not in (None, ROBOT) and args.robot is not None:
+        raise ValueError(f"robot: the run in {args.out} is one of a {kind}; leave --robot out")
+    return args.robot is not None or kind == ROBOT
+
+
+def robot_problem(args: argparse.Namespace, known: Mapping[str, Any] | None) -> "LatticeRobotProblem":
+    """The problem of ``--robot``, or of the run that continues, by its description.
+
+    Raises:
+        ValueError: in one line, for what does not go with it, or contradicts the run.
+    """
+    from optim.lattice_robot_problem import LatticeRobotProblem
+
+    refuse_gait_options(args)
+    terrains = list(args.terrain or ())
+    if len(terrains) > 1:
+        raise ValueError(f"terrain: {len(terrains)} are not allowed with --robot; give one")
+    given = {
+        name: getattr(args, name) for name in ("precision", "device", "threads") if getattr(args, name) is not None
+    }
+    if terrains:
+        given["terrain"] = terrains[0]
+    if known is None:
+        return LatticeRobotProblem(_loaded(args), **given)
+    problem = LatticeRobotProblem.from_description(known)
+    if args.robot is not None and LatticeRobotProblem(_loaded(args)).describe()["robot"] != known["robot"]:
+        raise ValueError(f"robot: {args.robot} is not the robot of the run in {args.out}; leave it out")
+    return dataclasses.replace(problem, **given)
+
+
+def horizons_of_robot(args: argparse.Namespace) -> dict[str, tuple["LatticeRobotProblem", np.ndarray]]:
+    """The robot for more and more cycles, at the point where it starts, kept away from the bounds."""
+    from optim.lattice_robot_problem import LatticeRobotProblem
+
+    refuse_gait_options(args)
+    robot, problems = _loaded(args), {}
+    for cycles in _cycles(args.horizons):
+        problem = LatticeRobotProblem(
+            dataclasses.replace(robot, cycles=cycles), args.terrain, args.precision or "f64", args.device or "cpu",
+            args.threads,
+        )  # fmt: skip
+        problems[f"{cycles} cycle{'s' * (cycles > 1)}"] = problem, robot.start
+    return problems
+
+
+def refuse_gait_options(args: argparse.Namespace) -> None:
+    """Raise a one-line ValueError for options that say nothing of a robot of the user's own."""
+    for name in _GAITS:
+        if getattr(args, name, None) is not None:
+            raise ValueError(
+                f"{name.replace('_', '-')}: it is of the inflatable robot's gaits; leave it out with --robot"
+            )
+
+
+def _loaded(args: argparse.Namespace) -> Any:
+    from robots.lattice_robot import load_robot
+
+    return load_robot(args.robot)
+
+
+def _cycles(text: str | None) -> list[int]:
+    if text is None:
+        return list(CYCLES)
+    try:
+        wanted = sorted({int(part) for part in text.split(",")})
+    except ValueError:
+        wanted = [0]
+    if wanted[0] < 1:
+        raise ValueError(f"horizons: {text!r} is not allowed; give numbers of cycles such as 1,2,4")
+    return wanted

@@ -1,0 +1,19 @@
+"""Robots of the user's own: any lattice body, driven in groups of its regions, free where a search may change it."""
+
+from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.record import save_robot
+from robots.lattice_robot.robot import LatticeRobot
+from robots.lattice_robot.simulation import LatticeRobotResult, differentiate, simulate
+from robots.lattice_robot.sources import load_robot, robot_of_voxel_file
+
+__all__ = [
+    "Drive",
+    "Free",
+    "LatticeRobot",
+    "LatticeRobotResult",
+    "differentiate",
+    "load_robot",
+    "robot_of_voxel_file",
+    "save_robot",
+    "simulate",
+]

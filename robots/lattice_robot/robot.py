@@ -1,0 +1,234 @@
+"""A robot of the user's own: a lattice body, what drives it, and what a search may change of both."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.checks import number, whole_number
+from robots.cyclic import Cycle
+from robots.lattice_robot.drive import Drive, DriveValues, Free
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeBody, Material, Quantity
+
+Floats = NDArray[np.float64]
+SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeRobot:
+    """A soft robot that repeats a cycle.
+
+    Attributes:
+        body: of the robot; it is moved so that it stands on the ground.
+        drives: groups of its regions, with what each does.
+        moduli: Young's moduli of materials that are free [Pa], by the materials' names or numbers from 0.
+        frequency: cycles per second [Hz], 0.1 to 100.
+        cycles: that count; another one comes before them.
+        settling: time on the ground before they begin, in which driven regions go to where the cycle begins [s].
+        heading: direction of travel [degrees] from x towards y; on a slope it is uphill.
+        time_step_safety: the largest stable time step is divided by this.
+        name: for people.
+
+    Raises:
+        ValueError: one line that names the field, the value and what is allowed.
+    """
+
+    body: LatticeBody
+    drives: tuple[Drive, ...]
+    moduli: Mapping[str | int, Free] = field(default_factory=dict)
+    frequency: float = 4.0
+    cycles: int = 4
+    settling: float = 0.25
+    heading: float = 0.0
+    time_step_safety: float = 1.3
+    name: str = "robot"
+
+    def __post_init__(self) -> None:
+        number("frequency", self.frequency, 0.1, 100.0, "Hz")
+        whole_number("cycles", self.cycles, 1)
+        number("settling", self.settling, 0.0, unit="s")
+        number("heading", self.heading, unit="degrees")
+        number("time_step_safety", self.time_step_safety, 1e-3)
+        object.__setattr__(self, "drives", tuple(self.drives))
+        if not self.drives:
+            raise ValueError("drives: there are none; give at least one Drive")
+        names = [drive.name for drive in self.drives]
+        if len(set(names)) < len(names):
+            raise ValueError(f"drives: {', '.join(names)} do not all differ; give each its name")
+        self._check_channels()
+        lowest = int(self.body.voxels[:, 2].min())
+        if lowest:
+            grounded = dataclasses.replace(self.body, voxels=self.body.voxels - [0, 0, lowest])
+            object.__setattr__(self, "body", grounded)
+        _ = self.free_moduli  # which checks their names
+
+    def _check_channels(self) -> None:
+        """Every region is there, and driven at most once in a quantity."""
+        known = set(np.unique(self.body.regions).tolist())  # type: ignore[arg-type]
+        seen: dict[tuple[int, int], str] = {}
+        for drive in self.drives:
+            for region in drive.regions:
+                if region not in known:
+                    raise ValueError(
+                        f"regions: {region} of {drive.name} is unknown; the body has {min(known)} to {max(known)}"
+                    )
+                for quantity in drive.quantities:
+                    if (region, quantity) in seen:
+                        other = seen[region, quantity]
+                        raise ValueError(f"drives: {other} and {drive.name} both set the {drive.quantity} of region "
+                                         f"{region}; give one")  # fmt: skip
+                    seen[region, quantity] = drive.name
+            feels = self.body.pressure_normals[self._driven_by(drive)]  # type: ignore[index]
+            if drive.quantity == "pressure" and not feels.any():
+                raise ValueError(f"drives: no voxel of {drive.name} has a face under pressure; give pressure_normals")
+
+    def _driven_by(self, drive: Drive) -> NDArray[np.bool_]:
+        """Which voxels are, shape (V,)."""
+        return np.isin(np.asarray(self.body.regions), drive.regions)
+
+    @cached_property
+    def free_moduli(self) -> dict[int, Free]:
+        """Free Young's moduli [Pa] by the numbers of their materials."""
+        names = [m.name for m in self.body.materials]
+        found = {}
+        for key, free in self.moduli.items():
+            index = names.index(key) if key in names else key
+            if not isinstance(index, int) or not 0 <= index < len(names):
+                raise ValueError(f"moduli: {key!r} is unknown; give a material's name, or 0 to {len(names) - 1}")
+            if not free.low > 0:
+                raise ValueError(f"moduli: {free.low:g} of {key!r} is not allowed; it must be positive")
+            found[index] = free
+        return found
+
+    @cached_property
+    def free(self) -> dict[str, Free]:
+        """All that a search may change, by name, in the order of points."""
+        found: dict[str, Free] = {}
+        for drive in self.drives:
+            found |= drive.free
+        names = [m.name for m in self.body.materials]
+        return found | {f"{names[n] or f'material_{n}'}_modulus": free for n, free in self.free_moduli.items()}
+
+    @property
+    def start(self) -> Floats:
+        """The point where nothing has been searched, shape (P,)."""
+        return np.array([free.middle for free in self.free.values()])
+
+    def points(self, given: ArrayLike | None) -> Floats:
+        """Points, shape (N, P); by default the start alone.
+
+        Raises:
+            ValueError: in one line, for another shape or numbers that are not finite.
+        """
+        points = np.atleast_2d(self.start if given is None else np.asarray(given, float))
+        if points.ndim != 2 or points.shape[1] != len(self.free) or not len(points) or not np.isfinite(points).all():
+            raise ValueError(
+                f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.free)})"
+            )
+        return points
+
+    def filled(self, point: ArrayLike) -> "LatticeRobot":
+        """The robot of a point, without anything free."""
+        points = self.points(point)
+        drives = tuple(values.filled for values in self.given(points))
+        return dataclasses.replace(self, body=self.bodies(points)[0], drives=drives, moduli={})
+
+    def bodies(self, points: Floats) -> list[LatticeBody]:
+        """The body of each point; one object if no modulus is free."""
+        moduli = points[:, points.shape[1] - len(self.free_moduli) :]
+        if not self.free_moduli:
+            return [self.body] * len(points)
+        return [self._of_moduli(row) for row in moduli]
+
+    def _of_moduli(self, moduli: ArrayLike) -> LatticeBody:
+        materials = list(self.body.materials)
+        for index, modulus in zip(self.free_moduli, np.asarray(moduli, float).tolist(), strict=True):
+            materials[index] = dataclasses.replace(materials[index], youngs_modulus=modulus)
+        return dataclasses.replace(self.body, materials=tuple(materials))
+
+    @cached_property
+    def cycle(self) -> Cycle:
+        """When what happens; the time step is one for all points."""
+        stiffest = self._of_moduli([free.high for free in self.free_moduli.values()]) if self.moduli else self.body
+        largest = stiffest.recommended_time_step / self.time_step_safety
+        return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
+
+    @property
+    def direction(self) -> Floats:
+        """Of travel, shape (3,)."""
+        heading = np.deg2rad(self.heading)
+        return np.array([np.cos(heading), np.sin(heading), 0.0])
+
+    @property
+    def length(self) -> float:
+        """Of the body along its heading [m]."""
+        return float(np.ptp(self.body.start_positions @ self.direction)) + self.body.voxel_size
+
+    def on(self, terrain: Terrain) -> "LatticeRobot":
+        """With the friction of a terrain, where it has one.
+
+        Raises:
+            ValueError: if the terrain gives a friction for feet that slide.
+        """
+        if terrain.low_friction is not None:
+            raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; drive the friction of a region")
+        if (friction := terrain.high_friction) is None:
+            return self
+        materials = tuple(
+            dataclasses.replace(m, static_friction=friction, kinetic_friction=friction) for m in self.body.materials
+        )
+        return dataclasses.replace(self, body=dataclasses.replace(self.body, materials=materials))
+
+    def given(self, points: Floats) -> list[DriveValues]:
+        """The drives at points, shape (N, P)."""
+        found, taken = [], 0
+        for drive in self.drives:
+            count = len(drive.free)
+            found.append(drive.given(points[:, taken : taken + count]))
+            taken += count
+        return found
+
+    def nodes_of(self, values: DriveValues, quantity: int) -> Floats:
+        """What a drive makes of a channel of its regions at the nodes of a cycle, shape (N, G, 16)."""
+        return values.nodes(np.array([self.rest(region, quantity) for region in values.drive.regions]))
+
+    def nodes(self, point: ArrayLike) -> dict[Drive, Floats]:
+        """What all drives do at one point, in their first channel, shape (G, 16) each."""
+        every = self.given(self.points(point)[:1])
+        return {values.drive: self.nodes_of(values, values.drive.quantities[0])[0] for values in every}
+
+    @cached_property
+    def _material_of(self) -> dict[int, Material]:
+        """Of the first voxel of each region."""
+        regions, first = np.unique(np.asarray(self.body.regions), return_index=True)
+        found = [self.body.materials[m] for m in self.body.material_index[first]]
+        return dict(zip(regions.tolist(), found, strict=True))
+
+    def rest(self, region: int, quantity: int) -> float:
+        """What a channel holds before anything drives it: what the material of the region's first voxel says."""
+        material = self._material_of[region]
+        if Quantity.SCALE <= quantity < Quantity.SCALE + 3:
+            return material.scale[quantity - Quantity.SCALE]
+        named = {
+            Quantity.TEMPERATURE: material.temperature,
+            Quantity.STATIC_FRICTION: material.static_friction,
+            Quantity.KINETIC_FRICTION: material.kinetic_friction,
+        }
+        return named.get(Quantity(quantity), 0.0)
+
+    def fault(self, point: ArrayLike) -> str:
+        """Why a point, shape (P,), is no robot; empty if it is one."""
+        for drive, nodes in self.nodes(point).items():
+            least = float(nodes.min())
+            if drive.quantity == "temperature":
+                alphas = np.array([m.thermal_expansion for m in self.body.materials])[self.body.material_index]
+                least = float((1 + np.outer(alphas[self._driven_by(drive)], nodes.reshape(-1))).min())
+            if drive.quantity in ("scale", "temperature") and least < SMALLEST:
+                return f"{drive.name} shrinks to {least:.3g} of a voxel; {SMALLEST} is the least"
+            if drive.quantity == "friction" and least < 0:
+                return f"{drive.name} has a friction of {least:.3g}; 0 is the least"
+        return ""

@@ -1,0 +1,92 @@
+"""Where lattice robots come from: a Python file, a design file, a file of VoxCAD or voxcraft."""
+
+import math
+import runpy
+import warnings
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots.inflatable_program import STANDARD_GRAVITY
+from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.record import load_saved_robot
+from robots.lattice_robot.robot import LatticeRobot
+from taichi_sim.lattice.files import VoxelFile, load_voxel_file
+
+VOXEL_SUFFIXES = (".vxl.json", ".vxa", ".vxc", ".vxd")
+SUFFIXES = (".py", ".json", *VOXEL_SUFFIXES)
+
+
+def load_robot(path: str | PathLike[str]) -> LatticeRobot:
+    """The robot of a file.
+
+    Args:
+        path: Python that sets ``robot`` to a ``LatticeRobot`` (it is run), JSON of ``save_robot``, or a voxel file
+            that is driven by heat.
+
+    Raises:
+        ValueError: one line that names the file and what is wrong with it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"robot: {path} is no file; give one of {', '.join(SUFFIXES)}")
+    name = path.name.lower()
+    if name.endswith(".py"):
+        return _of_python(path)
+    if name.endswith(VOXEL_SUFFIXES):
+        try:
+            return robot_of_voxel_file(load_voxel_file(path), name=path.stem)
+        except ValueError as error:
+            raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+    if name.endswith(".json"):
+        return load_saved_robot(path)
+    raise ValueError(f"robot: the kind of {path} is unknown; give one of {', '.join(SUFFIXES)}")
+
+
+def robot_of_voxel_file(
+    file: VoxelFile, *, amplitude: Free | None = None, phase: Free | None = None, **settings: Any
+) -> LatticeRobot:
+    """The robot that a voxel file describes, driven by its heat.
+
+    Args:
+        file: of ``load_voxel_file``.
+        amplitude: of the temperature, if it is to be free [K].
+        phase: of every region, if they are to be free, in cycles; where they start is as in the file.
+        settings: of ``LatticeRobot``.
+
+    Raises:
+        ValueError: in one line, for a file that nothing drives, or whose heat no material feels.
+    """
+    heat = file.heat
+    if heat is None:
+        raise ValueError("heat: the file drives nothing; make a LatticeRobot of its body")
+    if not any(m.thermal_expansion for m in file.body.materials):
+        raise ValueError("heat: no material expands; give one a CTE")
+    if file.gravity is not None and not math.isclose(file.gravity, STANDARD_GRAVITY, rel_tol=0.01):
+        warnings.warn(f"gravity: {file.gravity:g} m/s^2 is not that of the robots, {STANDARD_GRAVITY}", stacklevel=2)
+    if file.floor is False:
+        warnings.warn("floor: the file has none, robots stand on one", stacklevel=2)
+    regions, first = np.unique(file.body.regions, return_index=True)  # type: ignore[call-overload]
+    phases = heat.phase[first].tolist()
+    if phase is not None:
+        phases = [Free(phase.low, phase.high, min(max(p, phase.low), phase.high)) for p in phases]
+    drive = Drive(
+        "heat", tuple(regions.tolist()), "temperature", heat.mean, heat.amplitude if amplitude is None else amplitude,
+        tuple(phases),
+    )  # fmt: skip
+    frequency = 1.0 / heat.period
+    return LatticeRobot(file.body, (drive,), **{"frequency": frequency, **settings})
+
+
+def _of_python(path: Path) -> LatticeRobot:
+    try:
+        names = runpy.run_path(str(path))
+    except Exception as error:  # whatever the user's code does
+        raise ValueError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from None
+    robot = names.get("robot")
+    if not isinstance(robot, LatticeRobot):
+        told = "is missing" if robot is None else f"is a {type(robot).__name__}"
+        raise ValueError(f"{path}: robot {told}; set it to a LatticeRobot")
+    return robot
