@@ -1,8 +1,8 @@
 """A robot of an array: a bar on two feet that lengthens and shortens between feet that grip in turn.
 
-    morpholab view examples/inchworm.py --out inchworm.html
-    morpholab codesign --robot examples/inchworm.py --method gradient --climbers 8 --generations 20 --out runs/inchworm
-    morpholab gradient-check --robot examples/inchworm.py
+morpholab view examples/inchworm.py --out inchworm.html
+morpholab codesign --robot examples/inchworm.py --method gradient --climbers 8 --generations 20 --out runs/inchworm
+morpholab gradient-check --robot examples/inchworm.py
 """
 
 import numpy as np
@@ -25,8 +25,8 @@ robot = LatticeRobot(
     body=body_from_array(body, (rubber, foam), voxel_size=0.01, regions=regions),
     drives=(
         Drive("bar", (1,), "scale", mean=Free(0.9, 1.1), amplitude=Free(0.0, 0.25, start=0.2), axes="x"),
-        Drive("back", (0,), "friction", mean=0.8, amplitude=Free(0.0, 0.7), phase=Free(0.0, 1.0, start=0.5)),
-        Drive("front", (2,), "friction", mean=0.8, amplitude=Free(0.0, 0.7), phase=Free(0.0, 1.0, start=0.2)),
+        Drive("back", (0,), "friction", mean=0.8, amplitude=Free(0.0, 0.7), phase=Free(0.0, 1.0, start=0.25)),
+        Drive("front", (2,), "friction", mean=0.8, amplitude=Free(0.0, 0.7), phase=Free(0.0, 1.0, start=0.75)),
     ),
     moduli={"foam": Free(3e4, 2e5)},
     frequency=4.0,
