@@ -79,7 +79,7 @@ def test_gradients_of_a_users_file_are_checked_and_followed(morpholab, mine):
     ],
 )
 def test_bad_input_is_told_in_one_line(morpholab, tmp_path, mine, line, message):
-    fixed = MINE.replace("Free(0.0, 0.2)", "0.1").replace("Free(0.0, 1.0)", "0.1")
+    fixed = MINE.replace("Free(0.0, 0.2)", "0.1").replace("Free(0.0, 1.0, 0.3)", "0.1")
     (tmp_path / "fixed.py").write_text(fixed)
     (tmp_path / "broken.py").write_text("x")
     (tmp_path / "bomb.vxa").write_text('<!DOCTYPE a [<!ENTITY b "b">]><VXA/>')

@@ -15,6 +15,7 @@ from robots.terrain import Terrain
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 
 Floats = NDArray[np.float64]
+MOST_CYCLES = 10_000
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
 
@@ -27,8 +28,9 @@ class LatticeRobot:
         drives: groups of its regions, with what each does.
         moduli: Young's moduli of materials that are free [Pa], by the materials' names or numbers from 0.
         frequency: cycles per second [Hz], 0.1 to 100.
-        cycles: that count; another one comes before them.
-        settling: time on the ground before they begin, in which driven regions go to where the cycle begins [s].
+        cycles: that count, 1 to 10,000; another one comes before them.
+        settling: time on the ground before they begin, in which driven regions go to where the cycle begins [s], up to
+            1000.
         heading: direction of travel [degrees] from x towards y; on a slope it is uphill.
         time_step_safety: the largest stable time step is divided by this.
         name: for people.
@@ -49,8 +51,8 @@ class LatticeRobot:
 
     def __post_init__(self) -> None:
         number("frequency", self.frequency, 0.1, 100.0, "Hz")
-        whole_number("cycles", self.cycles, 1)
-        number("settling", self.settling, 0.0, unit="s")
+        whole_number("cycles", number("cycles", self.cycles, 1, MOST_CYCLES), 1)
+        number("settling", self.settling, 0.0, 1000.0, "s")
         number("heading", self.heading, unit="degrees")
         number("time_step_safety", self.time_step_safety, 1e-3)
         object.__setattr__(self, "drives", tuple(self.drives))
