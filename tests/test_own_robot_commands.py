@@ -91,7 +91,17 @@ def test_the_examples_are_short_and_load():
     from robots.lattice_robot import load_robot
 
     files = sorted(EXAMPLES.glob("*.py"))
-    assert len(files) >= 3
+    assert [path.stem for path in files] == ["inchworm", "starfish", "voxel_walker"]
     for path in files:
         assert len(path.read_text().splitlines()) <= 40, path
         assert load_robot(path).free, path
+
+
+def test_the_walker_of_voxcad_walks():
+    from robots.lattice_robot import load_robot, simulate
+
+    robot = load_robot(EXAMPLES / "voxel_walker.vxa")
+    assert (robot.body.voxel_count, robot.body.region_count) == (48, 10)
+    assert robot.drives[0].phase == pytest.approx((0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.25, 0.35, 0.65, 0.75))
+    found = simulate(robot, threads=1)
+    assert found.status[0] == "ok" and found.distance[0] > 0.03  # of 0.12 m of body, in a second
