@@ -7,6 +7,7 @@ down at the centres of its last layer; so held and pulled centres are its length
 against the world that is critical for its slowest swing, until it rests.
 """
 
+import math
 import sys
 import time
 
@@ -35,7 +36,9 @@ def relative_deflection(n: int) -> float:
     # The damping of links shakes voxels with six of them at the largest step.
     engine = LatticeEngine(body, time_step=body.recommended_time_step / 1.3, self_contact=False, width=1)
     swing = 2 * np.pi / (3.516 * HEIGHT / LENGTH**2 * np.sqrt(TISSUE.youngs_modulus / TISSUE.density / 12))
-    engine.run(builder.build(int(2.0 * swing / engine.time_step)))
+    run = engine.run(builder.build(int(2.0 * swing / engine.time_step)))
+    if run.status[0] != "ok":
+        return math.nan
     sagged = body.start_positions[-n * n :, 2] - engine.state().positions[0, -n * n :, 2]
     return float(sagged.mean() / (SAG * LENGTH))
 

@@ -128,6 +128,7 @@ def test_differences_replace_numbers_and_add_what_is_not_there(tmp_path):
         (f"<VXD>{structure(ARRAY)}</VXD>", "Structure: replace None is not allowed; give VXA.PART"),
         ('<VXD><a replace="VXC.Structure"/></VXD>', "a: replace 'VXC.Structure' is not allowed"),
         ('<VXD><a replace="VXA"/></VXD>', "a: replace 'VXA' is not allowed"),
+        ('<VXD><a replace="VXA.b[1"/></VXD>', "a: replace 'VXA.b[1' is not allowed"),
         ('<VXD><a replace="VXA..b"/></VXD>', "a: replace 'VXA..b' is not allowed"),
         ("<VXA/>", "<VXA> is no difference; give a file of <VXD>"),
         ('<VXD><a replace="VXA.VXC.Structure"/></VXD>', "X_Voxels: None is not allowed; give a whole number"),
@@ -326,3 +327,28 @@ def test_heat_has_no_place_in_json(tmp_path):
     with pytest.raises(ValueError, match=r"heat: a \.vxl\.json has no place for it"):
         write_vxl_json(robot)
     assert json.loads(write_vxl_json(VoxelFile.of_body(robot.body)))["voxelSize"] == 0.05
+
+
+BITS = [b"-", b"9e9", b"null", b"[", b"{}", b'"', b"0", b",", b"1e999", b"\xff", b"<", b"."]
+
+
+@pytest.mark.parametrize("name", ["robot.vxa", "robot.vxd", "robot.vxl.json"])
+def test_random_damage_is_refused_in_one_line_or_read(tmp_path, name):
+    rng = np.random.default_rng(0)
+    whole = {"robot.vxa": vxa(ARRAY, more=numbers(PHASES)), "robot.vxl.json": write_vxl_json(random_robot(0)),
+             "robot.vxd": f"<VXD>{replacing(structure(ARRAY, 'ZLIB'))}</VXD>"}[name]  # fmt: skip
+    (tmp_path / "base.vxa").write_text(vxa(ARRAY))
+    counts = {"read": 0, "refused": 0}
+    for _ in range(400):
+        text = bytearray(whole.encode("utf-8"))
+        place = rng.integers(len(text))
+        text[place : place + rng.integers(3)] = BITS[rng.integers(len(BITS))]
+        (tmp_path / name).write_bytes(text)
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                load_voxel_file(tmp_path / name)
+            counts["read"] += 1
+        except ValueError as error:
+            assert "\n" not in str(error)
+            counts["refused"] += 1
+    assert min(counts.values()) > 10

@@ -21,7 +21,8 @@ def merged(base: Element, difference: Element) -> Element:
     root = deepcopy(base)
     for part in difference:
         path = part.get("replace", "").split(".")
-        if path[0] != root.tag or len(path) < 2 or len(path) > MOST_LEVELS or not all(path):
+        plain = all(tag.isidentifier() for tag in path)
+        if not plain or path[0] != root.tag or not 2 <= len(path) <= MOST_LEVELS:
             raise ValueError(f"{part.tag}: replace {part.get('replace')!r} is not allowed; give {root.tag}.PART")
         above = root
         for tag in path[1:-1]:
