@@ -230,7 +230,8 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
         "actuation": InflatableActuation(weight=problem.weight),
     }
     products = Products(folder)
-    products.make("gait.csv", lambda path: export_csv(design, path))
+    seed = folder.config["method"]["seed"]
+    products.make("gait.csv", lambda path: export_csv(design, path, seed=seed))
     pictures = {f"robot_{terrain.name.replace(':', '_')}.png": terrain for terrain in problem.terrains}
     for name, terrain in pictures.items():
         products.make(name, functools.partial(save_motion_picture, design, terrain, **robot))

@@ -8,7 +8,11 @@ from optim.commands import Report, options
 from optim.commands.kept_points import kept_point
 
 if TYPE_CHECKING:
+    from robots.hardware import GaitTable
     from robots.inflatable import InflatableDesign
+
+REFUSED = 2  # exit code, as of other input that is not allowed
+PICTURES = (".pdf", ".png", ".svg")
 
 
 def add_parser(commands: Any) -> None:
@@ -18,14 +22,29 @@ def add_parser(commands: Any) -> None:
         help="write a gait for the hardware",
         description="Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
     )
-    parser.add_argument("source", type=Path, metavar="RUN", help="folder of a run, or the file of a design")
     parser.add_argument(
-        "--csv", type=Path, required=True, metavar="FILE", help="to write; replaced if it exists"
+        "source", type=Path, metavar="RUN", help="folder of a run, the file of a design, or a gait table as CSV"
     )
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="to write; replaced if it exists")
     parser.add_argument("--units", choices=("kpa", "psi"), default="kpa", help="(default: kpa)")
     parser.add_argument(
-        "--rig", type=Path, metavar="FILE", help="JSON or TOML with a rig's channels and limits"
+        "--rig", metavar="RIG", default="dissertation",
+        help="dissertation, dissertation-gentle, or a TOML file with channels and limits (default: dissertation)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--rate",
+        type=options.number(0.0, unit="Hz"),
+        metavar="HZ",
+        help="rows per second (default: rows where pressures turn, to be joined by lines)",
     )
+    parser.add_argument(
+        "--on-violation",
+        choices=("refuse", "clip"),
+        default="refuse",
+        help="what to do with pressures and rates beyond the rig's limits (default: refuse)",
+    )
+    parser.add_argument("--dry-run", action="store_true", help="show what would happen when; write no table")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="picture of the pressures to write: PNG, SVG or PDF")
     parser.add_argument(
         "--member",
         type=options.whole(1),
@@ -37,27 +56,61 @@ def add_parser(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> Report:
-    """Write the CSV file."""
-    from robots.hardware import PneumaticRig, export_csv
+    """Write the CSV file and the picture, or tell what would be written."""
+    from robots.hardware import PneumaticRig, RigViolation, gait_table, write_csv
 
-    rig = PneumaticRig.load(args.rig) if args.rig else PneumaticRig()
-    table = export_csv(_design(args.source, args.member), args.csv, rig, args.units)
-    seconds = float(table.times[-1])
-    document = {"source": str(args.source), "csv": str(args.csv), "units": args.units, "seconds": seconds}
-    return Report(document, f"{args.csv}: {len(table.channels)} channels, {seconds:.1f} s, {args.units}")
+    if not (args.csv or args.dry_run or args.plot):
+        raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
+    if args.plot and args.plot.suffix.lower() not in PICTURES:
+        raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
+    rig = PneumaticRig.load(args.rig)
+    design, seed = _design(args.source, args.member)
+    try:
+        table = gait_table(design, rig, args.units, rate=args.rate, on_violation=args.on_violation, seed=seed)
+    except RigViolation as refusal:
+        if not args.dry_run:
+            raise
+        violations = [str(violation) for violation in refusal.violations]
+        text = "\n".join([f"{rig.name}: refuses the gait", *violations])
+        return Report({"source": str(args.source), "violations": violations}, text, REFUSED)
+    if args.csv and not args.dry_run:
+        write_csv(table, args.csv)
+    if args.plot:
+        from robots.view.gait_chart import save_gait_chart
+
+        save_gait_chart(table, args.plot)
+    return _report(args, table)
 
 
-def _design(source: Path, member: int | None) -> "InflatableDesign":
-    """The best design of a run, as its checked log tells, or another that it keeps, or that of a file."""
-    from robots.inflatable import load_design
+def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
+    from robots.hardware.dry_run import timing_document, timing_text
 
+    written = None if args.dry_run or not args.csv else str(args.csv)
+    document = {
+        "source": str(args.source),
+        "csv": written,
+        "plot": str(args.plot) if args.plot else None,
+        "units": args.units,
+        "seconds": table.seconds,
+        "clipped": list(table.clipped),
+    }
+    if args.dry_run:
+        return Report({**document, **timing_document(table)}, timing_text(table))
+    name = written or document["plot"]
+    text = f"{name}: {len(table.channels)} channels, {table.seconds:.1f} s, {args.units}"
+    return Report(document, "\n".join([text, *(f"clipped: {line}" for line in table.clipped)]))
+
+
+def _design(source: Path, member: int | None) -> "tuple[InflatableDesign, int | None]":
+    """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
     if source.is_file():
         if member is not None:
             raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-        return load_design(source)
+        return options.design_file(source), None
     if not source.is_dir():
         raise ValueError(f"source: {source} is neither a run nor the file of a design")
     from optim.gait_problem import GaitProblem
+    from optim.runs.config import read_config
 
     problem, point = kept_point(source, GaitProblem, member)
-    return problem.design(point)
+    return problem.design(point), read_config(source)["method"]["seed"]

@@ -78,8 +78,8 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_gait(text: str) -> "InflatableDesign":
-    """The design of a known gait's name, or of a file.
+def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
+    """The design of a known gait's name, or of a file; with ``from_rows`` what the rows of a gait table play.
 
     Raises:
         ValueError: in one line, for anything else.
@@ -87,11 +87,30 @@ def load_gait(text: str) -> "InflatableDesign":
     from robots import inflatable
 
     known = {"inching": inflatable.INCHING, "rolling": inflatable.ROLLING}
+    if from_rows and Path(text).suffix.lower() != ".csv":
+        raise ValueError(f"from-rows: {text!r} has no rows; name a gait table (.csv)")
     if text in known:
         return known[text]
     if not Path(text).is_file():
         raise ValueError(f"gait: {text!r} is neither a known gait ({', '.join(known)}) nor a file")
-    return inflatable.load_design(Path(text))
+    return design_file(Path(text), from_rows)
+
+
+def design_file(path: Path, from_rows: bool = False) -> "InflatableDesign":
+    """The design of a design file, or of a gait table (``.csv``): that of its header, or what its rows play.
+
+    Raises:
+        ValueError: in one line, for any other file.
+    """
+    from robots.inflatable import InflatableDesign, load_design
+
+    if path.suffix.lower() != ".csv":
+        return load_design(path)
+    from robots.hardware import read_csv
+
+    table = read_csv(path)
+    design = table.played() if from_rows else table.design
+    return InflatableDesign(design.pressure, design.orientation, design.schedule)
 
 
 def cut(schedule: GaitSchedule, columns: int | None, repeats: int | None) -> GaitSchedule:

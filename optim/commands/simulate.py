@@ -25,7 +25,12 @@ def add_parser(commands: Any) -> None:
         description="Simulate a gait and say how far and how fast the robot goes.",
     )
     parser.add_argument(
-        "--gait", required=True, metavar="GAIT", help="inching, rolling, or the file of a design"
+        "--gait", required=True, metavar="GAIT", help="inching, rolling, the file of a design, or a gait table as CSV"
+    )
+    parser.add_argument(
+        "--from-rows",
+        action="store_true",
+        help="of a gait table, what its rows play, by the inverse of its pressure map, not the design in its header",
     )
     slope = options.number(-STEEPEST, STEEPEST, "degrees")
     parser.add_argument(
@@ -76,7 +81,7 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("record-every: the poses need a folder; give --out")
     if args.out is not None and args.out.exists() and not (args.out.is_dir() and not any(args.out.iterdir())):
         raise ValueError(f"out: {args.out} exists and is not empty; name a new folder")
-    design = options.load_gait(args.gait)
+    design = options.load_gait(args.gait, args.from_rows)
     given = {"pressure": args.pressure, "orientation": args.orientation}
     design = dataclasses.replace(
         design,
@@ -145,5 +150,5 @@ def _write(
     (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
     if frames is not None:
         np.savez_compressed(folder / "frames.npz", **vars(frames))
-    export_csv(design, folder / "gait.csv")
+    export_csv(design, folder / "gait.csv", on_violation="clip")  # the header tells what was clipped
     save_motion_picture(design, terrain, folder / "robot.png", **robot)

@@ -3,8 +3,9 @@
 from typing import Any
 
 from optim.report.markup import Html, Section, Text, joined, number, paragraph, table
-from robots.hardware import KPA_PER_UNIT, Design, PneumaticRig
-from robots.hardware_limits import AT_THE_LIMIT, EXCEEDED, NEAR_THE_LIMIT, WITHIN, RigReport, Use, rig_report
+from robots.hardware import KPA_PER_UNIT, PneumaticRig
+from robots.hardware.headroom import AT_THE_LIMIT, EXCEEDED, NEAR_THE_LIMIT, WITHIN, RigReport, Use, rig_report
+from robots.hardware.table import Design
 
 KPA_PER_PSI = KPA_PER_UNIT["psi"]
 KINDS = {EXCEEDED: "bad", AT_THE_LIMIT: "warn", NEAR_THE_LIMIT: "warn", WITHIN: "good"}

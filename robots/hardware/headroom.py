@@ -1,6 +1,6 @@
 """How near a gait comes to the limits of the rig that is to play it.
 
-``robots.hardware.gait_table`` refuses a gait that exceeds a limit; this tells of every channel how much of each limit
+``gait_table`` refuses a gait that exceeds a limit; this tells of every channel how much of each limit
 the gait uses, and how long the rig takes.
 """
 
@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware import CHANNELS, Channel, Design, PneumaticRig, planned_pressures
+from robots.hardware.rig import CHANNELS, Channel, PneumaticRig
+from robots.hardware.table import Design, state_targets
+from robots.hardware.timeline import timeline
 
 NEAR = 0.9  # of a limit
 ROUNDING = 1e-9
@@ -78,21 +80,25 @@ class RigReport:
 
 
 def rig_report(design: Design, rig: PneumaticRig | None = None) -> RigReport:
-    """What a design asks of a rig, the default one if None."""
+    """What a design asks of a rig, the dissertation's if None; a gait that is refused, too."""
     rig = rig or PneumaticRig()
-    times, pressures, ends = planned_pressures(design, rig)
-    rates = np.abs(np.diff(pressures, axis=0) / np.diff(times)[:, None]).max(axis=0)
-    asked = list(zip(rig.channels, pressures.min(axis=0).tolist(), pressures.max(axis=0).tolist(), rates.tolist(),
-                     strict=True))  # fmt: skip
+    columns, repeats = design.schedule.columns, design.schedule.repeats
+    line = timeline(state_targets(design.schedule, design.pressure, rig.line_map), columns, rig)
+    steps = np.diff(line.times)
+    moving = steps > 0  # a section begins with the row that ends the one before
+    rates = np.abs(np.diff(line.pressures, axis=0)[moving] / steps[moving, None]).max(axis=0)
+    lowest, highest = line.pressures.min(axis=0), line.pressures.max(axis=0)
     uses: list[Use] = []
-    for name, one in zip(CHANNELS, asked, strict=True):
+    for name, *one in zip(CHANNELS, rig.channels, lowest.tolist(), highest.tolist(), rates.tolist(), strict=True):
         if uses and uses[-1] == Use(uses[-1].names, *one):
             uses[-1] = Use((*uses[-1].names, name), *one)
         else:
             uses.append(Use((name,), *one))
-    lengths = np.diff(ends)
-    return RigReport(tuple(uses), float(ends[0]), float(ends[-1] - ends[0]), len(lengths), float(lengths.min()),
-                     float(lengths.max()))  # fmt: skip
+    lasting = [state.end_s - state.start_s for state in line.states]
+    first, again = lasting[1 : columns + 1], lasting[columns + 1 : 2 * columns + 1]
+    played = [*first, *again] if repeats > 1 else first
+    playing = sum(first) + (repeats - 1) * sum(again)
+    return RigReport(tuple(uses), lasting[0], playing, columns * repeats, min(played), max(played))
 
 
 def _share(value: float, limit: float) -> float:

@@ -1,0 +1,79 @@
+"""What a gait asks of a rig that the rig must not do: named, refused, or clipped.
+
+Bladders burst when overdriven (Powers 2021 dissertation, ch. 5), so every table is checked.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.hardware.line_map import Array
+from robots.hardware.rig import CHANNELS, PneumaticRig
+from robots.hardware.timeline import State, strokes
+
+POLICIES = ("refuse", "clip")
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One limit exceeded once.
+
+    Attributes:
+        channel: one of ``CHANNELS``.
+        time_s: when the command passes the limit of pressure, or begins to change too fast [s].
+        value: asked for [kPa, or kPa/s].
+        limit: of the rig, in the same unit.
+        unit: ``"kPa"`` or ``"kPa/s"``.
+    """
+
+    channel: str
+    time_s: float
+    value: float
+    limit: float
+    unit: str
+
+    def __str__(self) -> str:
+        at = f"{self.value:g} {self.unit} at {self.time_s:g} s"
+        return f"{self.channel}: {at} is not allowed; the rig's limit is {self.limit:g} {self.unit}"
+
+
+class RigViolation(ValueError):
+    """A gait exceeds limits of the rig; its text is one line.
+
+    Attributes:
+        violations: all of them, in order of time.
+    """
+
+    def __init__(self, violations: Sequence[Violation]) -> None:
+        """Refuse a gait for at least one violation."""
+        self.violations = tuple(violations)
+        more = len(self.violations) - 1
+        super().__init__(f"{self.violations[0]}" + (f" ({more} more; a dry run names all)" if more else ""))
+
+
+def violations(targets: Array, states: Sequence[State], rig: PneumaticRig) -> list[Violation]:
+    """What commands would exceed the rig's limits, in order of time.
+
+    Args:
+        targets: of the states [kPa], shape (S, 11).
+        states: when they are, with strokes as fast as the rig's times tell.
+        rig: with the limits.
+    """
+    found: list[Violation] = []
+    before = np.zeros(targets.shape[1])
+    for state, target in zip(states, targets, strict=True):
+        times = strokes(before, target, rig, keep_slew=False)
+        for index in np.flatnonzero(target != before):
+            name, channel = CHANNELS[index], rig.channels[index]
+            first, last = float(before[index]), float(target[index])
+            rate = abs(last - first) / float(times[index])
+            if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
+                found.append(Violation(name, state.start_s, rate, channel.slew_kpa_per_s, "kPa/s"))
+            limit = min(max(last, channel.minimum_kpa), channel.maximum_kpa)
+            if limit != last:
+                inside = min(max(first, channel.minimum_kpa), channel.maximum_kpa) == first
+                passed = abs(limit - first) / rate if inside else 0.0
+                found.append(Violation(name, state.start_s + passed, last, limit, "kPa"))
+        before = target
+    return sorted(found, key=lambda violation: violation.time_s)

@@ -1,0 +1,113 @@
+"""From what is simulated to pressures on the lines of a rig, and back.
+
+A line has not the pressure that is simulated: the core of the physical robot is round at 50 kPa, the simulated one at
+12 kPa, and bladders and feet are simulated as on or off. Source: Powers 2021 dissertation, ch. 5, "Simulation
+environment" (12 kPa), "Experiments with the physical robot" (50 and -80 kPa, of the core and of the feet).
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.checks import number
+from robots.schedule import BLADDERS, FEET, ROWS, GaitSchedule
+
+Array = NDArray[np.float64]
+_RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
+
+
+@dataclass(frozen=True)
+class LineMap:
+    """Line pressures (gauge) of what is simulated.
+
+    The outer bladders' pressures are this lab's own, as none was published: the study cites less than 20 kPa for
+    similar ones.
+
+    Attributes:
+        simulated_pa: core pressure in the simulation [Pa] that ``core_kpa`` stands for; others in proportion.
+        core_kpa: of the core at that pressure [kPa].
+        flat_kpa: of the core of a flat body, simulated at 0 Pa: vacuum, or vented at 0 [kPa].
+        on_kpa: of bladders 1 to 8 inflated and of feet 1 and 2 gripping [kPa], 10 values.
+        off_kpa: of bladders deflated and of feet sliding [kPa], 10 values.
+    """
+
+    simulated_pa: float = 12e3
+    core_kpa: float = 50.0
+    flat_kpa: float = -80.0
+    on_kpa: tuple[float, ...] = (20.0,) * BLADDERS + (50.0,) * FEET
+    off_kpa: tuple[float, ...] = (0.0,) * BLADDERS + (-80.0,) * FEET
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name not in ("on_kpa", "off_kpa"):
+                object.__setattr__(self, field.name, number(field.name, value))
+                continue
+            if not isinstance(value, list | tuple) or len(value) != ROWS:
+                raise ValueError(f"{field.name}: {value!r} is not allowed; give {ROWS} pressures, bladders then feet")
+            object.__setattr__(self, field.name, tuple(number(field.name, part) for part in value))
+        for name in ("simulated_pa", "core_kpa"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name}: {getattr(self, name):g} is not allowed; it must be positive")
+        if self.flat_kpa > 0:
+            raise ValueError(f"flat_kpa: {self.flat_kpa:g} is not allowed; it must not be positive")
+        for name, on, off in zip(GaitSchedule.row_names, self.on_kpa, self.off_kpa, strict=True):
+            if off >= on:
+                raise ValueError(f"off_kpa: {off:g} of {name} is not allowed; it must be below its on_kpa, {on:g}")
+
+    def lines(self, pressure: float, bits: ArrayLike) -> Array:
+        """Line pressures [kPa] of states.
+
+        Args:
+            pressure: simulated, of the core [Pa].
+            bits: of the ten actuators in each state, shape (10, S).
+
+        Returns:
+            The core's, then those of the actuators, shape (S, 11).
+        """
+        core = self.core_kpa * pressure / self.simulated_pa if pressure else self.flat_kpa
+        actuators = np.where(np.asarray(bits, bool).T, self.on_kpa, self.off_kpa)
+        return np.column_stack([np.full(len(actuators), core), actuators])
+
+    def simulated(self, lines: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+        """The inverse of :meth:`lines`: an actuator is on above the middle between its two pressures.
+
+        Returns:
+            Core pressures [Pa], shape (S,), and bits of the actuators, shape (10, S).
+        """
+        given = np.asarray(lines, np.float64)
+        core = np.round(np.maximum(given[:, 0], 0.0) * self.simulated_pa / self.core_kpa, _RESOLUTION)
+        middle = (np.array(self.on_kpa) + np.array(self.off_kpa)) / 2
+        return core, (given[:, 1:] > middle).T
+
+    def within(self, low: ArrayLike, high: ArrayLike) -> Self:
+        """The map whose actuators keep to limits [kPa], each of shape (10,).
+
+        Raises:
+            ValueError: if the limits leave an actuator one pressure for both states.
+        """
+        on, off = (np.clip(side, low, high) for side in (self.on_kpa, self.off_kpa))
+        if (same := np.flatnonzero(on <= off)).size:
+            name = GaitSchedule.row_names[same[0]]
+            raise ValueError(f"{name}: clipping leaves {on[same[0]]:g} kPa for both on and off; widen its limits")
+        return replace(self, on_kpa=tuple(on.tolist()), off_kpa=tuple(off.tolist()))
+
+    def to_text(self) -> str:
+        """One line, for the header of a table."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_text(cls, text: str) -> Self:
+        """The map of such a line.
+
+        Raises:
+            ValueError: when it is damaged.
+        """
+        data: Mapping[str, Any] = json.loads(text)
+        if not isinstance(data, dict) or set(data) != {field.name for field in fields(cls)}:
+            raise ValueError("map: give a JSON object with all of its fields")
+        return cls(**data)

@@ -1,0 +1,71 @@
+"""The picture of a gait table: pressures of all lines over time, as a rig would play them."""
+
+import re
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from robots.hardware import CHANNELS, GaitTable
+from robots.view.scene import BLADDERS, FEET, GROUND, INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_WIDTH, _ROW, _MARGINS = 9.0, 0.36, 1.0  # [inch]
+_CORE = "#4f6d8f"
+
+
+def gait_chart(table: GaitTable) -> Figure:
+    """Draw a table: a row per line, pressures from its lowest to its highest; sections apart, states between ticks.
+
+    A dark bar under a row marks the states that wait for this line.
+
+    Args:
+        table: made, not read: only then it knows its states.
+    """
+    figure = Figure(figsize=(_WIDTH, _ROW * len(CHANNELS) + _MARGINS), facecolor="white")
+    axes = figure.add_axes((0.09, 0.5 / figure.get_figheight(), 0.78, 1 - _MARGINS / figure.get_figheight()))
+    for row, (name, colour) in enumerate(zip(CHANNELS, (_CORE, *BLADDERS, *FEET), strict=True)):
+        pressures = table.pressures[:, row]
+        low, high = min(0.0, pressures.min()), max(0.0, pressures.max())
+        base, scale = row + 0.88 - 0.74 * -low / (high - low or 1.0), 0.74 / (high - low or 1.0)
+        axes.fill_between(table.times, base, base - scale * pressures, color=colour, lw=0)
+        axes.hlines(base, table.times[0], table.times[-1], color=INK, lw=0.4)
+        for state in table.timing:
+            if state.slowest == name:
+                axes.hlines(row + 0.97, state.start_s, state.end_s, color=INK, lw=2.2)
+        text = f"{low:.3g} to {high:.3g}".replace("-", "\N{MINUS SIGN}")
+        axes.text(1.01, row + 0.5, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7, color=INK)
+    _mark_sections(table, axes)
+    axes.set(xlim=(table.times[0], table.times[-1]), ylim=(len(CHANNELS), 0.0))
+    labels = [re.sub(r"(\d)", r" \1", name) for name in CHANNELS]
+    axes.set_yticks(np.arange(len(CHANNELS)) + 0.5, labels)
+    axes.tick_params(length=0, labelsize=7.5, labelcolor=INK)
+    axes.set_xlabel("time [s], the main played once", fontsize=8, color=INK)
+    axes.spines[:].set_visible(False)
+    unit = "kPa" if table.units == "kpa" else "psi"
+    axes.text(1.01, -0.3, unit, transform=axes.get_yaxis_transform(), fontsize=7.5, color=INK)
+    return figure
+
+
+def _mark_sections(table: GaitTable, axes: "Axes") -> None:
+    for name in table.durations:
+        states = [state for state in table.timing if state.section == name]
+        start, end = states[0].start_s, states[-1].end_s
+        if name == "main":
+            axes.axvspan(start, end, color=GROUND, zorder=0)
+        label = f"main, played {table.loops}\N{MULTIPLICATION SIGN}" if name == "main" else name
+        axes.text((start + end) / 2, -0.3, label, ha="center", fontsize=8, color=INK)
+        axes.vlines([state.start_s for state in states], 0, len(CHANNELS), color="white", lw=0.7)
+        axes.axvline(start, color=INK, lw=0.6)
+
+
+def save_gait_chart(table: GaitTable, path: str | PathLike[str]) -> None:
+    """Write the picture of a table as PNG, SVG or PDF, by the suffix of the path.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    gait_chart(table).savefig(path, dpi=110)
