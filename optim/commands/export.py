@@ -98,7 +98,9 @@ def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
         return Report({**document, **timing_document(table)}, timing_text(table))
     name = written or document["plot"]
     text = f"{name}: {len(table.channels)} channels, {table.seconds:.1f} s, {args.units}"
-    return Report(document, "\n".join([text, *(f"clipped: {line}" for line in table.clipped)]))
+    if table.clipped:
+        text += f"\nclipped {len(table.clipped)} times, as the file's header tells; first {table.clipped[0]}"
+    return Report(document, text)
 
 
 def _design(source: Path, member: int | None) -> "tuple[InflatableDesign, int | None]":

@@ -174,9 +174,10 @@ def _row(line: str, index: int) -> tuple[float, int, list[float]]:
     size = len(_FIRST) + len(CHANNELS)
     try:
         time, state, row = float(parts[0]), int(parts[2]), [float(part) for part in parts[3:]]
+        whole = len(parts) == size and bool(np.isfinite([time, *row]).all())
     except (ValueError, IndexError):
-        raise ValueError(f"line {index}: give {size} values, numbers but for the section") from None
-    if len(parts) != size or not np.isfinite([time, *row]).all():
+        whole = False
+    if not whole:
         raise ValueError(f"line {index}: give {size} values, finite numbers but for the section")
     return time, state, row
 

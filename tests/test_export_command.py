@@ -1,0 +1,96 @@
+import json
+
+import pytest
+
+from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
+from robots.inflatable import INCHING, ROLLING, save_design
+
+SHORT = "--method hill-climb --climbers 2 --generations 1 --geometry small --columns 2 --repeats 1 --quiet"
+FRAGILE = "[channels.bladder]\nmaximum_kpa = 15.0\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_design(ROLLING, tmp_path / "rolling.json")
+    (tmp_path / "fragile.toml").write_text(FRAGILE)
+    return tmp_path
+
+
+def test_export_from_a_run_and_from_a_design(morpholab, simulator, folder):
+    assert morpholab(f"codesign --out runs/a --terrain flat {SHORT} --seed 5")[0] == 0
+    assert morpholab("export runs/a --csv a.csv")[0] == 0
+    assert (folder / "a.csv").read_bytes() == (folder / "runs/a/gait.csv").read_bytes()
+    assert read_csv(folder / "a.csv").seed == 5
+    code, out, _ = morpholab("export runs/a/best.json --csv b.csv --units psi --json")
+    assert code == 0 and json.loads(out)["units"] == "psi" and read_csv(folder / "b.csv").units == "psi"
+    (folder / "rig.toml").write_text("shortest_state_s = -1.0\n")
+    code, _, error = morpholab("export runs/a --csv c.csv --rig rig.toml")
+    assert code == 2 and "shortest_state_s: -1 is not allowed" in error and not (folder / "c.csv").exists()
+
+
+def test_a_gait_table_is_a_gait(morpholab, folder, simulator):
+    export_csv(ROLLING, folder / "gait.csv", units="psi", rate=10.0)
+    outs = [morpholab(f"simulate --gait {gait} --json")[1] for gait in ("rolling", "gait.csv", "gait.csv --from-rows")]
+    first, *others = [{k: v for k, v in json.loads(out).items() if k != "gait"} for out in outs]
+    assert first == others[0] == others[1]
+    assert morpholab("export gait.csv --csv again.csv --units psi --rate 10")[0] == 0
+    assert (folder / "again.csv").read_bytes() == (folder / "gait.csv").read_bytes()
+    code, _, error = morpholab("simulate --gait rolling --from-rows")
+    assert (code, error) == (
+        2, "morpholab simulate: error: from-rows: 'rolling' has no rows; name a gait table (.csv)\n",
+    )  # fmt: skip
+
+
+def test_a_damaged_table_is_no_gait(morpholab, folder):
+    export_csv(ROLLING, folder / "gait.csv")
+    text = (folder / "gait.csv").read_text()
+    (folder / "gait.csv").write_text(text.replace("# seed=unknown", "# seed=7"))
+    code, _, error = morpholab("simulate --gait gait.csv")
+    assert code == 2 and error.startswith("morpholab simulate: error: gait.csv: checksum does not fit;")
+
+
+def test_what_exceeds_limits_is_refused_or_clipped_as_asked(morpholab, folder):
+    code, _, error = morpholab("export rolling.json --csv a.csv --rig fragile.toml")
+    assert code == 2 and not (folder / "a.csv").exists()
+    assert error == (
+        "morpholab export: error: bladder8: 20 kPa at 13 s is not allowed; the rig's limit is 15 kPa "
+        "(15 more; a dry run names all)\n"
+    )
+    code, out, _ = morpholab("export rolling.json --dry-run --rig fragile.toml")
+    assert code == 2 and out.count("kPa at") == 16
+    code, out, _ = morpholab("export rolling.json --csv a.csv --rig fragile.toml --on-violation clip")
+    assert code == 0 and "clipped 16 times" in out
+    assert read_csv(folder / "a.csv").pressures[:, 1:9].max() == 15.0
+
+
+def test_a_dry_run_tells_when_what_happens_and_writes_no_table(morpholab, folder):
+    code, out, _ = morpholab("export rolling.json --csv a.csv --dry-run")
+    lines = out.splitlines()
+    assert code == 0 and not (folder / "a.csv").exists() and len(lines) == 1 + 18 + 1
+    assert lines[1].split() == ["0", "prefix", "0.00", "s", "11.50", "s", "core", "core", "foot1", "foot2"]
+    assert lines[-1] == "prefix 27.5 s, main 16 s, suffix 4.7 s; main played 1 time: 48.2 s in all"
+    document = json.loads(morpholab("export rolling.json --dry-run --json")[1])
+    assert document["seconds"] == pytest.approx(48.2) and document["loops"] == 1 and document["csv"] is None
+    assert [state["waits_for"] for state in document["states"]][:3] == ["core", "bladder8", "bladder7"]
+
+
+def test_the_plot_is_a_picture(morpholab, folder):
+    assert morpholab("export rolling.json --plot gait.png --dry-run")[0] == 0
+    assert (folder / "gait.png").read_bytes()[1:4] == b"PNG"
+    code, _, error = morpholab("export rolling.json --plot gait.txt")
+    assert code == 2 and "plot: gait.txt is not allowed; give a file that ends in .pdf, .png, .svg" in error
+
+
+def test_there_must_be_something_to_write(morpholab, folder):
+    code, _, error = morpholab("export rolling.json")
+    assert code == 2 and "csv: is missing; name the file to write, or ask for --dry-run or --plot" in error
+
+
+def test_the_chart_marks_what_every_state_waits_for():
+    from robots.view.gait_chart import gait_chart
+
+    table = gait_table(INCHING, PneumaticRig())
+    axes = gait_chart(table).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()][:2] == ["core", "bladder 1"]
+    assert {"prefix", "main, played 1×", "suffix", "−80 to 50"} <= {text.get_text() for text in axes.texts}
+    assert axes.get_xlim() == (0.0, table.times[-1])

@@ -1,0 +1,96 @@
+import re
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig
+
+
+@given(delay=st.floats(0, 5), still=st.floats(0.01, 5), core=st.floats(1, 50))
+def test_a_rig_survives_its_file(tmp_path_factory, delay, still, core):
+    default = PneumaticRig()
+    channels = tuple(replace(channel, valve_delay_s=delay) for channel in default.channels)
+    rig = PneumaticRig("mine", 60.0, -90.0, channels, still, LineMap(core_kpa=core))
+    path = tmp_path_factory.mktemp("rig") / "rig.toml"
+    rig.save(path)
+    assert PneumaticRig.load(path) == rig
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_known_by_their_names(name):
+    assert PneumaticRig.load(name) == PRESETS[name] and PRESETS[name].name == name
+
+
+def test_a_rig_file_may_hold_only_what_differs(tmp_path):
+    (tmp_path / "rig.toml").write_text(
+        'name = "mine"\nshortest_state_s = 0.5\n'
+        "[channels.bladder3]\nrise_s = 3.0\n[channels.bladder]\nrise_s = 2.5\nvalve_delay_s = 0.1\n"
+        "[map]\nflat_kpa = 0.0\n"
+    )
+    rig = PneumaticRig.load(tmp_path / "rig.toml")
+    rises = dict(zip(CHANNELS, (channel.rise_s for channel in rig.channels), strict=True))
+    assert (rises["core"], rises["bladder1"], rises["bladder3"], rises["foot1"]) == (11.5, 2.5, 3.0, 1.0)
+    assert rig.channels[3].valve_delay_s == 0.1 and rig.channels[3].fall_s == 2.0
+    assert (rig.shortest_state_s, rig.line_map) == (0.5, LineMap(flat_kpa=0.0))
+
+
+def test_a_rig_file_may_be_in_psi(tmp_path):
+    (tmp_path / "rig.toml").write_text(
+        'units = "psi"\nsupply_psi = 10.0\n[channels.foot]\nmaximum_psi = 8.0\nslew_psi_per_s = 20.0\n'
+        f"[map]\non_psi = {[3.0] * 8 + [7.0] * 2}\n"
+    )
+    rig, psi = PneumaticRig.load(tmp_path / "rig.toml"), KPA_PER_UNIT["psi"]
+    assert rig.supply_kpa == 10 * psi and rig.channels[-1].maximum_kpa == 8 * psi
+    assert rig.channels[-1].slew_kpa_per_s == 20 * psi and rig.line_map.on_kpa[-1] == 7 * psi
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "Invalid statement"),
+        ("channel = 1", "rig: 'channel' is unknown; give name, units, supply_kpa"),
+        ("channels = 1", "channels: give a table with bladder, foot, core"),
+        ("[channels]\nhand = 1", "channels: 'hand' is unknown; give bladder, foot, core"),
+        ("[channels.core]\nrise = 1", "core: 'rise' is unknown; give rise_s"),
+        ("shortest_state_s = 0", "shortest_state_s: 0 is not allowed; it must be positive"),
+        ("supply_kpa = 40", "core: maximum_kpa: 50 is not allowed; the supply has 40 kPa"),
+        ("vacuum_kpa = -10", "core: minimum_kpa: -80 is not allowed; the vacuum has -10 kPa"),
+        ("vacuum_kpa = 10", "vacuum_kpa: 10 is not allowed; it must not be positive"),
+        ("[channels.foot]\nminimum_kpa = 50", "foot: minimum_kpa: 50 is not allowed; it must be below maximum_kpa, 50"),
+        ("[channels.foot]\nminimum_kpa = 5", "foot: minimum_kpa: 5 is not allowed; lines are vented, give at most 0"),
+        (
+            "[channels.core]\nmaximum_kpa = -5",
+            "core: maximum_kpa: -5 is not allowed; lines are vented, give at least 0",
+        ),
+        ("[channels.core]\nfall_s = -1", "core: fall_s: -1 is not allowed; it must be positive"),
+        ("[channels.core]\nslew_kpa_per_s = nan", "core: slew_kpa_per_s: nan is not allowed; give a finite number"),
+        ("[channels.core]\nvalve_delay_s = -1", "core: valve_delay_s: -1 is not allowed; it must not be negative"),
+        ('[channels.core]\nrise_s = "1"', "core: rise_s: '1' is not allowed; give a finite number"),
+        ("[map]\ncore_kpa = 0", "map: core_kpa: 0 is not allowed; it must be positive"),
+        ("[map]\nflat_kpa = 1", "map: flat_kpa: 1 is not allowed; it must not be positive"),
+        ("[map]\non_kpa = [1, 2]", r"map: on_kpa: \[1, 2\] is not allowed; give 10 pressures, bladders then feet"),
+        (f"[map]\non_kpa = {[0] * 10}", "map: off_kpa: 0 of bladder1 is not allowed; it must be below its on_kpa, 0"),
+        ('units = "bar"', "units: 'bar' is not allowed; give one of kpa, psi"),
+        ('units = "psi"\nsupply_kpa = 1', "supply_kpa: is not allowed, as the units are psi; give supply_psi"),
+        ('name = "a\\nb"', r"name: 'a\\nb' is not allowed; give a text of one line"),
+    ],
+)
+def test_a_bad_rig_file_is_refused_in_one_line(tmp_path, text, message):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=rf"^{re.escape(str(path))}: {message}[^\n]*$"):
+        PneumaticRig.load(path)
+
+
+def test_a_rig_file_of_another_kind_or_none_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"rig.toml: cannot be read \(No such file or directory\)$"):
+        PneumaticRig.load(tmp_path / "rig.toml")
+    with pytest.raises(ValueError, match=r"^rig: 'other' is neither a preset \(dissertation, .*\) nor a .toml file$"):
+        PneumaticRig.load("other")
+
+
+def test_a_rig_has_all_channels():
+    with pytest.raises(ValueError, match=r"^channels: 1 are not allowed; give 11$"):
+        PneumaticRig(channels=(Channel(1, 1, 0, 1, 1),))
