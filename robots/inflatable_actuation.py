@@ -148,25 +148,30 @@ def play(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> 
     columns, step = [], 0
     levels = np.full(BLADDER_COUNT, actuation.deflated)
     for bits in schedule.played.T:
-        inflates, told = bits[:BLADDER_COUNT], bits.astype(float)
-        strokes = [stroke(actuation, level, bit) for level, bit in zip(levels.tolist(), inflates.tolist(), strict=True)]
-        moving, ends = np.array([s for s, _ in strokes]), np.array([z for _, z in strokes])
-        column = Column(
-            start=step,
-            # A bladder is found done in a step in which it no longer changes, and that step is run too.
-            motion_steps=int(moving.max()) + 1,
-            inflation=told[:BLADDER_COUNT],
-            grip=told[BLADDER_COUNT:],
-            levels=levels,
-            ends=ends,
-            direction=np.where(inflates, 1.0, -1.0),
-            moving=moving,
-            arrives=moving > 0,
-            lands=~inflates,
-        )
+        column = column_of(bits, levels, step, actuation)
         columns.append(column)
-        levels, step = ends, step + column.motion_steps + actuation.settle_steps
+        levels, step = column.ends, step + column.motion_steps + actuation.settle_steps
     return columns, step
+
+
+def column_of(bits: NDArray[np.bool_], levels: Array, start: int, actuation: InflatableActuation) -> Column:
+    """The column that begins at a step with bladders of some thickness, shape (8,), and tells them these ten bits."""
+    inflates, told = bits[:BLADDER_COUNT], bits.astype(float)
+    strokes = [stroke(actuation, level, bit) for level, bit in zip(levels.tolist(), inflates.tolist(), strict=True)]
+    moving, ends = np.array([s for s, _ in strokes]), np.array([z for _, z in strokes])
+    return Column(
+        start=start,
+        # A bladder is found done in a step in which it no longer changes, and that step is run too.
+        motion_steps=int(moving.max()) + 1,
+        inflation=told[:BLADDER_COUNT],
+        grip=told[BLADDER_COUNT:],
+        levels=levels,
+        ends=ends,
+        direction=np.where(inflates, 1.0, -1.0),
+        moving=moving,
+        arrives=moving > 0,
+        lands=~inflates,
+    )
 
 
 @lru_cache(maxsize=256)

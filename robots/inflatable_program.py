@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.dual import Real, cosine, sine
+from robots.dual import Array, Real, cosine, sine
 from robots.inflatable_actuation import ACTUATION, Column, InflatableActuation, play
 from robots.inflatable_body import (
     BLADDER_REGIONS,
@@ -105,16 +105,23 @@ def write_robot(
     a: InflatableActuation, ramp_steps: int | None = None,
 ) -> None:  # fmt: skip
     """The events of one robot: initialisation until step ``begin``, then its columns."""
-    _initialise(builder, robot, pressure, tilted, begin, a, ramp_steps)
+    initialise(builder, robot, pressure, tilted, begin, a, ramp_steps)
     for number, column in enumerate(columns):
-        step = begin + column.start
-        _set_surroundings(builder, robot, column, step, number == 0, a)
-        _move_bladders(builder, robot, column, step, pressure, a)
-        if a.weight == "published":
-            _set_bladder_weights(builder, robot, column, step, tilted)
-        settle = step + column.motion_steps
-        builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=EVERYWHERE, step=settle, robots=robot)
-        _set_friction(builder, robot, a.high_friction, [*FOOT_REGIONS, FOOT_SEAM], settle)
+        write_column(builder, robot, pressure, tilted, column, begin + column.start, number == 0, a)
+
+
+def write_column(
+    builder: Builder, robot: int, pressure: Scalar, tilted: Vector, column: Column, step: int, first: bool,
+    a: InflatableActuation,
+) -> None:  # fmt: skip
+    """The events of one column, which begins at ``step``: motion, then settling."""
+    _set_surroundings(builder, robot, column, step, first, a)
+    _move_bladders(builder, robot, column, step, pressure, a)
+    if a.weight == "published":
+        _set_bladder_weights(builder, robot, column, step, tilted)
+    settle = step + column.motion_steps
+    builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=EVERYWHERE, step=settle, robots=robot)
+    _set_friction(builder, robot, a.high_friction, [*FOOT_REGIONS, FOOT_SEAM], settle)
 
 
 def _set_friction(builder: Builder, robot: int, value: Scalar, regions: ArrayLike, step: int) -> None:
@@ -122,17 +129,18 @@ def _set_friction(builder: Builder, robot: int, value: Scalar, regions: ArrayLik
         builder.set(quantity, value, regions=regions, step=step, robots=robot)
 
 
-def _set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
+def set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
+    """Give regions an acceleration [m/s^2] from a step on."""
     for axis in range(3):
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 
 
-def _initialise(builder: Builder, robot: int, pressure: Scalar, tilted: Vector, end: int, a: InflatableActuation,
-                ramp_steps: int | None) -> None:  # fmt: skip
+def initialise(builder: Builder, robot: int, pressure: Scalar, tilted: Vector, end: int, a: InflatableActuation,
+               ramp_steps: int | None = None) -> None:  # fmt: skip
     """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressure ramps up."""
-    _set_weight(builder, robot, (0.0, 0.0, -STANDARD_GRAVITY), SKIN_REGIONS, 0)
-    _set_weight(builder, robot, tilted, SKIN_REGIONS, end)
-    _set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)
+    set_weight(builder, robot, (0.0, 0.0, -STANDARD_GRAVITY), SKIN_REGIONS, 0)
+    set_weight(builder, robot, tilted, SKIN_REGIONS, end)
+    set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)
     builder.set(Quantity.SCALE + 2, a.deflated, regions=BLADDER_REGIONS, robots=robot)
     rate = a.pressure_ramp if ramp_steps is None else pressure / ramp_steps
     builder.set(Quantity.PRESSURE, 0.0, rate=rate, regions=SKIN_REGIONS, robots=robot)
@@ -206,19 +214,25 @@ def _set_bladder_weights(builder: Builder, robot: int, column: Column, step: int
     The step in which a bladder arrives is shared between the two, so that weight is continuous in the inflation.
     """
     lifted = np.flatnonzero((column.moving > 0) | ~column.lands)
-    _set_weight(builder, robot, NO_WEIGHT, FIRST_BLADDER + lifted, step)
+    set_weight(builder, robot, NO_WEIGHT, FIRST_BLADDER + lifted, step)
     lands = np.flatnonzero(column.lands)
     done, regions = step + column.moving[lands], FIRST_BLADDER + lands
     carried = (1.0 - column.inflation)[lands]
     if column.arrival is not None:
         shared = carried * (1.0 - column.arrival[lands])
-        _set_weight(builder, robot, _times(shared, tilted), regions, done)
+        set_weight(builder, robot, _times(shared, tilted), regions, done)
         done = done + 1
-    _set_weight(builder, robot, _times(carried, tilted), regions, done)
+    set_weight(builder, robot, _times(carried, tilted), regions, done)
 
 
 def _times(factor: Real, vector: Vector) -> Vector:
     return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+def bladder_scales(pressure: float, levels: Array, a: InflatableActuation) -> Array:
+    """Rest sizes of bladders of some thickness, shape (8,), in voxels per voxel: across, along, through, (8, 3)."""
+    across, along, _ = (1.0 + np.asarray(share) * (levels - a.deflated) for share in _growth(pressure, a))
+    return np.column_stack([across, along, levels])
 
 
 def _growth(pressure: Scalar, a: InflatableActuation) -> Vector:

@@ -57,6 +57,15 @@ class LatticeResult:
     strains: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class SavedLattice:
+    """All that an engine's robots are at one time; for :meth:`LatticeEngine.restore`."""
+
+    driver: tuple[np.ndarray, ...]
+    diverged: np.ndarray
+    initial_channels: np.ndarray
+
+
 class LatticeEngine:
     """Simulates a batch of robots that share voxels, links and regions and may differ in everything else.
 
@@ -209,6 +218,15 @@ class LatticeEngine:
         self._driver.write(memory.STRAIN, np.zeros((self.batch, self.tables.gauges, memory.STRAIN_WIDTH)))
         self._driver.forget_watch()
         self._diverged[:] = False
+
+    def save(self) -> SavedLattice:
+        """A copy of all that changes: motion, memories of links and contacts, channels."""
+        return SavedLattice(self._driver.save(), self._diverged.copy(), self.initial_channels.copy())
+
+    def restore(self, saved: SavedLattice) -> None:
+        """Go back to what this engine saved: runs from there have the same bits as before."""
+        self._driver.restore(saved.driver)
+        self._diverged[:], self.initial_channels[:] = saved.diverged, saved.initial_channels
 
     def run(self, program: LatticeProgram, progress: Callable[[float], None] | None = None) -> LatticeResult:
         """Advance every robot by its own number of steps; all of its state carries over to the next run.

@@ -82,6 +82,16 @@ class FusedDriver:
         self._section(memory.MONITOR)[:, 0, memory.MOVED] = np.inf
         self._section(memory.WATCH)[...] = np.nan
 
+    def save(self) -> tuple[np.ndarray, ...]:
+        """Copies of all that lasts from run to run."""
+        return tuple(a.copy() for a in (self._memory, self._row, self._partner, self._mask, self._info))
+
+    def restore(self, saved: tuple[np.ndarray, ...]) -> None:
+        """Go back to what was saved."""
+        memory, row, partner, mask, info = saved
+        self._memory[...], self._row[...], self._info[...] = memory, row, info
+        self._partner[:, :, : partner.shape[2]], self._mask[:, :, : mask.shape[2]] = partner, mask
+
     @property
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""

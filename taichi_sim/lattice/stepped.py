@@ -53,6 +53,14 @@ class SteppedDriver:
         self._memory[self.layout.starts[memory.MONITOR] + memory.MOVED] = np.inf
         self._memory[self.layout.span(memory.WATCH)] = np.nan
 
+    def save(self) -> tuple[np.ndarray, ...]:
+        """A copy of all that lasts from run to run."""
+        return (self._memory.copy(),)
+
+    def restore(self, saved: tuple[np.ndarray, ...]) -> None:
+        """Go back to what was saved; a run builds its lists anew."""
+        self._memory[...] = saved[0]
+
     @property
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""

@@ -2,6 +2,7 @@
 
 from taichi_sim.rigid.engine import RigidEngine
 from taichi_sim.rigid.pose import poses
+from taichi_sim.rigid.session import RigidSession
 from taichi_sim.rigid.settings import Network, World
 from taichi_sim.rigid.shapes import Box, Capsule, Sphere
 from taichi_sim.rigid.state import Frames, RigidResult, State
@@ -18,6 +19,7 @@ __all__ = [
     "Network",
     "RigidEngine",
     "RigidResult",
+    "RigidSession",
     "Senses",
     "Sphere",
     "State",

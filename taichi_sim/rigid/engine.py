@@ -12,6 +12,7 @@ from taichi_sim.rigid import step_stage as step
 from taichi_sim.rigid.friction_stage import ENDLESS
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.part import Part, Setup
+from taichi_sim.rigid.session import RigidSession
 from taichi_sim.rigid.settings import Network, World
 from taichi_sim.rigid.shapes import Floats, is_whole
 from taichi_sim.rigid.state import Frames, RigidResult, State
@@ -147,6 +148,22 @@ class RigidEngine:
             parts.append((part, tape, len(chosen)))
             memories.append(part.memory.read()[:, : len(chosen)])
         return RigidTape(self._result(np.concatenate(memories, -1), np.empty((0, 0)), setup, None), setup, parts)
+
+    def session(self, *, batch: int = 1, lights: Floats | None = None, start: State | None = None) -> RigidSession:
+        """Start robots that are given their commands as they go, see ``RigidSession.advance``.
+
+        Args:
+            batch: number of robots, if nothing else tells.
+            lights: as of ``run``.
+            start: as of ``run``.
+
+        Raises:
+            ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
+        """
+        commands = np.zeros((batch, 1, self.tree.motors))
+        setup = self._setup(1, None, commands, 1, lights, start, None)
+        parts = [(self._part(setup, chosen), chosen) for chosen in setup.chunks()]
+        return RigidSession(setup, parts, lambda found: self._result(found, np.empty((0, 0)), setup, None))
 
     def _setup(self, steps: int, weights: Floats | None, commands: Floats | None, hold: int, lights: Floats | None,
                start: State | None, record_every: int | None) -> Setup:  # fmt: skip
