@@ -94,7 +94,7 @@ class LatticeProgram:
     def values_after(self, robot: int, region: int, quantity: int, steps: np.ndarray) -> np.ndarray | None:
         """What a channel was in the last of so many steps, shape of ``steps``; None if the program never sets it.
 
-        After no steps, and before the first event, it is the first event's value if that comes at step 0.
+        After no steps it is what the first step begins with. Before its first event it is NaN: the material tells.
         """
         events = self.events
         mine = events[(events["robot"] == robot) & (events["region"] == region) & (events["quantity"] == quantity)]
@@ -102,8 +102,9 @@ class LatticeProgram:
             return None
         mine = mine[np.argsort(mine["step"], kind="stable")]
         last = np.maximum(np.asarray(steps) - 1, 0)
-        event = mine[np.maximum(np.searchsorted(mine["step"], last, side="right") - 1, 0)]
-        return event["value"] + event["rate"] * (last - event["step"])
+        place = np.searchsorted(mine["step"], last, side="right") - 1
+        event = mine[np.maximum(place, 0)]
+        return np.where(place >= 0, event["value"] + event["rate"] * (last - event["step"]), np.nan)
 
 
 class ProgramBuilder:
