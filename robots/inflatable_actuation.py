@@ -150,7 +150,7 @@ def play(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> 
     for bits in schedule.played.T:
         column = column_of(bits, levels, step, actuation)
         columns.append(column)
-        levels, step = column.ends, step + column.motion_steps + actuation.settle_steps
+        levels, step = np.asarray(column.ends, float), step + column.motion_steps + actuation.settle_steps
     return columns, step
 
 

@@ -1,0 +1,28 @@
+"""Robots as Gymnasium environments, for learners from elsewhere; importing this registers them.
+
+``gymnasium.make("morpholab/Vehicle-v0")`` and so on; see ``ENVIRONMENTS``. Needs the extra ``gym``.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise ModuleNotFoundError("gymnasium is missing; install morpholab[gym]") from None
+
+# Identifier: (place of the class, steps of the published experiment, arguments).
+ENVIRONMENTS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "morpholab/Pancake-v0": ("robots.gym.pancake:PancakeEnvironment", 16, {}),
+        "morpholab/Vehicle-v0": ("robots.gym.vehicle:VehicleEnvironment", 10_000, {}),
+        "morpholab/LeggedQuadruped-v0": ("robots.gym.quadruped:QuadrupedEnvironment", 999, {"kind": "legged"}),
+        "morpholab/WheeledQuadruped-v0": ("robots.gym.quadruped:QuadrupedEnvironment", 999, {"kind": "wheeled"}),
+        "morpholab/WheggedQuadruped-v0": ("robots.gym.quadruped:QuadrupedEnvironment", 999, {"kind": "whegged"}),
+    }
+)
+
+for _name, (_place, _steps, _arguments) in ENVIRONMENTS.items():
+    if _name not in gymnasium.registry:
+        gymnasium.register(_name, entry_point=_place, max_episode_steps=_steps, kwargs=dict(_arguments))

@@ -1,0 +1,81 @@
+"""What the environments share."""
+
+from typing import Any, TypeVar
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+Observation = NDArray[np.float64]
+Action = TypeVar("Action")
+
+FAILED_RETURN = -1.0  # of an episode in which the simulation diverges, whatever it gained before
+
+
+class RobotEnvironment(gymnasium.Env[Observation, Action]):
+    """An environment whose reward is progress, and whose failures never win."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - what Gymnasium asks for
+
+    def __init__(self, low: Observation, high: Observation) -> None:
+        """Observe numbers between two bounds."""
+        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+        self._gained, self._observed = 0.0, low
+
+    def _begin(self, observation: Observation, info: dict[str, Any]) -> tuple[Observation, dict[str, Any]]:
+        """What a reset returns."""
+        self._gained, self._observed = 0.0, self._within(observation)
+        return self._observed.copy(), info
+
+    def _outcome(
+        self, observation: Observation, reward: float, reached: bool, failed: bool, info: dict[str, Any]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """What a step returns; of a robot that diverged, the last observation that was one."""
+        if failed:
+            reward = FAILED_RETURN - self._gained
+        else:
+            self._observed = self._within(observation)
+        self._gained += reward
+        return (
+            self._observed.copy(),
+            reward,
+            reached or failed,
+            False,
+            {**info, "status": "diverged" if failed else "ok"},
+        )
+
+    def _within(self, observation: Observation) -> Observation:
+        space = self.observation_space
+        assert isinstance(space, gymnasium.spaces.Box)
+        found: Observation = np.clip(observation, space.low, space.high)
+        return found
+
+    def _chosen(self, options: dict[str, Any] | None, name: str, count: int) -> int:
+        """Which of so many an option names; drawn by chance without one.
+
+        Raises:
+            ValueError: in one line, for an option that is not there, or a number beyond them.
+        """
+        given = dict(options or {})
+        number = given.pop(name, None)
+        if given:
+            raise ValueError(f"options: {next(iter(given))!r} is unknown; give {name}")
+        if number is None:
+            return int(self.np_random.integers(count))
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 <= number < count:
+            raise ValueError(f"{name}: {number!r} is not allowed; give a whole number from 0 to {count - 1}")
+        return int(number)
+
+
+def checked_action(action: object, space: gymnasium.Space[Any]) -> Observation:
+    """An action as numbers.
+
+    Raises:
+        ValueError: in one line, for one that is not in its space.
+    """
+    found = np.asarray(action)
+    if found.dtype.kind in "biuf":
+        found = found.astype(space.dtype or float)
+    if not space.contains(found):
+        raise ValueError(f"action: {np.array2string(found, threshold=12)!r} is not allowed; give one of {space}")
+    return found.astype(np.float64)

@@ -1,0 +1,178 @@
+"""The inflatable shape-changing robot as an environment: a step is a column of a gait.
+
+Source: Powers 2021 dissertation, ch. 5; a sequence of actions does what a schedule of these columns does, bit for bit.
+"""
+
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+
+from robots.checks import number
+from robots.gym.environment import Observation, RobotEnvironment, checked_action
+from robots.inflatable import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, scattered, travel_directions
+from robots.inflatable_actuation import ACTUATION, InflatableActuation, column_of, nominal_steps
+from robots.inflatable_body import (
+    BLADDER_COUNT,
+    FIRST_BLADDER,
+    FOOT_1,
+    FOOT_2,
+    SKIN_REGIONS,
+    InflatableGeometry,
+)
+from robots.inflatable_program import bladder_scales, gravity_vector, initialise, set_weight, write_column
+from robots.schedule import ROWS
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
+from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
+
+FARTHEST = 100.0  # bodies' lengths in a step: displacements are cut off there
+_LOW = np.array([0.0] * ROWS + [-1.0] * 6 + [-FARTHEST] * 2)
+_HIGH = np.array([1.0] * (ROWS + 6) + [FARTHEST] * 2)
+
+
+class PancakeEnvironment(RobotEnvironment[Observation]):
+    """Roll or inch in a direction, one column of a gait at a time.
+
+    Action: bladders 1 to 8 and feet 1 and 2, shape (10,): on (inflated, gripping) or off. With
+    ``actions="continuous"`` numbers from 0 to 1, of which those above a half are on. A step lasts until the slowest
+    bladder is done and the body has settled.
+
+    Observation, shape (18,): how far the bladders are inflated, 8 numbers from 0 to 1; whether the feet gripped, 2;
+    unit vector from foot 1 to foot 2, 3; unit vector from the lower to the upper skin, 3; displacement in the last
+    step, along the direction of travel and to the left of it, 2 [body lengths].
+
+    Reward: displacement along the direction of travel [body lengths].
+
+    Reset: flat bladders, core at its pressure. The seed matters with a perturbation only. ``info`` has the distance
+    since then [m], the speed by the published convention [body lengths/s] and the time steps run.
+    """
+
+    def __init__(
+        self, pressure: float = 0.0, orientation: float = 90.0, slope: float = 0.0,
+        actions: Literal["bits", "continuous"] = "bits", geometry: InflatableGeometry | str = "published",
+        actuation: InflatableActuation = ACTUATION, perturbation: float = 0.0, precision: str = "f64",
+        device: str = "cpu", threads: int | None = None, render_mode: None = None,
+    ) -> None:  # fmt: skip
+        """Take the design and the terrain.
+
+        Args:
+            pressure: of the core [Pa].
+            orientation: heading [degrees]: 0 rolls, 90 inches.
+            slope: [degrees].
+            actions: bits, or numbers.
+            geometry: of the body, or its name.
+            actuation: rates and friction.
+            perturbation: standard deviation of noise on the start positions [m].
+            precision, device, threads: as of ``robots.inflatable.simulate``.
+            render_mode: None.
+
+        Raises:
+            ValueError: in one line, for what is not allowed.
+        """
+        super().__init__(_LOW, _HIGH)
+        self.render_mode = render_mode
+        if isinstance(geometry, str):
+            if geometry not in NAMED_GEOMETRIES:
+                raise ValueError(f"geometry: {geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+            geometry = NAMED_GEOMETRIES[geometry]
+        self.action_space: gymnasium.Space[Any]
+        if actions == "bits":
+            self.action_space = gymnasium.spaces.MultiBinary(ROWS)
+        elif actions == "continuous":
+            self.action_space = gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64)
+        else:
+            raise ValueError(f"actions: {actions!r} is unknown; choose bits or continuous")
+        self.pressure = number("pressure", pressure, 0.0, MAXIMUM_PRESSURE, "Pa")
+        heading = number("orientation", orientation, 0.0, 90.0, "degrees")
+        self._ahead = travel_directions(np.array([heading]))[0]
+        terrain = Terrain(slope)
+        self._weight = gravity_vector(terrain.slope, heading)
+        self.geometry, self.actuation = geometry, actuation.on(terrain)
+        self._perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
+        self._engine_settings: dict[str, Any] = {"precision": precision, "device": device, "threads": threads}
+        self._engine: LatticeEngine | None = None
+        self._ready: Any = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; the first one initialises the robot, later ones go back there."""
+        super().reset(seed=seed)
+        if options:
+            raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
+        if self._engine is None:
+            self._engine = LatticeEngine(
+                self.geometry.body, 1, time_step=self.geometry.time_step, floor=True, **self._engine_settings
+            )
+        self._levels = np.full(BLADDER_COUNT, self.actuation.deflated)
+        self._grips, self._columns, self._steps = np.ones(2), 0, 0
+        if self._ready is None or self._perturbation:
+            self._engine.reset()
+            if self._perturbation:
+                drawn = int(self.np_random.integers(2**31))
+                self._engine.set_positions(scattered(self.geometry.body, self._perturbation, drawn, [0]))
+            self._ready = self._initialised(), self._engine.save()
+        found, saved = self._ready
+        self._engine.restore(saved)
+        self._place = self._start = self._middle(found)
+        return self._begin(self._observation(found, np.zeros(2)), self._info())
+
+    def _initialised(self) -> LatticeResult:
+        assert self._engine
+        builder = ProgramBuilder(1)
+        steps = self.actuation.initial_steps(self.pressure)
+        initialise(builder, 0, self.pressure, self._weight, steps, self.actuation)
+        return self._engine.run(builder.build(steps, np.array([[steps]])))
+
+    def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Play one column."""
+        if self._engine is None:
+            raise RuntimeError("reset the environment before its first step")
+        bits = checked_action(action, self.action_space) > 0.5
+        column = column_of(bits, self._levels, 0, self.actuation)
+        steps = column.motion_steps + self.actuation.settle_steps
+        builder = ProgramBuilder(1)
+        if self._columns == 0:  # the skin feels the slope from here on
+            set_weight(builder, 0, self._weight, SKIN_REGIONS, 0)
+        write_column(builder, 0, self.pressure, self._weight, column, 0, self._columns == 0, self.actuation)
+        found = self._engine.run(builder.build(steps, np.array([[steps]])))
+        self._levels, self._grips = np.asarray(column.ends, float), bits[BLADDER_COUNT:].astype(float)
+        self._columns, self._steps = self._columns + 1, self._steps + int(found.steps[0])
+        if str(found.status[0]) != "ok":
+            return self._outcome(_LOW, 0.0, False, True, self._info())
+        before, self._place = self._place, self._middle(found)
+        ahead, left = self._ahead, np.array([-self._ahead[1], self._ahead[0]])
+        moved = (self._place - before)[:2] / self.geometry.body_length
+        moved = np.array([moved @ ahead, moved @ left])
+        return self._outcome(self._observation(found, moved), float(moved[0]), False, False, self._info())
+
+    def _middle(self, found: LatticeResult) -> Observation:
+        """Mean of all corners of exposed faces [m]: what distances are measured by."""
+        body = self.geometry.body
+        sizes = np.array([material.scale for material in body.materials])[body.material_index]
+        scales = bladder_scales(self.pressure, self._levels, self.actuation)
+        regions = np.asarray(body.regions)
+        inflatable = regions >= FIRST_BLADDER
+        sizes[inflatable] = scales[regions[inflatable] - FIRST_BLADDER]
+        extents = half_extents(body, found.strains, (sizes * body.voxel_size)[None, None])
+        middle: Observation = mean_of_face_corners(body, found.positions, found.orientations, extents)[0, 0]
+        return middle
+
+    def _observation(self, found: LatticeResult, moved: Observation) -> Observation:
+        a, body, places = self.actuation, self.geometry.body, found.positions[0, 0]
+        inflation = (self._levels - a.deflated) / (a.inflated - a.deflated)
+        height, regions = body.voxels[:, 2], np.asarray(body.regions)
+        skin = regions < FIRST_BLADDER
+        upper, lower = skin & (height == height[skin].max()), skin & (height == height[skin].min())
+        axes = [
+            places[last].mean(axis=0) - places[first].mean(axis=0)
+            for first, last in ((regions == FOOT_1, regions == FOOT_2), (lower, upper))
+        ]
+        units = [axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in axes]
+        return np.concatenate([inflation, self._grips, *units, moved])
+
+    def _info(self) -> dict[str, Any]:
+        distance = float((self._place - self._start)[:2] @ self._ahead)
+        played = nominal_steps(self._columns, self.actuation) * self.geometry.time_step if self._columns else np.inf
+        return {"distance": distance, "speed": distance / self.geometry.body_length / played, "steps": self._steps}
