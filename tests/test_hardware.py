@@ -46,15 +46,15 @@ schedules = st.builds(
     st.integers(1, 5).flatmap(lambda columns: arrays(bool, (ROWS, columns))),
     st.integers(1, 3),
 )
-designs = st.builds(Design, st.just(0.0) | st.floats(1.0, 12e3), st.floats(0, 90), schedules)
+designs = st.builds(Design, st.just(0.0) | st.floats(1.0, 12e3), st.floats(0, 90, allow_subnormal=False), schedules)
 seconds = st.floats(0.05, 20.0)
 
 
 @st.composite
 def able_rigs(draw):
     """Rigs that can play anything: lines as far and as fast as their map asks."""
-    flat, core = draw(st.floats(-90, 0)), draw(st.floats(1, 90))
-    off = draw(st.lists(st.floats(-90, 10), min_size=ROWS, max_size=ROWS))
+    flat, core = draw(st.floats(-90, 0, allow_subnormal=False)), draw(st.floats(1, 90))
+    off = draw(st.lists(st.floats(-90, 10, allow_subnormal=False), min_size=ROWS, max_size=ROWS))
     on = [low + draw(st.floats(1, 60)) for low in off]
     channels = []
     for low, high in zip((flat, *off), (core, *on), strict=True):

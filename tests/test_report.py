@@ -2,14 +2,16 @@
 
 import base64
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 from run_products import log
 from stand_in import Simulator
 
+from optim.lattice_robot_problem import LatticeRobotProblem
 from optim.runs import open_run, run_search
 from optim.search import build_method
 from optim.studies.interference_settings import Interference
@@ -18,12 +20,13 @@ from optim.studies.tables import write_table
 from optim.vehicle_problem import VehicleProblem
 from optim.walker_problem import WalkerProblem
 from robots.braitenberg import STARTS, VehicleTask
-from robots.hardware import PneumaticRig
 from robots.inflatable import NAMED_GEOMETRIES, load_design
 from robots.inflatable_actuation import nominal_steps
+from robots.lattice_robot import load_robot
 from robots.results_folder import ResultsFolder
 from robots.walker import WalkerActuation
 
+ROOT = Path(__file__).resolve().parents[1]
 SIZE = "--geometry small --columns 4 --quiet"
 VOID = {"meta", "img", "br", "hr", "input", "link"}
 
@@ -182,13 +185,12 @@ def test_a_run_in_which_all_failed_has_no_best_design(morpholab, simulator, repo
 @pytest.mark.usefixtures("simulator")
 def test_a_rig_that_cannot_play_the_gait(morpholab, reported, tmp_path):
     design(morpholab, "a", "--climbers 2 --pressure 8000 --free orientation,control", generations=1)
-    rig = json.loads(json.dumps({"core": vars(PneumaticRig().core) | {"maximum_kpa": 7.5, "on_kpa": 7}}))
-    (tmp_path / "rig.json").write_text(json.dumps(rig))
-    page, document = reported("a", "--no-player --rig rig.json")
+    (tmp_path / "rig.toml").write_text("[channels.core]\nmaximum_kpa = 30.0\n")
+    page, document = reported("a", "--no-player --rig rig.toml")
     assert document["design"]["rig"]["exceeded"] and "exceeds a limit of this rig, and is refused" in page.text
-    assert "exceeded (highest pressure)" in page.text and 8.0 in page.numbers
-    code, _, error = morpholab("export a --csv gait.csv --rig rig.json")
-    assert code == 2 and "core: 8 kPa" in error
+    assert "exceeded (highest pressure)" in page.text and 30.0 in page.numbers
+    code, _, error = morpholab("export a --csv gait.csv --rig rig.toml")
+    assert code == 2 and "core: 33.3333 kPa" in error
     _, document = reported("a")
     assert not document["design"]["rig"]["exceeded"] and morpholab("export a --csv gait.csv")[0] == 0
 
@@ -234,9 +236,9 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
         ("a steep --out b.html", 'run: a and steep are judged differently (terrains [{"slope": 0.0}] and [{"'),
         ("a --no-player --frames 9 --out b.html", "frames: there are none without a player"),
         ("a --frames 1 --out b.html", "argument --frames: 1 is not allowed"),
-        ("a --rig a/best.json --out b.html", "rig: 'format' is unknown"),
+        ("a --rig a/best.json --out b.html", "rig: 'a/best.json' is neither a preset"),
         ("broken --out b.html", "config.toml: is not as it was written"),
-        ("unknown --out b.html", "run: unknown designs a kite, which has no report; gait, walker, vehicle have one"),
+        ("unknown --out b.html", "run: unknown designs a kite, which has no report; gait, walker, vehicle, robot have"),
         ("a/best.json --out b.html", "run: a/best.json holds no run; a report takes"),
     ],
 )  # fmt: skip
@@ -300,6 +302,17 @@ def test_a_walker_in_motion(reported, tmp_path):
     (terrain,) = document["design"]["terrains"]
     assert terrain["speed"] == terrain["replayed"] == last["best"] and terrain["distance"] in page.numbers
     assert len(page.all("iframe")) == 1 and "lattice of 2 x 2 x 1 voxels" in page.text
+
+
+def test_a_robot_of_ones_own_in_motion(reported, tmp_path):
+    robot = replace(load_robot(ROOT / "examples/inchworm.py"), cycles=1, settling=0.02)
+    searched(LatticeRobotProblem(robot, threads=1), tmp_path / "a", generations=0)
+    page, document = reported("a", "--frames 20")
+    last = log(tmp_path / "a")[-1]
+    (terrain,) = document["design"]["terrains"]
+    assert terrain["speed"] == terrain["replayed"] == last["best"]
+    assert document["design"]["values"] == last["best_point"] and set(robot.free) <= set(page.text.split())
+    assert len(page.all("iframe")) == 1 and "robot: 24 voxels of 10 mm" in page.text
 
 
 def test_the_best_gait_in_motion(morpholab, reported, tmp_path, monkeypatch):

@@ -30,7 +30,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--frames", type=options.whole(2), metavar="N", help="of the player, at most, of each motion (default: 400)"
     )
-    parser.add_argument("--rig", type=Path, metavar="FILE", help="JSON or TOML with a rig's channels and limits")
+    parser.add_argument(
+        "--rig", metavar="RIG", help="that shall play the gait: a preset or a TOML file (default: dissertation)"
+    )
     parser.add_argument(
         "--by", choices=("evaluations", "generations", "seconds"), default="evaluations",
         help="what several runs are compared by (default: evaluations)",

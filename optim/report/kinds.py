@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from optim.problem import GAIT, VEHICLE, WALKER, Problem
+from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Problem
 from optim.report.markup import Html, Section, Text
 from optim.runs.loop import Generation
 from optim.space import Vector
@@ -89,11 +89,12 @@ def kind_of(folder: Path, config: Mapping[str, Any]) -> RunKind:
         ValueError: in one line, for a problem that is unknown or cannot be read.
     """
     from optim.report.gait_run import GaitRun
+    from optim.report.robot_run import RobotRun
     from optim.report.vehicle_run import VehicleRun
     from optim.report.walker_run import WalkerRun
 
     kinds: dict[str, Callable[[Mapping[str, Any]], RunKind]] = {
-        GAIT: GaitRun.of, WALKER: WalkerRun.of, VEHICLE: VehicleRun.of
+        GAIT: GaitRun.of, WALKER: WalkerRun.of, VEHICLE: VehicleRun.of, ROBOT: RobotRun.of
     }  # fmt: skip
     name = config["problem"].get("kind", GAIT)
     if name not in kinds:

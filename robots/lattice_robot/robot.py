@@ -134,10 +134,11 @@ class LatticeRobot:
         return points
 
     def filled(self, point: ArrayLike) -> "LatticeRobot":
-        """The robot of a point, without anything free."""
+        """The robot of a point, without anything free; it moves in the same time steps."""
         points = self.points(point)
-        drives = tuple(values.filled for values in self.given(points))
-        return dataclasses.replace(self, body=self.bodies(points)[0], drives=drives, moduli={})
+        drives, body = tuple(values.filled for values in self.given(points)), self.bodies(points)[0]
+        safety = self.time_step_safety * body.recommended_time_step / self._stiffest.recommended_time_step
+        return dataclasses.replace(self, body=body, drives=drives, moduli={}, time_step_safety=safety)
 
     def bodies(self, points: Floats) -> list[LatticeBody]:
         """The body of each point; one object if no modulus is free."""
@@ -152,11 +153,15 @@ class LatticeRobot:
             materials[index] = dataclasses.replace(materials[index], youngs_modulus=modulus)
         return dataclasses.replace(self.body, materials=tuple(materials))
 
+    @property
+    def _stiffest(self) -> LatticeBody:
+        """The body with its free moduli at their highest."""
+        return self._of_moduli([free.high for free in self.free_moduli.values()]) if self.moduli else self.body
+
     @cached_property
     def cycle(self) -> Cycle:
         """When what happens; the time step is one for all points."""
-        stiffest = self._of_moduli([free.high for free in self.free_moduli.values()]) if self.moduli else self.body
-        largest = stiffest.recommended_time_step / self.time_step_safety
+        largest = self._stiffest.recommended_time_step / self.time_step_safety
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
 
     @property
