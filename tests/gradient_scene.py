@@ -23,30 +23,35 @@ MATERIALS = (
 )  # fmt: skip
 
 
-def body(poisson: bool = False) -> LatticeBody:
+def body(poisson: bool = False, pouch: bool = False) -> LatticeBody:
     """A sheet folded over itself: the upper half hangs down onto the lower one, which slides on the floor.
 
-    The voxels at the fold's top are held in part: two degrees of freedom of one, all six of another.
+    The voxels at the fold's top are held in part: two degrees of freedom of one, all six of another. Faces of the sheet
+    are under pressure, or, with a ``pouch``, the upper half has a second skin and the pressure is between the two.
     """
     lower = [(x, y, 0) for x in range(8) for y in range(2)]
     hinge = [(0, y, 1) for y in range(2)]
     upper = [(x, y, 2) for x in range(8) for y in range(2)]
-    voxels = np.array([*lower, *hinge, *upper])
-    regions = np.repeat([0, 1, 2], [len(lower), len(hinge), len(upper)])
+    top = [(x, y, 3) for x, y, _ in upper] if pouch else []
+    voxels = np.array([*lower, *hinge, *upper, *top])
+    regions = np.repeat([0, 3, 2, 1], [len(lower), len(hinge), len(upper), len(top)])
     fixed = np.zeros((len(voxels), 6), bool)
     normals = np.zeros((len(voxels), 3), int)
-    normals[regions == 2, 2] = 1
-    normals[regions == 0, 1] = voxels[regions == 0, 1] * 2 - 1
+    normals[regions == 2, 2] = -1 if pouch else 1
+    normals[regions == 1, 2] = 1
+    if not pouch:
+        normals[regions == 0, 1] = voxels[regions == 0, 1] * 2 - 1
+    upwards = np.arange(len(lower) + len(hinge), len(voxels) - len(top))
+    cut = [(i, i + len(upper)) for i in upwards if 0 < voxels[i, 0] < 7] if pouch else np.zeros((0, 2))
     held = [len(lower), len(lower) + 1]  # the hinge
     fixed[held[0], [1, 3, 5]] = True
     fixed[held[1]] = True
-    regions[held] = 3, 3
     materials = MATERIALS
     if poisson:
         materials = tuple(replace(m, poissons_ratio=nu) for m, nu in zip(MATERIALS, (0.3, 0.2), strict=True))
     return LatticeBody(
-        voxels=voxels, materials=materials, material_index=np.isin(regions, [2]).astype(int), voxel_size=0.01,
-        regions=regions, fixed=fixed, pressure_normals=normals,
+        voxels=voxels, materials=materials, material_index=np.isin(regions, [1, 2]).astype(int), voxel_size=0.01,
+        regions=regions, fixed=fixed, pressure_normals=normals, cut_links=cut,
     )  # fmt: skip
 
 
@@ -54,7 +59,7 @@ def start(shape: LatticeBody) -> LatticeState:
     """Bent so that the tips touch, sliding fast enough for the watch list to be built again."""
     rng = np.random.default_rng(3)
     positions = shape.start_positions + rng.normal(0, 2e-4, (shape.voxel_count, 3))
-    upper = shape.regions == 2
+    upper = np.isin(shape.regions, [1, 2])
     positions[upper, 2] -= 0.0013 * shape.voxels[upper, 0]
     positions[shape.regions == 0, 2] -= 1e-4
     velocities = np.array([0.35, 0.1, 0.0]) + rng.normal(0, 0.02, (shape.voxel_count, 3))
@@ -74,6 +79,7 @@ def repeated(state: LatticeState, batch: int) -> LatticeState:
 EVENTS = (
     (Quantity.PRESSURE, [2], 0, 300.0, 2.0),
     (Quantity.PRESSURE, [0], 20, -100.0, 1.0),
+    (Quantity.PRESSURE, [1], 10, 400.0, 1.0),
     (Quantity.PRESSURE, [2], 90, 500.0, -3.0),
     (Quantity.SCALE, [2], 0, 1.0, 2e-4),
     (Quantity.SCALE + 1, [0], 15, 1.01, -1e-4),

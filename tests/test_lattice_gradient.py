@@ -28,13 +28,19 @@ TOLERANCE = 1e-6
 
 
 def engine(bodies, batch=None, **options) -> LatticeEngine:
-    return LatticeEngine(bodies, batch, time_step=TIME_STEP, floor=True, fluid=True, **options)
+    """In a fluid if the scene's pouch, which has a fourth layer, is there."""
+    shape = bodies if isinstance(bodies, LatticeBody) else bodies[0]
+    wet = shape.voxels[:, 2].max() == 3
+    return LatticeEngine(bodies, batch, time_step=TIME_STEP, floor=True, fluid=wet, **options)
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["plain", "poisson"])
+PLAIN, POUCH = (False, False), (True, True)
+
+
+@pytest.fixture(scope="module", params=[PLAIN, POUCH], ids=["plain", "poisson in a fluid"])
 def scene(request):
     """A body, the cost, and its gradient."""
-    shape = body(request.param)
+    shape = body(*request.param)
     single = engine(shape)
     single.set_state(repeated(start(shape), 1))
     tape = single.record(program())
@@ -112,7 +118,6 @@ KINDS = {
     "moment": ([Quantity.MOMENT + a for a in range(3)], 3e-5),
     "translation": ([Quantity.TRANSLATION + a for a in range(3)], 1e-4),
     "rotation": ([Quantity.ROTATION + a for a in range(3)], 1e-2),
-    "resistance": ([Quantity.RESISTANCE, Quantity.RESISTANCE + 1], 50.0),
 }
 
 
@@ -120,8 +125,19 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_events(scene, kind, field):
     """Values and rates of every kind of event, 20 random directions."""
+    check_events(scene, *KINDS[kind], field)
+
+
+@pytest.mark.parametrize("scene", [POUCH], indirect=True)
+@pytest.mark.parametrize("field", ["value", "rate"])
+def test_resistance(scene, field):
+    """Of the fluid."""
+    check_events(scene, [Quantity.RESISTANCE, Quantity.RESISTANCE + 1], 50.0, field)
+
+
+def check_events(scene, quantities, scale: float, field: str) -> None:
+    """Values or rates of the events of some quantities, 20 random directions."""
     shape, _, _, gradient = scene
-    quantities, scale = KINDS[kind]
     scale = scale / (1 if field == "value" else 100)
     base = program()
     count = np.isin(base.events["quantity"], quantities).sum()
@@ -150,7 +166,7 @@ def test_materials(scene, kind):
     check_materials(scene, MATERIAL_KINDS[kind])
 
 
-@pytest.mark.parametrize("scene", [True], indirect=True)
+@pytest.mark.parametrize("scene", [POUCH], indirect=True)
 def test_poissons_ratio(scene):
     """Where it is not zero, which switches the effect off."""
     check_materials(scene, {"poissons_ratio": 0.1})
@@ -293,10 +309,12 @@ def test_a_plan_undoes_every_step_once_and_within_its_memory(steps, bound, check
     assert at == 0 and most <= plan.memory
 
 
+@pytest.mark.parametrize("pouch", [False, True])
 @pytest.mark.parametrize("options", [{"width": 8}, {"driver": "stepped"}])
-def test_every_driver_gives_the_same_gradient(options):
+def test_every_driver_gives_the_same_gradient(options, pouch):
     """Scalars, lanes and a kernel per stage."""
-    for a, b in zip(arrays(gradients(engine(body()))), arrays(gradients(engine(body(), **options))), strict=True):
+    shape = body(pouch=pouch)
+    for a, b in zip(arrays(gradients(engine(shape))), arrays(gradients(engine(shape, **options))), strict=True):
         assert np.allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(a).max())
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from taichi_sim import rotations, runtime
 from taichi_sim.lanes import Real, absolute, larger, smaller
-from taichi_sim.lattice import beams, floor, fluid, link_adjoint, materials, motion, voxel_adjoint
+from taichi_sim.lattice import beams, enclosure, floor, fluid, link_adjoint, materials, motion, voxel_adjoint
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import law, pull_back, select, sqrt
 
@@ -66,6 +66,8 @@ LAWS = {
                  (1.0, 0.5, 1.0, 0.0, 0.0, 1.0), 3),
     "held rotation": (voxel_adjoint.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
+    "square under pressure": (enclosure.pressed_square, (*POSE[:3], *NEXT[:3], 0.011, 0.009, 0.001, -5e-4, 0.0102, 2e-4,
+                              500.0, 600.0, 400.0, 450.0), (), 12),
     "sliding": (floor.sliding_friction, (0.02, -0.01, 0.4, 0.3), (), 2),
     "poisson": (motion.poisson_strains, (0.1, 0.05, -0.02, 0.3), (1.0, 0.0, 1.0), 3),
     "beam constants": (materials.beam_row, (3e5, 3000.0, 0.3, 1.0, 2e5, 2500.0, 0.2, 0.8), (EDGE, DT), 9),

@@ -1,11 +1,19 @@
-"""Reverse of the other stages of a step: contact between voxels, rest lengths, groups, channels.
+"""Reverse of the other stages of a step: contact, pressure on squares, rest lengths, groups, channels.
 
 See ``link_adjoint`` for what the arguments hold.
 """
 
 from taichi_sim.lanes import accumulate, accumulate_all, load, load_all, store
-from taichi_sim.lattice import contact, stages
-from taichi_sim.lattice.columns import REST_AXIS, REST_MINUS, REST_PLUS, SURFACE_COLUMNS, SURFACE_GROUP, SURFACE_VOXEL
+from taichi_sim.lattice import contact, enclosure, stages
+from taichi_sim.lattice.columns import (
+    REST_AXIS,
+    REST_MINUS,
+    REST_PLUS,
+    SQUARE_COLUMNS,
+    SURFACE_COLUMNS,
+    SURFACE_GROUP,
+    SURFACE_VOXEL,
+)
 from taichi_sim.lattice.memory import (
     AGE,
     BASE,
@@ -82,6 +90,30 @@ def force_slots(s, plan: ti.template(), surface: ti.template()):
     """Slots of the cotangents of the force on a surface voxel."""
     slot = plan[FORCE] + 6 * (surface[SURFACE_COLUMNS * s + SURFACE_VOXEL] // VOXEL_WIDTH)
     return slot, slot + 1, slot + 2
+
+
+@ti.func
+def square_adjoint(
+    m: ti.template(), k, rec: ti.template(), kr, base, a: ti.template(), q, plan: ti.template(),
+    square_table: ti.template(), voxel_table: ti.template(),
+):  # fmt: skip
+    """Reverse the pressure on a square."""
+    pressures = stages.square_pressures(q, plan, square_table, voxel_table)
+    places = load_all(rec, kr, stages.square_places(base, q, plan, square_table))
+    seeds = load_all(a, k, square_forces(q, plan, square_table))
+    g = ti.static(pull_back(enclosure.pressed_square, places + load_all(m, k, pressures), (), seeds))
+    accumulate_all(a, k, stages.square_places(0, q, plan, square_table) + pressures, g)
+
+
+@ti.func
+def square_forces(q, plan: ti.template(), square_table: ti.template()):
+    """Slots of the cotangents of the forces on the corners of a square."""
+    f = plan[FORCE]
+    i = f + 6 * square_table[q * SQUARE_COLUMNS]
+    j = f + 6 * square_table[q * SQUARE_COLUMNS + 1]
+    n = f + 6 * square_table[q * SQUARE_COLUMNS + 2]
+    o = f + 6 * square_table[q * SQUARE_COLUMNS + 3]
+    return i, i + 1, i + 2, j, j + 1, j + 2, n, n + 1, n + 2, o, o + 1, o + 2
 
 
 @ti.func

@@ -237,7 +237,7 @@ class FusedRun:
             d.blocks, d.layout.slots, steps, until, dt, edge, gravity, contact.WATCH_RADIUS * edge,
             contact.REBUILD_DISTANCE * edge, d.real.reals(d._memory.reshape(-1, width)),
             d._memory.reshape(-1, width), d._parked.reshape(-1, width), d._plan, t.link, t.voxel, t.rest,
-            t.surface, t.excluded, d._start, d.real.reals(d._bits), d._scratch, d._scratch,
+            t.square, t.corner, t.surface, t.excluded, d._start, d.real.reals(d._bits), d._scratch, d._scratch,
             d._near, d._near, d._touched, d._fresh, d._row, d._partner, d._mask,
             d._info, self.lanes, self.program.marks, self._values, self.poses, self.strains,
             kept.first, d.real.reals(kept.states.reshape(-1, width)), kept.room, kept.log, kept.log_first,

@@ -32,6 +32,7 @@ from taichi_sim.lattice.memory import (
     RATE,
     REST,
     RING_MASK,
+    SQUARES,
     STATE_SLOTS,
     SURFACE,
     VOXEL,
@@ -197,15 +198,18 @@ def add_force(m: ti.template(), k, slot, a, b, c, sign: ti.template(), fx, fy, f
 
 @ti.func
 def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.template(), link_table: ti.template(),
-         voxel_table: ti.template(), rest_table: ti.template(), surface: ti.template(), start: ti.template(),
-         touched: ti.template(), row: ti.template(), partner: ti.template(), mask: ti.template(),
-         info: ti.template(), recording: ti.template(), log: ti.template()):  # fmt: skip
-    """One time step of a block: channels, contact forces, then links and integration voxel by voxel."""
+         voxel_table: ti.template(), rest_table: ti.template(), square_table: ti.template(),
+         corner_table: ti.template(), surface: ti.template(), start: ti.template(), touched: ti.template(),
+         row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
+         recording: ti.template(), log: ti.template()):  # fmt: skip
+    """One time step of a block: channels, contact, pressure on squares, then links and integration voxel by voxel."""
     stages.advance_channels(m, k, plan, edge, gravity)
     stages.update_rest_lengths(m, k, plan, rest_table)
     if plan[CONTACT_ON] != 0:
         collide(m, block, k, lane_bits, plan, surface, touched, row, partner, mask, info,
                 recording, log)  # fmt: skip
+    for q in range(plan[SQUARES]):
+        stages.square_stage(m, k, q, plan, square_table, voxel_table)
     nought = 0.0 * load(m, k, plan[CONSTANT])
     moved = nought
     for v in range(plan[VOXELS]):
@@ -227,9 +231,12 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
                 touched[block, s] = 0
                 slot = plan[CONTACT] + 3 * s
                 cx, cy, cz = load(m, k, slot), load(m, k, slot + 1), load(m, k, slot + 2)
+        fx, fy, fz = stages.add_pressure(
+            m, k, v, load(m, k, here), load(m, k, here + 1), load(m, k, here + 2), plan, voxel_table, corner_table
+        )
         x, y, z = voxel_stage(
-            m, k, v, dt, edge, load(m, k, here), load(m, k, here + 1), load(m, k, here + 2),
-            load(m, k, here + 3), load(m, k, here + 4), load(m, k, here + 5), cx, cy, cz, plan, voxel_table, start,
+            m, k, v, dt, edge, fx, fy, fz, load(m, k, here + 3), load(m, k, here + 4), load(m, k, here + 5),
+            cx, cy, cz, plan, voxel_table, start,
         )  # fmt: skip
         for c in ti.static(range(6)):
             store(m, k, here + c, nought)
@@ -291,11 +298,12 @@ def fused_kernel(real: Real, recording: bool = False) -> Any:
     @ti.kernel
     def run(blocks: ti.i32, slots: ti.i32, steps: ti.i32, until: ti.i32, dt: real.scalar, edge: real.scalar,
             gravity: real.scalar, watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2,
-            parked: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1,
-            excluded: ints2, start: scalars2, bits: bits_type, scratch: bunches, scratch_s: scalars4, near: flags,
-            near_s: ints2, touched: ints2, fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2,
-            lanes: ints3, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3, first: ti.i32,
-            states: reals, room: ti.i32, log: ints3, log_first: ints2):  # fmt: skip
+            parked: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2,
+            square_table: ints1, corner_table: ints1, surface: ints1, excluded: ints2, start: scalars2, bits: bits_type,
+            scratch: bunches, scratch_s: scalars4, near: flags, near_s: ints2, touched: ints2,
+            fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2,
+            event_value: scalars2, poses: scalars4, strains: scalars3, first: ti.i32, states: reals, room: ti.i32,
+            log: ints3, log_first: ints2):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN
@@ -318,7 +326,8 @@ def fused_kernel(real: Real, recording: bool = False) -> Any:
                                           lanes)  # fmt: skip
                     if info[block, INFO_STATE] == RUNNING:
                         step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table,
-                             surface, start, touched, row, partner, mask, info, recording, log)  # fmt: skip
+                             square_table, corner_table, surface, start, touched, row, partner, mask, info,
+                             recording, log)  # fmt: skip
                         info[block, INFO_STEP] = t + 1
                         if ti.static(recording):
                             if t + 1 == until:

@@ -74,7 +74,7 @@ class FusedReverse:
             real.reals(self._values.reshape(-1, width)), self._values.reshape(-1, width),
             real.reals(self._cotangents.reshape(-1, width)), self._cotangents.reshape(-1, width),
             real.reals(record.states.reshape(-1, width)), record.states.reshape(-1, width), driver._plan,
-            t.link, t.voxel, t.rest, t.surface, real.reals(driver._bits), record.log, record.log_first,
+            t.link, t.voxel, t.rest, t.square, t.surface, real.reals(driver._bits), record.log, record.log_first,
             self._lanes, self._info, self.run.program.marks, self.events, self._poses, self._strains, self._finals,
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ The sections of the state come first, so that a robot can be copied away and bac
     REST      2 a pair of groups and axis: rest length and its inverse
     CONTACT   3 a surface voxel: contact force
     FORCE     fused driver: 6 a place in the ring of forces; stepped driver: 12 a link
+    PRESSED   12 a square of a closed surface under pressure: forces on its corners
 
 Groups are the regions of a body, split where a region mixes materials.
 """
@@ -25,11 +26,12 @@ import numpy as np
 from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
 from taichi_sim.lattice.program import QUANTITY_COUNT
 
-(VOXEL, LINK, STRAIN, CHANNEL, WATCH, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE) = range(12)
-SECTION_COUNT = 12
+(VOXEL, LINK, STRAIN, CHANNEL, WATCH, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE, PRESSED) = range(13)
+SECTION_COUNT = 13
 MOST_SLOTS = 2**31 - 1  # of an array in a kernel, which counts them in 32 bits
 
 VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 4, 9, 2
+PRESSED_WIDTH = 12
 ORIENTATION, MOMENTUM, SPIN, STICKS = 3, 7, 10, 13  # places in a voxel
 REGIME = 6  # place in a link
 BASE, RATE, AGE, VALUE = range(4)  # places in a channel
@@ -38,8 +40,8 @@ SIZE, MEAN_SIZE, PUSH, DRAG, SPIN_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: res
 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
 (VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS, RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON,
- FLUID_ON) = range(SECTION_COUNT, SECTION_COUNT + 12)  # fmt: skip
-PLAN_SIZE = SECTION_COUNT + 12
+ FLUID_ON, SQUARES) = range(SECTION_COUNT, SECTION_COUNT + 13)  # fmt: skip
+PLAN_SIZE = SECTION_COUNT + 13
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,13 @@ class Memory:
 
     @classmethod
     def of(cls, voxels: int, links: int, gauges: int, surface: int, groups: int, beams: int, rests: int,
-           forces: tuple[int, int]) -> "Memory":  # fmt: skip
+           squares: int, forces: tuple[int, int]) -> "Memory":  # fmt: skip
         """Lay out a memory for so many items; sections without items keep one, as none may be empty."""
         rows = (
             (voxels, VOXEL_WIDTH), (links, LINK_WIDTH), (gauges, STRAIN_WIDTH),
             (groups * QUANTITY_COUNT, CHANNEL_WIDTH), (surface, 3), (1, 2), (groups, CURRENT_WIDTH),
             (groups, CONSTANT_COLUMNS), (beams, BEAM_COLUMNS), (rests, REST_WIDTH), (surface, 3), forces,
+            (squares, PRESSED_WIDTH),
         )  # fmt: skip
         sections = tuple((max(count, 1), width) for count, width in rows)
         ends = np.cumsum([count * width for count, width in sections])

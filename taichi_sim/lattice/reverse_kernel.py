@@ -1,8 +1,8 @@
 """The reverse of the fused driver: blocks of robots in lanes, from the last recorded step back to the first.
 
 A step is undone in the opposite order: voxel by voxel from the last to the first, each with its gauges and its own
-links, then contacts, then what follows from the channels. Cotangents change in place from those of the state after the
-step to those of the state before it.
+links, then pressure on squares, contacts, then what follows from the channels. Cotangents change in place from those
+of the state after the step to those of the state before it.
 """
 
 from functools import lru_cache
@@ -20,6 +20,7 @@ from taichi_sim.lattice.memory import (
     LINKS,
     RATE,
     REST,
+    SQUARES,
     STATE_SLOTS,
     VOXEL,
     VOXEL_WIDTH,
@@ -38,7 +39,7 @@ NO_MARK = -1
 @ti.func
 def undo_step(m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.template(), block, n, dt, edge, gravity,
               lane_bits, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
-              rest_table: ti.template(), surface: ti.template(), log: ti.template(),
+              rest_table: ti.template(), square_table: ti.template(), surface: ti.template(), log: ti.template(),
               log_first: ti.template()):  # fmt: skip
     """Reverse the step from the record at ``old`` to the one at ``new``."""
     adjoint.recall_channels(m, k, rec, kr, new, plan, rest_table, edge, gravity)
@@ -50,6 +51,8 @@ def undo_step(m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.templ
         voxel_adjoint(m, k, rec, kr, old, new, a, v, dt, edge, plan, voxel_table)
         for l in range(voxel_table[entry + columns.FIRST_LINK], voxel_table[entry + columns.END_LINK]):
             link_adjoint(m, k, rec, kr, old, a, l, edge, plan, link_table, voxel_table)
+    for q in range(plan[SQUARES]):
+        adjoint.square_adjoint(m, k, rec, kr, old, a, q, plan, square_table, voxel_table)
     for q in range(log_first[block, n], log_first[block, n + 1]):
         s1, s2 = log[block, q, 0], log[block, q, 1]
         near = adjoint.are_near(m, k, rec, kr, old, s1, s2, plan, surface) & ((lane_bits & log[block, q, 2]) != 0)
@@ -131,9 +134,9 @@ def reverse_kernel(real: Real) -> Any:
     @ti.kernel
     def undo(blocks: ti.i32, slots: ti.i32, high: ti.i32, low: ti.i32, first: ti.i32, room: ti.i32, dt: real.scalar,
              edge: real.scalar, gravity: real.scalar, m: reals, ms: scalars2, a: reals, asc: scalars2, rec: reals,
-             recs: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2, surface: ints1,
-             bits: bits_type, log: ints3, log_first: ints2, lanes: ints3, info: ints1, event: ints2,
-             event_value: scalars2, poses: scalars4, strains: scalars3, finals: scalars3):  # fmt: skip
+             recs: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2,
+             square_table: ints1, surface: ints1, bits: bits_type, log: ints3, log_first: ints2, lanes: ints3,
+             info: ints1, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3, finals: scalars3):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN
@@ -144,8 +147,8 @@ def reverse_kernel(real: Real) -> Any:
                     base = (t - first) * plan[STATE_SLOTS]
                     if back > 0:
                         undo_step(m, k, rec, kr, base, base + plan[STATE_SLOTS], a, block, t - first, dt, edge,
-                                  gravity, bits[0], plan, link_table, voxel_table, rest_table, surface, log,
-                                  log_first)  # fmt: skip
+                                  gravity, bits[0], plan, link_table, voxel_table, rest_table, square_table, surface,
+                                  log, log_first)  # fmt: skip
                     if t == info[block]:
                         adjoint.recall_channels(m, k, rec, kr, base, plan, rest_table, edge, gravity)
                         upcoming = NO_MARK

@@ -1,25 +1,31 @@
-"""The stages of a step that come before links and voxels: channels, rest lengths and contact between voxels.
+"""The stages of a step that come before links and voxels: channels, rest lengths, contact, pressure on squares.
 
 A stage loads reals, applies a law and stores; both drivers run exactly the same ones. ``m`` is the memory of all robots
 and k a robot's or block's key to it (see ``lanes.load``); ``plan`` says where the sections lie (see ``memory``). The
 integer tables are shared by all robots and hold slots relative to a section (see ``columns``).
 """
 
-from taichi_sim.lanes import load, load_all, store
-from taichi_sim.lattice import contact
+from taichi_sim.lanes import load, load_all, store, store_all
+from taichi_sim.lattice import contact, enclosure
 from taichi_sim.lattice.columns import (
     ACCELERATION,
+    CHANNELS,
     CHANNELS_PER_GROUP,
+    END_CORNER,
+    FIRST_CORNER,
     FORCE,
     GLOBAL_DAMPING,
+    PRESSURE,
     REST_AXIS,
     REST_MINUS,
     REST_PLUS,
     SCALE,
+    SQUARE_COLUMNS,
     SURFACE_COLUMNS,
     SURFACE_GROUP,
     SURFACE_VOXEL,
     TEMPERATURE,
+    VOXEL_COLUMNS,
 )
 from taichi_sim.lattice.materials import (
     CONSTANT_COLUMNS,
@@ -43,6 +49,8 @@ from taichi_sim.lattice.memory import (
     GROUPS,
     MEAN_SIZE,
     MOMENTUM,
+    PRESSED,
+    PRESSED_WIDTH,
     PUSH,
     RATE,
     REST,
@@ -52,6 +60,7 @@ from taichi_sim.lattice.memory import (
     SPIN_DRAG,
     VALUE,
     VOXEL,
+    VOXEL_WIDTH,
 )
 from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.runtime import ti
@@ -175,3 +184,47 @@ def contact_force(
     _, _, _, qx, qy, qz = load_all(m, k, motion_slots(0, s2, plan, surface))
     w1, w2, k1, k2, c1, c2 = load_all(m, k, contact_slots(s1, s2, plan, surface))
     return contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
+
+
+@ti.func
+def square_places(base, q, plan: ti.template(), square_table: ti.template()):
+    """Slots of the positions of the corners of a square."""
+    v = base + plan[VOXEL]
+    a = v + square_table[q * SQUARE_COLUMNS] * VOXEL_WIDTH
+    b = v + square_table[q * SQUARE_COLUMNS + 1] * VOXEL_WIDTH
+    c = v + square_table[q * SQUARE_COLUMNS + 2] * VOXEL_WIDTH
+    d = v + square_table[q * SQUARE_COLUMNS + 3] * VOXEL_WIDTH
+    return a, a + 1, a + 2, b, b + 1, b + 2, c, c + 1, c + 2, d, d + 1, d + 2
+
+
+@ti.func
+def square_pressures(q, plan: ti.template(), square_table: ti.template(), voxel_table: ti.template()):
+    """Slots of the pressures of the corners of a square."""
+    p = plan[CHANNEL] + PRESSURE * CHANNEL_WIDTH + VALUE
+    return (
+        p + voxel_table[square_table[q * SQUARE_COLUMNS] * VOXEL_COLUMNS + CHANNELS],
+        p + voxel_table[square_table[q * SQUARE_COLUMNS + 1] * VOXEL_COLUMNS + CHANNELS],
+        p + voxel_table[square_table[q * SQUARE_COLUMNS + 2] * VOXEL_COLUMNS + CHANNELS],
+        p + voxel_table[square_table[q * SQUARE_COLUMNS + 3] * VOXEL_COLUMNS + CHANNELS],
+    )
+
+
+@ti.func
+def square_stage(m: ti.template(), k, q, plan: ti.template(), square_table: ti.template(), voxel_table: ti.template()):
+    """Forces of the pressure on the corners of a square."""
+    x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3 = load_all(m, k, square_places(0, q, plan, square_table))
+    p0, p1, p2, p3 = load_all(m, k, square_pressures(q, plan, square_table, voxel_table))
+    forces = enclosure.pressed_square(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, p0, p1, p2, p3)
+    first = plan[PRESSED] + q * PRESSED_WIDTH
+    store_all(m, k, ti.static([first + i for i in range(PRESSED_WIDTH)]), forces)
+
+
+@ti.func
+def add_pressure(m: ti.template(), k, v, fx, fy, fz, plan: ti.template(), voxel_table: ti.template(),
+                 corner_table: ti.template()):  # fmt: skip
+    """A force on voxel v, and that of the pressure on the squares around it, in ascending order."""
+    row = v * VOXEL_COLUMNS
+    for i in range(voxel_table[row + FIRST_CORNER], voxel_table[row + END_CORNER]):
+        slot = plan[PRESSED] + corner_table[i]
+        fx, fy, fz = fx + load(m, k, slot), fy + load(m, k, slot + 1), fz + load(m, k, slot + 2)
+    return fx, fy, fz

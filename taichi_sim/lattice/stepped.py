@@ -119,6 +119,7 @@ class SteppedRun:
         self._kernels, self.program = stepped_kernels(driver.real), program
         self.constants = dt, edge, gravity
         self._link, self._voxel, self._rest = self._put(t.link), self._put(t.voxel), self._put(t.rest)
+        self._square, self._corner = self._put(t.square), self._put(t.corner)
         self._surface, self._excluded, self._start = (
             self._put(t.surface),
             self._put(t.excluded),
@@ -220,7 +221,9 @@ class SteppedRun:
             k.collide(m, plan, self._surface, lanes, self._partner, self._count, n, kept.log,
                       kept.logged)  # fmt: skip
         k.links(edge, m, plan, self._link, self._voxel, lanes)
-        k.voxels(dt, edge, m, plan, self._link, self._voxel, self._start, lanes)
+        if self.driver._plan[memory.SQUARES]:
+            k.squares(m, plan, self._square, self._voxel, lanes)
+        k.voxels(dt, edge, m, plan, self._link, self._voxel, self._corner, self._start, lanes)
 
     def _watch(self, from_watch: int) -> None:
         edge = self.constants[1]

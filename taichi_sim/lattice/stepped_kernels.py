@@ -34,6 +34,7 @@ from taichi_sim.lattice.memory import (
     MONITOR,
     MOVED,
     PAIRS,
+    SQUARES,
     STATE_SLOTS,
     SURFACE,
     VOXEL,
@@ -53,6 +54,7 @@ class SteppedKernels:
     keep: Any
     collide: Any
     links: Any
+    squares: Any
     voxels: Any
 
 
@@ -241,12 +243,20 @@ def stepped_kernels(real: Real) -> SteppedKernels:
                     store(m, r, c + 9, nz)
 
     @ti.kernel
+    def squares(m: memory, plan: ints1, square_table: ints1, voxel_table: ints1, lanes: ints2):
+        """Pressure on the squares of closed surfaces."""
+        for q, r in ti.ndrange(plan[SQUARES], m.shape[1]):
+            if lanes[r, LANE_STATE] == LANE_ACTIVE:
+                stages.square_stage(m, r, q, plan, square_table, voxel_table)
+
+    @ti.kernel
     def voxels(dt: real.scalar, edge: real.scalar, m: memory, plan: ints1, link_table: ints1, voxel_table: ints1,
-               start: memory, lanes: ints2):  # fmt: skip
+               corner_table: ints1, start: memory, lanes: ints2):  # fmt: skip
         """Integration of voxels; strains for the next step; how far surface voxels have moved."""
         for v, r in ti.ndrange(plan[VOXELS], m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE:
                 fx, fy, fz, mx, my, mz = gather_links(m, r, v, plan, voxel_table)
+                fx, fy, fz = stages.add_pressure(m, r, v, fx, fy, fz, plan, voxel_table, corner_table)
                 s = voxel_table[v * columns.VOXEL_COLUMNS + columns.SURFACE_SLOT]
                 cx = 0.0 * load(m, r, plan[CURRENT] + MEAN_SIZE)
                 cy = cx
@@ -260,4 +270,4 @@ def stepped_kernels(real: Real) -> SteppedKernels:
                 if s >= 0 and plan[CONTACT_ON] != 0:
                     ti.atomic_max(m[plan[MONITOR] + MOVED, r], squared_move(m, r, s, x, y, z, plan))
 
-    return SteppedKernels(begin, watch, keep, collide, links, voxels)
+    return SteppedKernels(begin, watch, keep, collide, links, squares, voxels)

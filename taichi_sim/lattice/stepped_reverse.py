@@ -17,7 +17,7 @@ from taichi_sim.lattice.fused import CONTACTS_PER_STEP
 from taichi_sim.lattice.fused_kernel import LANE_DIVERGED
 from taichi_sim.lattice.fused_kernel import LANE_STATE as RUN_STATE
 from taichi_sim.lattice.link_adjoint import link_adjoint
-from taichi_sim.lattice.memory import LINKS, STATE_SLOTS, VOXELS
+from taichi_sim.lattice.memory import LINKS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stepped import SteppedRecord, SteppedRun
 from taichi_sim.lattice.voxel_adjoint import gauge_adjoint, voxel_adjoint
 from taichi_sim.runtime import ti
@@ -30,6 +30,7 @@ class ReverseKernels:
     recall: Any
     voxels: Any
     links: Any
+    squares: Any
     contacts: Any
     groups: Any
     marks: Any
@@ -70,6 +71,14 @@ def reverse_kernels(real: Real) -> ReverseKernels:
                 link_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, l, edge, plan, link_table, voxel_table)
 
     @ti.kernel
+    def squares(n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, square_table: ints1, voxel_table: ints1,
+                lanes: ints3):  # fmt: skip
+        """Pressure on the squares of closed surfaces."""
+        for q, r in ti.ndrange(plan[SQUARES], m.shape[1]):
+            if lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
+                adjoint.square_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, q, plan, square_table, voxel_table)
+
+    @ti.kernel
     def contacts(n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, surface: ints1, log: ints4, logged: ints2,
                  lanes: ints3):  # fmt: skip
         """Contacts between voxels."""
@@ -95,7 +104,7 @@ def reverse_kernels(real: Real) -> ReverseKernels:
             kernel.meet_marks(m, a, rec, 0, r, 0, 0, n * plan[STATE_SLOTS], t, slots, plan, link_table, lanes, event,
                               event_value, poses, strains, finals)  # fmt: skip
 
-    return ReverseKernels(recall, voxels, links, contacts, groups, marks)
+    return ReverseKernels(recall, voxels, links, squares, contacts, groups, marks)
 
 
 class SteppedReverse:
@@ -155,6 +164,8 @@ class SteppedReverse:
         k.recall(n + 1, edge, gravity, m, rec, plan, run._rest)
         k.voxels(n, dt, edge, m, rec, a, plan, run._link, run._voxel, lanes)
         k.links(n, edge, m, rec, a, plan, run._link, run._voxel, lanes)
+        if self.driver._plan[memory.SQUARES]:
+            k.squares(n, m, rec, a, plan, run._square, run._voxel, lanes)
         if self.driver._plan[memory.CONTACT_ON]:
             k.contacts(n, m, rec, a, plan, run._surface, record.log, record.logged, lanes)
         k.groups(n, edge, gravity, m, rec, a, plan, run._rest, lanes)

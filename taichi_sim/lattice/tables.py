@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_sim.lattice import columns, memory
 from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.enclosure import closed_surface
 from taichi_sim.lattice.fluid import outer_faces
 from taichi_sim.lattice.materials import (
     BEAM_COLUMNS,
@@ -29,6 +30,8 @@ class Tables:
         rest: pairs of groups and axis of the rest lengths, shape (R, 3).
         link_ends: voxels of each link, engine order, shape (L, 2).
         surface_voxels: the surface voxels, engine order, shape (S,).
+        square, corner: flat integer tables of the squares of a closed surface under pressure, and of their corners,
+            voxel by voxel; empty without a fluid.
         excluded: bit matrix of pairs of surface voxels that never collide, shape (S, ceil(S / 32)).
         start: start positions [m], engine order, shape (V, 3).
         group: group of each voxel, engine order, shape (V,).
@@ -38,8 +41,9 @@ class Tables:
         constant: voxel constants, shape (B, G, 9).
         beam: beam constants, shape (B, C, 16).
         channel: channels at the start, shape (B, 25 G, 4).
-        gauges: number of voxels whose strain is kept: those that feel pressure, all with Poisson's effect.
+        gauges: number of voxels whose strain is kept: those with faces under pressure, all with Poisson's effect.
         poisson: whether any robot has a material with Poisson's effect.
+        squares: number of squares of that surface.
         fluid: whether there is a fluid around the robots.
         ring: power of two that no link's voxel numbers differ by more than.
     """
@@ -51,6 +55,8 @@ class Tables:
     group: np.ndarray
     surface: np.ndarray
     surface_voxels: np.ndarray
+    square: np.ndarray
+    corner: np.ndarray
     excluded: np.ndarray
     start: np.ndarray
     group_region: np.ndarray
@@ -61,6 +67,7 @@ class Tables:
     channel: np.ndarray
     gauges: int
     poisson: bool
+    squares: int
     fluid: bool
     ring: int
 
@@ -68,7 +75,7 @@ class Tables:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
         return memory.Memory.of(
             len(self.group), len(self.link_ends), self.gauges, len(self.surface_voxels), len(self.group_region),
-            self.beam.shape[1], len(self.rest), forces,
+            self.beam.shape[1], len(self.rest), self.squares, forces,
         )  # fmt: skip
 
     def initial_sections(self) -> tuple[tuple[int, np.ndarray], ...]:
@@ -84,7 +91,7 @@ class Tables:
         plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface_voxels), layout.state_slots
         plan[memory.RING_MASK] = self.ring - 1
         plan[memory.FLOOR_ON], plan[memory.CONTACT_ON], plan[memory.POISSON_ON] = floor, self_contact, self.poisson
-        plan[memory.FLUID_ON] = self.fluid
+        plan[memory.FLUID_ON], plan[memory.SQUARES] = self.fluid, self.squares
         return plan
 
 
@@ -101,7 +108,8 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
     rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
     rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
     ends = place[links].reshape(-1, 2)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, _has_poisson(bodies), fluid)
+    squares = place[closed_surface(body)] if fluid else np.zeros((0, columns.SQUARE_COLUMNS), int)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), fluid)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     used = sorted({id(b): b for b in bodies}.values(), key=id)
@@ -120,6 +128,8 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
         group=group_of[order],
         surface=_int_table(surface, columns.SURFACE_COLUMNS).ravel(),
         surface_voxels=shell,
+        square=_int_table(squares, columns.SQUARE_COLUMNS).ravel(),
+        corner=_int_table(np.argsort(squares, axis=None, kind="stable") * 3, 1).ravel(),
         excluded=_bit_matrix(topology.excluded),
         start=body.start_positions[order],
         group_region=groups[:, 1].copy(),
@@ -130,6 +140,7 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
         channel=np.array([channel[id(b)] for b in bodies]),
         gauges=strain_count,
         poisson=_has_poisson(bodies),
+        squares=len(squares),
         fluid=fluid,
         ring=1 << int(np.ptp(ends, axis=1).max(initial=0)).bit_length(),
     )
@@ -159,8 +170,9 @@ def _link_table(
 
 
 def _voxel_table(
-    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, poisson: bool, fluid: bool
-) -> tuple[np.ndarray, int]:
+    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, squares: np.ndarray, poisson: bool,
+    fluid: bool,
+) -> tuple[np.ndarray, int]:  # fmt: skip
     topology, count = body.topology, len(order)
     table = np.full((count, columns.VOXEL_COLUMNS), -1, np.int32)
     table[:, columns.GROUP] = group_of[order] * CONSTANT_COLUMNS
@@ -172,9 +184,12 @@ def _voxel_table(
     table[:, columns.FIRST_LINK], table[:, columns.END_LINK] = first[:-1], first[1:]
     normals = body.pressure_normals[order]  # type: ignore[index]
     table[:, columns.NORMAL : columns.NORMAL + 3] = normals
-    feels = (normals != 0).any(axis=1)
+    feels = (normals != 0).any(axis=1) & (not fluid)  # in a fluid, pressure acts on a closed surface
     table[:, columns.FEELS_PRESSURE] = feels
     table[:, columns.WET] = outer_faces(body.voxels)[order] @ columns.WET_SHIFTS if fluid else 0
+    ends = np.cumsum(np.bincount(squares.ravel(), minlength=count))
+    table[1:, columns.FIRST_CORNER], table[:, columns.END_CORNER] = ends[:-1], ends
+    table[0, columns.FIRST_CORNER] = 0
     gauged = np.flatnonzero(feels | poisson)
     table[gauged, columns.GAUGE] = np.arange(len(gauged)) * memory.STRAIN_WIDTH
     return table, len(gauged)
