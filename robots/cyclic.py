@@ -4,13 +4,16 @@ A sine through 16 pieces is off by at most 1 - cos(pi / 16) = 1.9 % of its ampli
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.inflatable import Frames
+from robots.inflatable_program import weights
 from robots.rest_sizes import rest_sizes, thermal_growth
+from robots.terrain import Terrain
 from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
 from taichi_sim.lattice.faces import half_extents
 from taichi_sim.lattice.program import EVENT
@@ -92,9 +95,18 @@ class CyclicProgram:
         return np.moveaxis(nodes, 0, -1)
 
 
+def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
+    """What a terrain does to all regions of a robot that heads somewhere [degrees]: weight, a fluid's resistance."""
+    pull = weights(terrain, np.array(heading))[1]
+    found = {Quantity.ACCELERATION + axis: float(part) for axis, part in enumerate(pull)}  # type: ignore[arg-type]
+    if terrain.is_fluid:
+        found |= {Quantity.RESISTANCE + part: value for part, value in enumerate(terrain.resistance)}
+    return found
+
+
 def build_cyclic_program(
-    regions: ArrayLike, quantities: ArrayLike, rest: ArrayLike, swing: Floats, cycle: Cycle, gravity: ArrayLike,
-    region_count: int, record_every: int | None = None,
+    regions: ArrayLike, quantities: ArrayLike, rest: ArrayLike, swing: Floats, cycle: Cycle,
+    around: Mapping[int, float], region_count: int, record_every: int | None = None,
 ) -> CyclicProgram:  # fmt: skip
     """The program of B robots. While they settle, channels go straight from rest to where the cycle begins.
 
@@ -104,16 +116,16 @@ def build_cyclic_program(
         rest: their values before anything moves, broadcast to shape (B, C).
         swing: what the cycle adds to them at its nodes, shape (B, C, 16).
         cycle: when what happens.
-        gravity: acceleration of every region [m/s^2], shape (3,).
+        around: values of quantities that all regions feel all the time, see :func:`surroundings`.
         region_count: of the body.
         record_every: steps between frames, from the start of the first cycle on; None for no frames.
     """
     robots, channels, _ = swing.shape
     begin, segment, end = cycle.begin, cycle.segment, cycle.end
-    pull = np.empty((robots, region_count, 3), EVENT)
+    pull = np.empty((robots, region_count, len(around)), EVENT)
     pull["robot"], pull["region"] = np.arange(robots)[:, None, None], np.arange(region_count)[:, None]
-    pull["quantity"], pull["step"] = Quantity.ACCELERATION + np.arange(3), 0
-    pull["value"], pull["rate"] = np.asarray(gravity, float), 0.0
+    pull["quantity"], pull["step"] = list(around), 0
+    pull["value"], pull["rate"] = list(around.values()), 0.0
     ramp = _driven((1, robots, channels), regions, quantities)
     ramp["step"], ramp["value"], ramp["rate"] = 0, rest, swing[..., 0] / max(begin, 1)
     swung = np.moveaxis(swing, -1, 0)

@@ -204,8 +204,8 @@ def simulate(
     order = np.argsort([predicted_steps(d, geometry, actuation) for d in designs], kind="stable")
     body = geometry.body
     engine = LatticeEngine(
-        body, len(designs), time_step=geometry.time_step, floor=True, device=device, precision=precision,
-        threads=threads, driver=driver,
+        body, len(designs), time_step=geometry.time_step, floor=not terrain.is_fluid, fluid=terrain.is_fluid,
+        device=device, precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(body, perturbation, seed, order))

@@ -76,8 +76,10 @@ class InflatableActuation:
             raise ValueError(f"inflated: {self.inflated!r} is not allowed; it must exceed deflated, {self.deflated!r}")
 
     def on(self, terrain: Terrain) -> "InflatableActuation":
-        """The same with the terrain's friction."""
+        """The same with the terrain's friction; in a fluid, that alone resists motion."""
         given = {"high_friction": terrain.high_friction, "low_friction": terrain.low_friction}
+        if terrain.is_fluid:
+            given |= {"moving_damping": 0.0, "settling_damping": 0.0}
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return InflatableActuation(**values | {k: v for k, v in given.items() if v is not None})
 

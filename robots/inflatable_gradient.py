@@ -76,10 +76,11 @@ def simulate_relaxed(
     designs = _listed(designs)
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     seed = whole_number("seed", seed, 0)
-    program = build_relaxed_program(designs, terrain or Terrain(), actuation, ramp_steps)
+    terrain = terrain or Terrain()
+    program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
     engine = LatticeEngine(
-        geometry.body, len(designs), time_step=geometry.time_step, floor=True, device=device, precision=precision,
-        threads=threads, driver=driver,
+        geometry.body, len(designs), time_step=geometry.time_step, floor=not terrain.is_fluid,
+        fluid=terrain.is_fluid, device=device, precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(geometry.body, perturbation, seed, range(len(designs))))
@@ -140,7 +141,10 @@ def _differentiate(
 ) -> InflatableGradient:  # fmt: skip
     """The same for robots that run side by side."""
     program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
-    engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, floor=True, **options)
+    engine = LatticeEngine(
+        geometry.body, len(designs), time_step=geometry.time_step, floor=not terrain.is_fluid, fluid=terrain.is_fluid,
+        **options,
+    )  # fmt: skip
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
     seeds = distance_cotangents(geometry.body, tape.result, program.program, np.array([d.orientation for d in designs]))
     back = tape.pull_back(

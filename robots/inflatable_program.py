@@ -72,6 +72,20 @@ def gravity_vector(slope: float, orientation: Scalar) -> Vector:
     return x, y, z
 
 
+def weights(terrain: Terrain, orientation: Scalar) -> tuple[Vector, Vector]:
+    """Acceleration by gravity while the robot is put on level ground, and on the terrain; none in a fluid."""
+    if terrain.is_fluid:
+        return NO_WEIGHT, NO_WEIGHT
+    return (0.0, 0.0, -STANDARD_GRAVITY), gravity_vector(terrain.slope, orientation)
+
+
+def immerse(builder: Any, terrain: Terrain, **where: Any) -> None:
+    """Have the terrain's fluid, if there is one, resist some regions of some robots."""
+    if terrain.is_fluid:
+        for part, resistance in enumerate(terrain.resistance):
+            builder.set(Quantity.RESISTANCE + part, resistance, **where)
+
+
 def build_program(
     designs: Sequence[Design],
     terrain: Terrain,
@@ -89,8 +103,8 @@ def build_program(
     for robot, design in enumerate(designs):
         begin = actuation.initial_steps(design.pressure)
         columns, steps = play(design.schedule, actuation)
-        tilted = gravity_vector(terrain.slope, design.orientation)
-        write_robot(builder, robot, design.pressure, tilted, columns, begin, actuation)
+        own = weights(terrain, design.orientation)
+        write_robot(builder, robot, design.pressure, own, terrain, columns, begin, actuation)
         lengths.append(begin + steps)
         recorded = range(begin, begin + steps + 1, record_every) if record_every else ()
         marks.append([begin, begin + steps, *recorded])
@@ -101,13 +115,14 @@ def build_program(
 
 
 def write_robot(
-    builder: Builder, robot: int, pressure: Scalar, tilted: Vector, columns: list[Column], begin: int,
-    a: InflatableActuation, ramp_steps: int | None = None,
+    builder: Builder, robot: int, pressure: Scalar, own: tuple[Vector, Vector], terrain: Terrain,
+    columns: list[Column], begin: int, a: InflatableActuation, ramp_steps: int | None = None,
 ) -> None:  # fmt: skip
-    """The events of one robot: initialisation until step ``begin``, then its columns."""
-    initialise(builder, robot, pressure, tilted, begin, a, ramp_steps)
+    """The events of one robot of these :func:`weights`: initialisation until step ``begin``, then its columns."""
+    initialise(builder, robot, pressure, own, begin, a, ramp_steps)
+    immerse(builder, terrain, regions=EVERYWHERE, robots=robot)
     for number, column in enumerate(columns):
-        write_column(builder, robot, pressure, tilted, column, begin + column.start, number == 0, a)
+        write_column(builder, robot, pressure, own[1], column, begin + column.start, number == 0, a)
 
 
 def write_column(
@@ -135,10 +150,11 @@ def set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 
 
-def initialise(builder: Builder, robot: int, pressure: Scalar, tilted: Vector, end: int, a: InflatableActuation,
-               ramp_steps: int | None = None) -> None:  # fmt: skip
+def initialise(builder: Builder, robot: int, pressure: Scalar, own: tuple[Vector, Vector], end: int,
+               a: InflatableActuation, ramp_steps: int | None = None) -> None:  # fmt: skip
     """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressure ramps up."""
-    set_weight(builder, robot, (0.0, 0.0, -STANDARD_GRAVITY), SKIN_REGIONS, 0)
+    level, tilted = own
+    set_weight(builder, robot, level, SKIN_REGIONS, 0)
     set_weight(builder, robot, tilted, SKIN_REGIONS, end)
     set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)
     builder.set(Quantity.SCALE + 2, a.deflated, regions=BLADDER_REGIONS, robots=robot)

@@ -19,7 +19,7 @@ from robots.checks import whole_number
 from robots.dual import Array, Dual, slope_of, value_of, variables
 from robots.inflatable import InflatableDesign
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
-from robots.inflatable_program import Scalar, gravity_vector, write_robot
+from robots.inflatable_program import Scalar, weights, write_robot
 from robots.relaxed_motion import play_relaxed
 from robots.relaxed_schedule import RelaxedDesign
 from robots.schedule import BLADDERS, FEET
@@ -214,8 +214,8 @@ def build_relaxed_program(
         begin = actuation.initial_steps(design.pressure, ramp_steps)
         pressures = core if parameters.shapes else None
         columns, steps = play_relaxed(inflation, grip, pressures, pressure, design.schedule.decided(), actuation)
-        tilted = gravity_vector(terrain.slope, orientation)
-        write_robot(recorder, robot, pressure, tilted, columns, begin, actuation, ramp_steps)
+        own = weights(terrain, orientation)
+        write_robot(recorder, robot, pressure, own, terrain, columns, begin, actuation, ramp_steps)
         lengths.append(begin + steps)
         marks.append((begin, begin + steps))
     return recorder.build(lengths, marks, parameters)

@@ -1,4 +1,4 @@
-"""Soft voxel walkers: what their bodies do on a terrain while their active voxels swell and shrink."""
+"""Soft voxel walkers: what their bodies do on a terrain, or in water, while their active voxels swell and shrink."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.checks import number, whole_number
-from robots.cyclic import SEGMENTS, Cycle, build_cyclic_program, recorded_frames
+from robots.cyclic import SEGMENTS, Cycle, build_cyclic_program, recorded_frames, surroundings
 from robots.inflatable import Frames
-from robots.inflatable_program import gravity_vector
 from robots.terrain import Terrain
 from robots.walker_body import (
     ACTIVE,
@@ -54,7 +53,7 @@ class WalkerActuation:
     Attributes:
         amplitude: of the edges, part of their length, 0 to 0.5.
         frequency: f [Hz].
-        settling: time on the floor before anything moves [s].
+        settling: time on the floor, or afloat, before anything moves [s].
         cycles: whole cycles that count; another one comes before them, so that falling over does not.
     """
 
@@ -153,8 +152,9 @@ def simulate(
         body, kinds = _shared_body([designs[i] for i in members], tissue)
         program = build_program(kinds, terrain, actuation, dt, record_every)
         engine = LatticeEngine(
-            body, len(members), time_step=dt, floor=True, device=device, precision=precision, threads=threads
-        )
+            body, len(members), time_step=dt, floor=not terrain.is_fluid, fluid=terrain.is_fluid, device=device,
+            precision=precision, threads=threads,
+        )  # fmt: skip
         run = engine.run(program, tick)
         centre = run.positions[:, :2, :, 0].mean(axis=2)  # all voxels weigh the same
         distance[members] = np.where(run.status == "ok", centre[:, 1] - centre[:, 0], np.nan)
@@ -191,7 +191,6 @@ def build_program(
     swing = np.repeat(PHASES[kinds][..., None] * sine, 3, axis=1)  # of x, y and z
     quantities = np.tile(Quantity.SCALE + np.arange(3), len(regions))
     cycle = actuation.cycle(time_step)
-    gravity = np.array(gravity_vector(terrain.slope, 0.0), float)
     return build_cyclic_program(
-        np.repeat(regions, 3), quantities, 1.0, swing, cycle, gravity, len(regions), record_every
+        np.repeat(regions, 3), quantities, 1.0, swing, cycle, surroundings(terrain, 0.0), len(regions), record_every
     ).program

@@ -21,7 +21,7 @@ def test_every_slope_survives_its_name(slope):
 
 @pytest.mark.parametrize("text", ["", "Flat", "hill", "hill:", "hill:steep", "flat:3", "15"])
 def test_an_unknown_name_is_refused(text):
-    with pytest.raises(ValueError, match=r"^terrain: .* is unknown; give .flat. or .hill:15.*$"):
+    with pytest.raises(ValueError, match=r"^terrain: .* is unknown; give .flat., .hill:15. .*$"):
         Terrain.parse(text)
 
 

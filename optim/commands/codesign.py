@@ -87,7 +87,7 @@ def _add_design(design: Any) -> None:
         type=options.terrain,
         action="append",
         metavar="TERRAIN",
-        help="flat, or hill:15 for 15 degrees; repeat it for several",
+        help="flat, hill:15 for 15 degrees, or water; repeat it for several",
     )
     design.add_argument(
         "--objective",

@@ -33,8 +33,9 @@ def add_parser(commands: Any) -> None:
         "docs/own-robots.md",
     )  # fmt: skip
     parser.add_argument(
-        "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN", help="flat or hill:15 (default: flat)"
-    )
+        "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN",
+        help="flat, hill:15 or water (default: flat)",
+    )  # fmt: skip
     parser.add_argument(
         "--horizons",
         metavar="COLUMNS",

@@ -32,9 +32,12 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="of a gait table, what its rows play, by the inverse of its pressure map, not the design in its header",
     )
+    parser.add_argument(
+        "--terrain", type=options.terrain, metavar="TERRAIN", help="flat, hill:15 or water (default: flat)"
+    )
     slope = options.number(-STEEPEST, STEEPEST, "degrees")
     parser.add_argument(
-        "--slope", type=slope, default=0.0, metavar="DEGREES", help="uphill is positive (default: 0)"
+        "--slope", type=slope, metavar="DEGREES", help="of the ground, uphill is positive; instead of --terrain"
     )
     parser.add_argument(
         "--pressure",
@@ -88,13 +91,16 @@ def run(args: argparse.Namespace) -> Report:
         schedule=options.cut(design.schedule, args.columns, args.repeats),
         **{name: value for name, value in given.items() if value is not None},
     )
-    terrain = Terrain(args.slope)
+    if args.terrain is not None and args.slope is not None:
+        raise ValueError(f"slope: {args.slope:g} is not allowed beside --terrain {args.terrain.name}; give one of them")
+    terrain = args.terrain or Terrain(args.slope or 0.0)
     geometry, weight = args.geometry or "published", args.weight or "published"
     robot: dict[str, Any] = {
         "geometry": inflatable.NAMED_GEOMETRIES[geometry],
         "actuation": inflatable.InflatableActuation(weight=weight),
     }
-    with shown_progress(f"{args.gait} on {terrain.name}", 1.0) as update:
+    title = f"{args.gait} {terrain.where}"
+    with shown_progress(title, 1.0) as update:
         result = inflatable.simulate(
             [design],
             terrain,
@@ -123,7 +129,7 @@ def run(args: argparse.Namespace) -> Report:
     }
     if args.out is not None:
         _write(args.out, design, terrain, robot, document, result.frames)
-    text = f"{args.gait} on {terrain.name}: {document['status']} after {document['steps']:,} steps"
+    text = f"{title}: {document['status']} after {document['steps']:,} steps"
     failed = document["status"] != "ok"
     if not failed:
         text += (

@@ -20,7 +20,7 @@ from robots.inflatable_body import (
     SKIN_REGIONS,
     InflatableGeometry,
 )
-from robots.inflatable_program import bladder_scales, gravity_vector, initialise, set_weight, write_column
+from robots.inflatable_program import bladder_scales, initialise, set_weight, weights, write_column
 from robots.schedule import ROWS
 from robots.terrain import Terrain
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
@@ -87,7 +87,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         heading = number("orientation", orientation, 0.0, 90.0, "degrees")
         self._ahead = travel_directions(np.array([heading]))[0]
         terrain = Terrain(slope)
-        self._weight = gravity_vector(terrain.slope, heading)
+        self._weights = weights(terrain, heading)
         self.geometry, self.actuation = geometry, actuation.on(terrain)
         self._perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
         self._engine_settings: dict[str, Any] = {"precision": precision, "device": device, "threads": threads}
@@ -122,7 +122,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         assert self._engine
         builder = ProgramBuilder(1)
         steps = self.actuation.initial_steps(self.pressure)
-        initialise(builder, 0, self.pressure, self._weight, steps, self.actuation)
+        initialise(builder, 0, self.pressure, self._weights, steps, self.actuation)
         return self._engine.run(builder.build(steps, np.array([[steps]])))
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -134,8 +134,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         steps = column.motion_steps + self.actuation.settle_steps
         builder = ProgramBuilder(1)
         if self._columns == 0:  # the skin feels the slope from here on
-            set_weight(builder, 0, self._weight, SKIN_REGIONS, 0)
-        write_column(builder, 0, self.pressure, self._weight, column, 0, self._columns == 0, self.actuation)
+            set_weight(builder, 0, self._weights[1], SKIN_REGIONS, 0)
+        write_column(builder, 0, self.pressure, self._weights[1], column, 0, self._columns == 0, self.actuation)
         found = self._engine.run(builder.build(steps, np.array([[steps]])))
         self._levels, self._grips = np.asarray(column.ends, float), bits[BLADDER_COUNT:].astype(float)
         self._columns, self._steps = self._columns + 1, self._steps + int(found.steps[0])

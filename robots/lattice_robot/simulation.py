@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.checks import whole_number
-from robots.cyclic import CyclicProgram, build_cyclic_program, recorded_frames
+from robots.cyclic import CyclicProgram, build_cyclic_program, recorded_frames, surroundings
 from robots.inflatable import Frames
-from robots.inflatable_program import gravity_vector
 from robots.lattice_robot.robot import LatticeRobot
 from robots.terrain import Terrain
 from taichi_sim import runtime
@@ -162,7 +161,7 @@ class _Batch:
     """A robot at points on a terrain; ``rows`` are those points that are robots."""
 
     def __init__(self, robot: LatticeRobot, points: Floats, terrain: Terrain, record_every: int | None) -> None:
-        self.robot, self.points, self.record_every = robot, points, record_every
+        self.robot, self.points, self.terrain, self.record_every = robot, points, terrain, record_every
         self.reason = np.array([robot.fault(point) for point in points])
         self.rows = np.flatnonzero(self.reason == "")
         self.drives = robot.given(points[self.rows])
@@ -170,9 +169,9 @@ class _Batch:
         density = np.array([m.density for m in body.materials])[body.material_index]
         self.shares = density / density.sum()  # of the mass
         if len(self.rows):
-            self.program = self._program(gravity_vector(terrain.slope, np.array(robot.heading)))
+            self.program = self._program(surroundings(terrain, robot.heading))
 
-    def _program(self, gravity: Any) -> CyclicProgram:
+    def _program(self, around: dict[int, float]) -> CyclicProgram:
         regions: list[int] = []
         quantities: list[int] = []
         rest: list[float] = []
@@ -185,14 +184,15 @@ class _Batch:
                 quantities += [quantity] * len(still)
                 rest += still
         return build_cyclic_program(
-            regions, quantities, rest, np.concatenate(swing, axis=1), self.robot.cycle, np.array(gravity, float),
+            regions, quantities, rest, np.concatenate(swing, axis=1), self.robot.cycle, around,
             self.robot.body.region_count, self.record_every,
         )  # fmt: skip
 
     def engine(self, where: dict[str, Any]) -> LatticeEngine:
         """For the points that are robots."""
         bodies: Any = self.robot.bodies(self.points[self.rows]) if self.robot.free_moduli else self.robot.body
-        return LatticeEngine(bodies, len(self.rows), time_step=self.robot.cycle.time_step, floor=True, **where)
+        return LatticeEngine(bodies, len(self.rows), time_step=self.robot.cycle.time_step,
+                             floor=not self.terrain.is_fluid, fluid=self.terrain.is_fluid, **where)  # fmt: skip
 
     def result(self, run: LatticeResult | None, gradient: Floats | None = None) -> LatticeRobotResult:
         """What all points came to; no run if none is a robot."""

@@ -1,5 +1,6 @@
 """The film strip: poses of one gait on the same stretch of ground."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ def draw_strip(
     camera: Camera,
     grips: list[tuple[bool, bool]],
     robot: int = 0,
+    ground: bool = True,
 ) -> None:
     """Draw poses with the path of the robot's middle, times and a scale bar; axes in metres on paper.
 
@@ -40,13 +42,16 @@ def draw_strip(
         camera: that looks at them.
         grips: whether the feet grip in each pose.
         robot: place in the batch.
+        ground: whether there is any, and a shadow on it.
     """
     length = float(np.ptp(result.body.voxels[:, 1]) + 1) * result.body.voxel_size
     robots = [scene.build(result, robot, i, camera, grip) for i, grip in zip(poses, grips, strict=True)]
+    if not ground:
+        robots = [replace(seen, shadow=seen.shadow[:0]) for seen in robots]
     travel, across = footprint(result, camera, poses, robot) + ROOM * length * np.array([-1, 1])
     stretch = Stretch(camera, travel, across, scene.ground_level(result))
     path = camera.project(shape.path(result, robot))
-    draw_robots(axes, robots, stretch, path, poses, shape.recorded(result).times[poses], length)
+    draw_robots(axes, robots, stretch, path, poses, shape.recorded(result).times[poses], length, ground=ground)
 
 
 def draw_robots(
@@ -58,6 +63,7 @@ def draw_robots(
     times: Array,
     length: float,
     outlined: bool = True,
+    ground: bool = True,
 ) -> None:
     """Draw a film strip of any robot, as :func:`draw_strip` does.
 
@@ -70,11 +76,12 @@ def draw_robots(
         times: of the poses [s].
         length: of the robot [m].
         outlined: whether faces have outlines.
+        ground: whether to draw any.
     """
     rim, together = stretch.rim, _apart(robots)
     shifts = np.zeros((len(poses), 2)) if together else _places(robots, rim, GAP * length)
     for k, (i, shift) in enumerate(zip(poses, shifts, strict=True)):
-        if k == 0 or not together:
+        if ground and (k == 0 or not together):
             draw_ground(axes, stretch, shift, 10.0 * k)
         draw_polygons(axes, robots[k], shift, 10.0 * k + 1, outlined)
         passed = path[poses[k - 1] if k and together else 0 : i + 1]

@@ -136,7 +136,8 @@ def reverse_kernel(real: Real) -> Any:
              edge: real.scalar, gravity: real.scalar, m: reals, ms: scalars2, a: reals, asc: scalars2, rec: reals,
              recs: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2,
              square_table: ints1, surface: ints1, bits: bits_type, log: ints3, log_first: ints2, lanes: ints3,
-             info: ints1, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3, finals: scalars3):  # fmt: skip
+             info: ints1, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3,
+             finals: scalars3):  # fmt: skip
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN
