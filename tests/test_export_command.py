@@ -35,6 +35,8 @@ def test_a_gait_table_is_a_gait(morpholab, folder, simulator):
     assert first == others[0] == others[1]
     assert morpholab("export gait.csv --csv again.csv --units psi --rate 10")[0] == 0
     assert (folder / "again.csv").read_bytes() == (folder / "gait.csv").read_bytes()
+    assert morpholab("export rolling --csv named.csv --units psi --rate 10")[0] == 0
+    assert (folder / "named.csv").read_bytes() == (folder / "gait.csv").read_bytes()
     code, _, error = morpholab("simulate --gait rolling --from-rows")
     assert (code, error) == (
         2, "morpholab simulate: error: from-rows: 'rolling' has no rows; name a gait table (.csv)\n",

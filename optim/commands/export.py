@@ -23,8 +23,9 @@ def add_parser(commands: Any) -> None:
         description="Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
     )
     parser.add_argument(
-        "source", type=Path, metavar="RUN", help="folder of a run, the file of a design, or a gait table as CSV"
-    )
+        "source", type=Path, metavar="RUN",
+        help="inching or rolling, folder of a run, file of a design, or a gait table as CSV",
+    )  # fmt: skip
     parser.add_argument("--csv", type=Path, metavar="FILE", help="to write; replaced if it exists")
     parser.add_argument("--units", choices=("kpa", "psi"), default="kpa", help="(default: kpa)")
     parser.add_argument(
@@ -105,10 +106,10 @@ def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
 
 def _design(source: Path, member: int | None) -> "tuple[InflatableDesign, int | None]":
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
-    if source.is_file():
+    if source.is_file() or (str(source) in options.GAITS and not source.exists()):
         if member is not None:
             raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-        return options.design_file(source), None
+        return options.load_gait(str(source)), None
     if not source.is_dir():
         raise ValueError(f"source: {source} is neither a run nor the file of a design")
     from optim.gait_problem import GaitProblem

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from robots.inflatable import InflatableDesign
 
 T = TypeVar("T")
+GAITS = ("inching", "rolling")  # that commands know by name
 
 
 def checked(check: Callable[[str], T]) -> Callable[[str], T]:
@@ -86,7 +87,7 @@ def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
     """
     from robots import inflatable
 
-    known = {"inching": inflatable.INCHING, "rolling": inflatable.ROLLING}
+    known = dict(zip(GAITS, (inflatable.INCHING, inflatable.ROLLING), strict=True))
     if from_rows and Path(text).suffix.lower() != ".csv":
         raise ValueError(f"from-rows: {text!r} has no rows; name a gait table (.csv)")
     if text in known:

@@ -19,7 +19,6 @@ from robots.view.motion import Motion
 
 Progress = Callable[[float], None]
 QUADRUPEDS = ("legged", "wheeled", "whegged")
-GAITS = ("inching", "rolling")
 
 
 def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Motion:
@@ -37,14 +36,14 @@ def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Moti
 
         body = VehicleBody.published(args.design)
         return _vehicle(body, contralateral(_pair(args)), PUBLISHED, f"vehicle {args.design}", args)
-    if source in GAITS:
+    if source in options.GAITS:
         return _inflatable(options.load_gait(source), source, args, None, progress)
     path = Path(source)
     if path.is_dir():
         return _of_run(path, args, progress)
     if path.is_file():
         return _of_file(path, args, progress)
-    known = ", ".join((*GAITS, *QUADRUPEDS, "vehicle", "rover"))
+    known = ", ".join((*options.GAITS, *QUADRUPEDS, "vehicle", "rover"))
     raise ValueError(f"source: {source!r} is no robot ({known}), no run and no file of a design")
 
 
