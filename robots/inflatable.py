@@ -204,7 +204,7 @@ def simulate(
     order = np.argsort([predicted_steps(d, geometry, actuation) for d in designs], kind="stable")
     body = geometry.body
     engine = LatticeEngine(
-        body, len(designs), time_step=geometry.time_step, floor=not terrain.is_fluid, fluid=terrain.is_fluid,
+        body, len(designs), time_step=geometry.time_step, **terrain.medium,
         device=device, precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:

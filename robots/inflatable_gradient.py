@@ -79,8 +79,8 @@ def simulate_relaxed(
     terrain = terrain or Terrain()
     program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
     engine = LatticeEngine(
-        geometry.body, len(designs), time_step=geometry.time_step, floor=not terrain.is_fluid,
-        fluid=terrain.is_fluid, device=device, precision=precision, threads=threads, driver=driver,
+        geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
+        precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(geometry.body, perturbation, seed, range(len(designs))))
@@ -142,7 +142,7 @@ def _differentiate(
     """The same for robots that run side by side."""
     program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
     engine = LatticeEngine(
-        geometry.body, len(designs), time_step=geometry.time_step, floor=not terrain.is_fluid, fluid=terrain.is_fluid,
+        geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium,
         **options,
     )  # fmt: skip
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))

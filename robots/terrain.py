@@ -1,7 +1,7 @@
 """What a robot moves on, or swims in."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypedDict
 
 from robots.checks import number
 
@@ -9,6 +9,13 @@ STEEPEST = 45.0  # degrees, either way
 WATER_DENSITY = 1000.0  # kg/m^3
 PRESSURE_DRAG, FRICTION_DRAG = 1.2, 0.02  # of a flat plate broadside on (Hoerner 1965, ch. III), and along its side
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
+
+
+class Medium(TypedDict):
+    """What is around a robot, as arguments of a ``LatticeEngine``."""
+
+    floor: bool
+    fluid: bool
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,11 @@ class Terrain:
         for field in FLUID_FIELDS[1:]:
             if not self.is_fluid and (value := getattr(self, field)) is not None:
                 raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
+
+    @property
+    def medium(self) -> Medium:
+        """A floor, or a fluid."""
+        return {"floor": not self.is_fluid, "fluid": self.is_fluid}
 
     @property
     def is_fluid(self) -> bool:

@@ -152,7 +152,7 @@ def simulate(
         body, kinds = _shared_body([designs[i] for i in members], tissue)
         program = build_program(kinds, terrain, actuation, dt, record_every)
         engine = LatticeEngine(
-            body, len(members), time_step=dt, floor=not terrain.is_fluid, fluid=terrain.is_fluid, device=device,
+            body, len(members), time_step=dt, **terrain.medium, device=device,
             precision=precision, threads=threads,
         )  # fmt: skip
         run = engine.run(program, tick)

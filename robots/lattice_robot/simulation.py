@@ -192,7 +192,7 @@ class _Batch:
         """For the points that are robots."""
         bodies: Any = self.robot.bodies(self.points[self.rows]) if self.robot.free_moduli else self.robot.body
         return LatticeEngine(bodies, len(self.rows), time_step=self.robot.cycle.time_step,
-                             floor=not self.terrain.is_fluid, fluid=self.terrain.is_fluid, **where)  # fmt: skip
+                             **self.terrain.medium, **where)  # fmt: skip
 
     def result(self, run: LatticeResult | None, gradient: Floats | None = None) -> LatticeRobotResult:
         """What all points came to; no run if none is a robot."""
