@@ -1,5 +1,6 @@
-"""How a search writes a gait schedule: as codes, bit by bit, or as a pattern in space and time."""
+"""How a search writes a gait schedule: as codes, bit by bit, as a pattern in space and time, or graded and timed."""
 
+import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,12 +11,15 @@ from numpy.typing import NDArray
 from optim.pattern_genes import pattern_network, pattern_variables
 from optim.space import Variable, Vector
 from robots.checks import whole_number
+from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.pattern import PatternWiring
 from robots.schedule import BLADDERS, ROWS, GaitSchedule
 
 if TYPE_CHECKING:
     from robots.relaxed_schedule import RelaxedSchedule
 
+LEVEL_STEP = 0.2  # of a graded level, from -0.5 to 1.5
+SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
 
 
@@ -39,14 +43,15 @@ class GaitEncoding(ABC):
         """The genes."""
 
     @abstractmethod
-    def schedule(self, values: Vector) -> GaitSchedule:
+    def schedule(self, values: Vector) -> "GaitSchedule | RelaxedSchedule":
         """The schedule of a genome; every genome has one."""
 
     def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
         """The schedule of a genome whose binary genes lie between 0 and 1, sharpened; here of one without such."""
         from robots.relaxed_schedule import RelaxedSchedule
 
-        return RelaxedSchedule.from_schedule(self.schedule(values))
+        schedule = self.schedule(values)
+        return RelaxedSchedule.from_schedule(schedule) if isinstance(schedule, GaitSchedule) else schedule
 
     def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
         """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers."""
@@ -115,6 +120,70 @@ class BitwiseGait(GaitEncoding):
         return RelaxedSchedule(inflation=levels[:BLADDERS], grip=levels[BLADDERS:], repeats=self.repeats)
 
 
+@dataclass(frozen=True)
+class GradedGait(GaitEncoding):
+    """How far every bladder inflates in every column, whether feet grip, and how long the robot settles after each.
+
+    Columns last as long as their slowest bladder moves. The cycle is played as often as ``steps`` allow; ``repeats``
+    say nothing. Genes beyond empty and full, or of less than no time, are cut: so a search stays there easily.
+
+    Attributes:
+        steps: time steps that a gait may take; it is played once in any case.
+    """
+
+    steps: int = PUBLISHED_STEPS
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("steps", self.steps, 1)
+
+    def variables(self) -> list[Variable]:
+        """Levels ``bladder1_1`` to ``bladder8_T``, bits ``foot1_1`` to ``foot2_T``, steps ``settle_1`` and on."""
+        columns = range(1, self.columns + 1)
+        bladders, feet = GaitSchedule.row_names[:BLADDERS], GaitSchedule.row_names[BLADDERS:]
+        return [
+            *(Variable(f"{row}_{column}", -0.5, 1.5, step=LEVEL_STEP) for row in bladders for column in columns),
+            *(Variable(f"{row}_{column}", 0, 1, "binary", step=BIT_STEP) for row in feet for column in columns),
+            *(Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns),
+        ]
+
+    def schedule(self, values: Vector) -> "RelaxedSchedule":
+        """With feet that grip or slide."""
+        return self.relaxed(values, 0.0)
+
+    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """With feet that grip a little, sharpened."""
+        return self._played(values, sharpness)
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """By levels that are not cut, and by grip, through the sharpening; zero by times."""
+        inflation = self._tables(values)[0]
+        free = (inflation > 0) & (inflation < 1)
+        sharpening = self._graded(values, 1).sharpening_slope(sharpness)[BLADDERS:]
+        return np.concatenate([(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(),
+                               np.zeros(self.columns)])  # fmt: skip
+
+    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+        """Inflation, shape (8, T), grip, (2, T), and settling, (T,), as the genes have them."""
+        table = np.asarray(values, float).reshape(-1, self.columns)
+        return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
+
+    def _graded(self, values: Vector, repeats: int) -> "RelaxedSchedule":
+        from robots.relaxed_schedule import RelaxedSchedule
+
+        inflation, grip, settle = self._tables(values)
+        steps = {"motion_steps": np.zeros(self.columns), "settle_steps": np.rint(np.maximum(settle, 0.0))}
+        return RelaxedSchedule(np.clip(inflation, 0.0, 1.0), grip, repeats, **steps)
+
+    def _played(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """Sharpened in its feet, as often as the steps allow."""
+        from robots.relaxed_motion import most_repeats
+
+        gait = self._graded(values, 1)
+        grip = gait.sharpened(sharpness).grip
+        return dataclasses.replace(gait, grip=grip, repeats=most_repeats(gait, self.steps))
+
+
 # Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.
 # Bladders 1 to 4 lie on top in order of x, 5 to 8 underneath in the opposite order; feet are the two ends.
 ACROSS = (-0.75, -0.25, 0.25, 0.75)
@@ -147,4 +216,9 @@ class PatternGait(GaitEncoding):
         return GaitSchedule(on.reshape(ROWS, self.columns), self.repeats)
 
 
-ENCODINGS: dict[str, type[GaitEncoding]] = {"codes": CodedGait, "bits": BitwiseGait, "pattern": PatternGait}
+ENCODINGS: dict[str, type[GaitEncoding]] = {
+    "codes": CodedGait,
+    "bits": BitwiseGait,
+    "pattern": PatternGait,
+    "graded": GradedGait,
+}

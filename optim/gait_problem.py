@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding
+from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Variable, Vector
-from robots import inflatable
+from robots import gaits
 from robots.checks import whole_number
-from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign, InflatableResult
-from robots.inflatable_actuation import nominal_steps
+from robots.gaits import GaitDesign, design_of
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
+from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from these.
-LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None}
+LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None, "steps": None}
 OBJECTIVES = ("mean", "terrains")
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -51,11 +52,13 @@ class GaitProblem:
         schedule: the control, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
-        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``; only bits can be
-            relaxed.
+        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``; only
+            bits and graded levels can be relaxed.
         objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
+        steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
+            gait, 186,719. Fewer are a cheaper judgement of the same gait.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
         precision: ``"f32"`` or ``"f64"``.
@@ -73,6 +76,7 @@ class GaitProblem:
     encoding: str = "codes"
     objectives: str = "mean"
     ramp_steps: int | None = None
+    steps: int | None = None
     geometry: str = "published"
     weight: str = "published"
     precision: str = "f32"
@@ -96,6 +100,8 @@ class GaitProblem:
             raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
         if self.objectives not in OBJECTIVES:
             raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
+        if self.steps is not None and self.encoding != "graded":
+            raise ValueError(f"steps: {self.steps} is not allowed with encoding {self.encoding!r}; choose 'graded'")
         if self.ramp_steps is not None:
             whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation.
@@ -125,9 +131,9 @@ class GaitProblem:
         variables.extend(self._control.variables())
         return Space(tuple(variables))
 
-    def design(self, point: ArrayLike) -> InflatableDesign:
+    def design(self, point: ArrayLike) -> GaitDesign:
         """The design of a point, shape (D,)."""
-        return InflatableDesign(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+        return design_of(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
 
     def _shape(self, point: ArrayLike) -> tuple[float, float]:
         """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
@@ -146,6 +152,8 @@ class GaitProblem:
         """Of the schedule."""
         if self.schedule is not None:
             return FixedGait(self.columns, self.repeats, self.schedule)
+        if self.encoding == "graded":
+            return GradedGait(self.columns, self.repeats, self.steps or PUBLISHED_STEPS)
         return ENCODINGS[self.encoding](self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -154,7 +162,7 @@ class GaitProblem:
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judgement(self._on_terrains(inflatable.simulate, designs))
+        return self._judgement(self._on_terrains(gaits.simulate, designs))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
@@ -190,8 +198,21 @@ class GaitProblem:
             for point, slope in zip(points, levels, strict=True)
         ]
         slopes.append(np.array(genes))
-        geometry, steps = NAMED_GEOMETRIES[self.geometry], nominal_steps(self.columns * self.repeats, self._actuation)
-        return np.concatenate(slopes, axis=1) / (geometry.body_length * steps * geometry.time_step)
+        geometry = NAMED_GEOMETRIES[self.geometry]
+        seconds = self._counted_steps * geometry.time_step / self._scale(run.result)
+        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds[:, None])
+
+    @property
+    def _counted_steps(self) -> int:
+        """By which the published convention counts speeds."""
+        columns = PUBLISHED_COLUMNS if self.encoding == "graded" else self.columns * self.repeats
+        return nominal_steps(columns, self._actuation)
+
+    def _scale(self, result: InflatableResult) -> NDArray[np.float64]:
+        """From speeds by the published convention to those by ``steps``, or by a gait's own if it takes longer."""
+        if self.steps is None:
+            return np.ones(len(result.steps))
+        return max(self._counted_steps, self.steps) / np.maximum(result.steps, self.steps)
 
     @property
     def _actuation(self) -> InflatableActuation:
@@ -210,7 +231,9 @@ class GaitProblem:
         self, results: Sequence[InflatableResult], gradients: NDArray[np.float64] | None = None
     ) -> Evaluation:
         """Speeds on all terrains, or their mean; the first failure is the status."""
-        speeds = {f"speed_{terrain.name}": r.speed for terrain, r in zip(self.terrains, results, strict=True)}
+        speeds = {
+            f"speed_{terrain.name}": r.speed * self._scale(r) for terrain, r in zip(self.terrains, results, strict=True)
+        }
         each = np.stack(list(speeds.values()), axis=1)
         status = np.full(len(results[0].status), OK, dtype=object)
         for result in results:
@@ -225,8 +248,8 @@ class GaitProblem:
         return lambda fraction: report((number + fraction) / len(self.terrains))
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design of a point as JSON, for ``robots.inflatable.load_design``."""
-        inflatable.save_design(self.design(point), path)
+        """Write the design of a point as JSON, for ``robots.gaits.load_gait``."""
+        gaits.save_gait(self.design(point), path)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""

@@ -214,9 +214,9 @@ def simulate(
     back = np.argsort(order)
     run = LatticeResult(*(getattr(run, f)[back] for f in ("status", "steps", "positions", "orientations", "strains")))
     headings = np.array([d.orientation for d in designs])
-    columns = np.array([d.schedule.columns * d.schedule.repeats for d in designs])
+    nominal = np.array([nominal_steps(d.schedule.columns * d.schedule.repeats, actuation) for d in designs])
     sizes = rest_sizes(body, program)[back]
-    return summarise(run, program.snapshots[back], sizes, headings, columns, geometry, actuation, record_every)
+    return summarise(run, program.snapshots[back], sizes, headings, nominal, geometry, record_every)
 
 
 def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
@@ -232,8 +232,8 @@ def travel_directions(headings: np.ndarray) -> np.ndarray:
 
 
 def summarise(
-    run: LatticeResult, marks: np.ndarray, sizes: np.ndarray, headings: np.ndarray, columns: np.ndarray,
-    geometry: InflatableGeometry, actuation: InflatableActuation, record_every: int | None = None,
+    run: LatticeResult, marks: np.ndarray, sizes: np.ndarray, headings: np.ndarray, nominal: np.ndarray,
+    geometry: InflatableGeometry, record_every: int | None = None,
 ) -> InflatableResult:  # fmt: skip
     """What a run says of its robots.
 
@@ -242,9 +242,8 @@ def summarise(
         marks: steps of the snapshots, shape (B, S).
         sizes: rest sizes of the voxels at the snapshots [m], shape (B, S, V, 3).
         headings: [degrees], shape (B,).
-        columns: that each robot plays, shape (B,).
+        nominal: steps that the published convention divides the distance of each robot by, shape (B,).
         geometry: of the robots.
-        actuation: of the robots.
         record_every: steps between the snapshots from the third on; None without.
     """
     body, dt = geometry.body, geometry.time_step
@@ -255,7 +254,6 @@ def summarise(
     ok = run.status == "ok"
     distance = np.where(ok, distance, np.nan)
     lengths = distance / geometry.body_length
-    nominal = np.array([nominal_steps(int(count), actuation) for count in columns])
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
     if record_every:

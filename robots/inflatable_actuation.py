@@ -16,6 +16,8 @@ from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
 WEIGHTS = ("published", "physical")
+PUBLISHED_COLUMNS = 16  # of a gait, 8 played twice
+PUBLISHED_STEPS = 186_719  # that they take where bladders always move; what published speeds are counted by
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from robots.dual import Array
 from robots.inflatable import InflatableResult, scattered, summarise, travel_directions
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
+from robots.relaxed_motion import nominal_gait_steps
 from robots.relaxed_program import DesignGradient, RelaxedProgram, build_relaxed_program
 from robots.relaxed_schedule import RelaxedDesign
 from robots.rest_sizes import pull_back_rest_sizes, rest_sizes
@@ -50,6 +51,7 @@ def simulate_relaxed(
     device: str = "cpu",
     threads: int | None = None,
     driver: str = "auto",
+    record_every: int | None = None,
     perturbation: float = 0.0,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
@@ -66,6 +68,7 @@ def simulate_relaxed(
         device: see there.
         threads: see there.
         driver: see there.
+        record_every: see there.
         perturbation: see there.
         seed: see there.
         progress: see there.
@@ -76,15 +79,16 @@ def simulate_relaxed(
     designs = _listed(designs)
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     seed = whole_number("seed", seed, 0)
+    record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     terrain = terrain or Terrain()
-    program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
+    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, record_every)
     engine = LatticeEngine(
         geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
         precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(geometry.body, perturbation, seed, range(len(designs))))
-    return _summary(designs, program, engine.run(program.program, progress), geometry, actuation)
+    return _summary(designs, program, engine.run(program.program, progress), geometry, actuation, record_every)
 
 
 def differentiate(
@@ -175,12 +179,15 @@ def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDes
 
 def _summary(
     designs: list[RelaxedDesign], program: RelaxedProgram, run: LatticeResult, geometry: InflatableGeometry,
-    actuation: InflatableActuation,
+    actuation: InflatableActuation, record_every: int | None = None,
 ) -> InflatableResult:  # fmt: skip
     headings = np.array([d.orientation for d in designs])
-    columns = np.array([d.schedule.columns * d.schedule.repeats for d in designs])
+    lengths = np.diff(program.program.snapshots[:, :2], axis=1)[:, 0]
+    nominal = np.array([nominal_gait_steps(d.schedule, actuation) for d in designs])
+    # A gait that takes longer than those that its speed is compared with is not faster for it.
+    nominal = np.where([d.schedule.timed for d in designs], np.maximum(nominal, lengths), nominal)
     sizes = rest_sizes(geometry.body, program.program)
-    return summarise(run, program.program.snapshots, sizes, headings, columns, geometry, actuation)
+    return summarise(run, program.program.snapshots, sizes, headings, nominal, geometry, record_every)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:

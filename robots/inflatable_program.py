@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robots.dual import Array, Real, cosine, sine
 from robots.inflatable_actuation import ACTUATION, Column, InflatableActuation, play
@@ -106,12 +106,21 @@ def build_program(
         own = weights(terrain, design.orientation)
         write_robot(builder, robot, design.pressure, own, terrain, columns, begin, actuation)
         lengths.append(begin + steps)
-        recorded = range(begin, begin + steps + 1, record_every) if record_every else ()
-        marks.append([begin, begin + steps, *recorded])
-    snapshots = np.full((len(designs), max(map(len, marks))), -1)
-    for row, steps_of in zip(snapshots, marks, strict=True):
-        row[: len(steps_of)] = steps_of
-    return builder.build(lengths, snapshots)
+        marks.append(snapshot_steps(begin, begin + steps, record_every))
+    return builder.build(lengths, snapshot_table(marks))
+
+
+def snapshot_steps(begin: int, end: int, record_every: int | None) -> list[int]:
+    """The steps after which poses of a gait are kept: its first, its last, then every so many."""
+    return [begin, end, *(range(begin, end + 1, record_every) if record_every else ())]
+
+
+def snapshot_table(marks: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+    """The same for all robots, shape (B, S); rows end with -1."""
+    table = np.full((len(marks), max(map(len, marks))), -1)
+    for row, steps in zip(table, marks, strict=True):
+        row[: len(steps)] = steps
+    return table
 
 
 def write_robot(

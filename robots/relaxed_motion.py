@@ -6,15 +6,23 @@ or 1 and the stroke is full, the published rule counts its steps. As published, 
 not deflated further.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots.dual import Array, Dual, Real, value_of, where
-from robots.inflatable_actuation import Column, InflatableActuation, play, stroke
+from robots.inflatable_actuation import (
+    ACTUATION,
+    PUBLISHED_COLUMNS,
+    Column,
+    InflatableActuation,
+    nominal_steps,
+    play,
+    stroke,
+)
 from robots.inflatable_body import BLADDER_COUNT
-from robots.schedule import GaitSchedule
+from robots.relaxed_schedule import RelaxedSchedule
 
 ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
 
@@ -70,7 +78,7 @@ def _strokes(levels: Array, told: Array, a: InflatableActuation) -> NDArray[np.b
 
 
 def play_relaxed(
-    inflation: Dual, grip: Dual, pressures: Dual | None, pressure: Dual, timing: GaitSchedule, a: InflatableActuation
+    inflation: Dual, grip: Dual, pressures: Dual | None, pressure: Dual, gait: RelaxedSchedule, a: InflatableActuation
 ) -> tuple[list[Column], int]:
     """The columns of a relaxed gait in the order played, and the steps of the whole gait.
 
@@ -79,16 +87,14 @@ def play_relaxed(
         grip: of the feet, shape (2, T).
         pressures: of the core at the end of each column's motion [Pa], shape (T,); None to keep that of the design.
         pressure: of the core before the gait [Pa], shape ().
-        timing: the gait whose published play says how long columns last. A column in which it moves no bladder lasts as
-            long as a full stroke: unlike there, bladders may move in it.
+        gait: says how long columns last.
         a: rates and times.
     """
     columns, step = [], 0
     levels: Real = np.full(BLADDER_COUNT, a.deflated)
-    for number, published in enumerate(play(timing, a)[0]):
-        t = number % timing.columns
+    for number, (least, settle) in enumerate(durations(gait, a)):
+        t = number % gait.columns
         motion = approach(levels, inflation[:, t], a)
-        least = published.motion_steps if published.moving.any() else full_stroke_steps(a) + 1
         after = pressure if pressures is None else pressures[t]
         column = Column(
             start=step,
@@ -105,5 +111,43 @@ def play_relaxed(
             pressures=None if pressures is None else (pressure, after),
         )
         columns.append(column)
-        levels, pressure, step = motion.ends, after, step + column.motion_steps + a.settle_steps
+        levels, pressure, step = motion.ends, after, step + column.motion_steps + settle
     return columns, step
+
+
+def durations(gait: RelaxedSchedule, a: InflatableActuation) -> list[tuple[int, int]]:
+    """Least steps of motion and steps of settling of every column played.
+
+    Where the gait has no times of its own, columns last as long as those of the published gait that is on where this
+    one is at least 1/2. A column in which that moves no bladder lasts as long as a full stroke: unlike there, bladders
+    may move in it.
+    """
+    if gait.motion_steps is None:
+        published = play(gait.decided(), a)[0]
+        least = [c.motion_steps if c.moving.any() else full_stroke_steps(a) + 1 for c in published]
+    else:
+        least = gait.motion_steps.tolist() * gait.repeats
+    settle = [a.settle_steps] * gait.columns if gait.settle_steps is None else gait.settle_steps.tolist()
+    return list(zip(least, settle * gait.repeats, strict=True))
+
+
+def gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
+    """Time steps of a gait; cheap."""
+    inflation, grip = (Dual(levels, np.zeros((*levels.shape, 0))) for levels in (gait.inflation, gait.grip))
+    return play_relaxed(inflation, grip, None, Dual(np.zeros(()), np.zeros(0)), gait, a)[1]
+
+
+def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
+    """How often a gait's columns can be played in so many time steps, at least once."""
+    lengths = [gait_steps(replace(gait, repeats=count), a) for count in (1, 2, 3)]
+    if lengths[1] > steps:
+        return 1
+    count = 2 + (steps - lengths[1]) // (lengths[2] - lengths[1])
+    while count > 1 and gait_steps(replace(gait, repeats=count), a) > steps:  # strokes are rounded to whole steps
+        count -= 1
+    return count
+
+
+def nominal_gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
+    """Steps that speeds are counted by: those of as many published columns, or of 16 for a gait with its own times."""
+    return nominal_steps(PUBLISHED_COLUMNS if gait.timed else gait.columns * gait.repeats, a)

@@ -19,7 +19,7 @@ from robots.checks import whole_number
 from robots.dual import Array, Dual, slope_of, value_of, variables
 from robots.inflatable import InflatableDesign
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
-from robots.inflatable_program import Scalar, weights, write_robot
+from robots.inflatable_program import Scalar, snapshot_steps, snapshot_table, weights, write_robot
 from robots.relaxed_motion import play_relaxed
 from robots.relaxed_schedule import RelaxedDesign
 from robots.schedule import BLADDERS, FEET
@@ -178,11 +178,11 @@ class Recorder:
             entries.append(np.array([*place, slope[event, parameter]]))
         self._events += count
 
-    def build(self, lengths: list[int], marks: list[tuple[int, int]], parameters: Parameters) -> RelaxedProgram:
+    def build(self, lengths: list[int], marks: list[list[int]], parameters: Parameters) -> RelaxedProgram:
         """The program of so many steps, with snapshots after the marked ones."""
         values, rates = (np.concatenate(entries, axis=1) for entries in self._entries)
         slopes = (Slopes(e.astype(np.int64), p.astype(np.int64), s) for e, p, s in (values, rates))
-        return RelaxedProgram(self._builder.build(lengths, marks), parameters, *slopes)
+        return RelaxedProgram(self._builder.build(lengths, snapshot_table(marks)), parameters, *slopes)
 
 
 def build_relaxed_program(
@@ -190,8 +190,9 @@ def build_relaxed_program(
     terrain: Terrain,
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
+    record_every: int | None = None,
 ) -> RelaxedProgram:
-    """The program of a batch of relaxed designs on a terrain.
+    """The program of a batch of relaxed designs on a terrain; snapshots as of ``build_program``.
 
     Args:
         designs: gaits of one number of columns, all or none with core pressures per column.
@@ -200,6 +201,7 @@ def build_relaxed_program(
         ramp_steps: steps in which the core pressure first rises to the design's, linearly; so the length of a program
             does not depend on it. By default the published ramp, of a given rate. From 6000 steps on, the small robot
             is left as by the published one, within what noise of 1e-6 m does to it; 3000 shake it too much.
+        record_every: steps between recorded poses.
 
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
@@ -213,9 +215,9 @@ def build_relaxed_program(
         pressure, orientation, inflation, grip, core = parameters.variables(design)
         begin = actuation.initial_steps(design.pressure, ramp_steps)
         pressures = core if parameters.shapes else None
-        columns, steps = play_relaxed(inflation, grip, pressures, pressure, design.schedule.decided(), actuation)
+        columns, steps = play_relaxed(inflation, grip, pressures, pressure, design.schedule, actuation)
         own = weights(terrain, orientation)
         write_robot(recorder, robot, pressure, own, terrain, columns, begin, actuation, ramp_steps)
         lengths.append(begin + steps)
-        marks.append((begin, begin + steps))
+        marks.append(snapshot_steps(begin, begin + steps, record_every))
     return recorder.build(lengths, marks, parameters)

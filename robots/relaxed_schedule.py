@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robots.checks import number, whole_number
 from robots.dual import Array
 from robots.inflatable import MAXIMUM_PRESSURE, InflatableDesign
 from robots.schedule import BLADDERS, FEET, GaitSchedule
 
+LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
 IDENTITY = 1e-8  # sharpness below which sharpening changes no digit
 
 
@@ -26,12 +27,18 @@ class RelaxedSchedule:
         repeats: how often the columns are played; 1 is a gait that is not periodic.
         pressure: of the core at the end of each column's motion [Pa], shape (T,), read-only: the shape changes within
             the gait, linearly in time over the column's motion; None keeps the pressure of the design.
+        motion_steps: time steps that each column's motion lasts, or as many more as its slowest bladder needs, shape
+            (T,), read-only; None is as published, see ``play_relaxed``.
+        settle_steps: time steps between the end of each column's motion and the next column, shape (T,), read-only;
+            None is as published.
     """
 
     inflation: Array
     grip: Array
     repeats: int = 2
     pressure: Array | None = None
+    motion_steps: NDArray[np.int64] | None = None
+    settle_steps: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         inflation = _table("inflation", self.inflation, 1.0, (BLADDERS, None))
@@ -41,6 +48,14 @@ class RelaxedSchedule:
         object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1))
         if self.pressure is not None:
             object.__setattr__(self, "pressure", _table("pressure", self.pressure, MAXIMUM_PRESSURE, (columns,)))
+        for field in ("motion_steps", "settle_steps"):
+            if (steps := getattr(self, field)) is not None:
+                object.__setattr__(self, field, _step_counts(field, steps, columns))
+
+    @property
+    def timed(self) -> bool:
+        """Whether columns last as long as the gait says, instead of as published."""
+        return self.motion_steps is not None or self.settle_steps is not None
 
     @property
     def columns(self) -> int:
@@ -67,14 +82,17 @@ class RelaxedSchedule:
         """The gait whose actuators are on where this one's are at least at the threshold.
 
         Raises:
-            ValueError: in one line, for a gait that changes its core pressure; on and off cannot say that.
+            ValueError: in one line, for a gait that changes its core pressure or has times of its own; on and off
+                cannot say that.
         """
+        if self.timed:
+            raise ValueError("steps: times of its own are not allowed; a GaitSchedule has the published ones")
         if self.pressure is not None:
             raise ValueError("pressure: one per column is not allowed; a GaitSchedule keeps that of the design")
         return self.decided(threshold)
 
     def decided(self, threshold: float = 0.5) -> GaitSchedule:
-        """Like :meth:`project`, whatever the core pressure does."""
+        """Like :meth:`project`, whatever the core pressure does and how long columns last."""
         return GaitSchedule(self.levels >= number("threshold", threshold, 0.0, 1.0), self.repeats)
 
     def sharpened(self, sharpness: float) -> Self:
@@ -127,6 +145,17 @@ class RelaxedDesign:
     def project(self, threshold: float = 0.5) -> InflatableDesign:
         """The design with the projected gait, see ``RelaxedSchedule.project``."""
         return InflatableDesign(self.pressure, self.orientation, self.schedule.project(threshold))
+
+
+def _step_counts(field: str, given: ArrayLike, columns: int) -> NDArray[np.int64]:
+    """A read-only copy of whole numbers, one per column."""
+    table = _table(field, given, float(LONGEST_COLUMN), (columns,))
+    wrong = table[table != np.rint(table)]
+    if wrong.size:
+        raise ValueError(f"{field}: {wrong[0]} is not allowed; give whole numbers")
+    steps = table.astype(np.int64)
+    steps.setflags(write=False)
+    return steps
 
 
 def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, ...]) -> Array:
