@@ -22,6 +22,7 @@ from robots.checks import whole_number
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
+from robots.judgement import HARD_FRICTION
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from these.
-LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None, "steps": None}
+LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None, "steps": None, "hard": False}
 OBJECTIVES = ("mean", "terrains")
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -59,6 +60,8 @@ class GaitProblem:
             pressure is free: as published, the length of the ramp depends on it, and jumps.
         steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
             gait, 186,719. Fewer are a cheaper judgement of the same gait.
+        hard: whether terrains count twice: as they are, and with ``HARD_FRICTION`` of sliding feet and bladders that
+            keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
         precision: ``"f32"`` or ``"f64"``.
@@ -77,6 +80,7 @@ class GaitProblem:
     objectives: str = "mean"
     ramp_steps: int | None = None
     steps: int | None = None
+    hard: bool = False
     geometry: str = "published"
     weight: str = "published"
     precision: str = "f32"
@@ -118,7 +122,7 @@ class GaitProblem:
         """The mean speed, or that on each terrain."""
         if self.objectives == "mean":
             return ("speed",)
-        return tuple(f"speed_{terrain.name}" for terrain in self.terrains)
+        return tuple(name for name, _, _ in self._conditions)
 
     @cached_property
     def space(self) -> Space:
@@ -218,22 +222,31 @@ class GaitProblem:
     def _actuation(self) -> InflatableActuation:
         return InflatableActuation(weight=self.weight)
 
+    @property
+    def _conditions(self) -> list[tuple[str, Terrain, InflatableActuation]]:
+        """Name of the speed, terrain and actuation of every simulation of a design."""
+        found = [(f"speed_{terrain.name}", terrain, self._actuation) for terrain in self.terrains]
+        if self.hard:
+            heavy = InflatableActuation(weight="physical")
+            slow = [dataclasses.replace(terrain, low_friction=HARD_FRICTION) for terrain in self.terrains]
+            found += [(f"{name}_hard", hard, heavy) for (name, _, _), hard in zip(found, slow, strict=True)]
+        return found
+
     def _on_terrains(self, run: Callable[..., Any], designs: Sequence[Any], **more: Any) -> list[Any]:
-        """What ``run`` makes of all designs, one batch per terrain."""
-        robot = {"geometry": NAMED_GEOMETRIES[self.geometry], "actuation": self._actuation}
+        """What ``run`` makes of all designs, one batch per simulation of a design."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
+        where["geometry"] = NAMED_GEOMETRIES[self.geometry]
         return [
-            run(designs, terrain, **robot, **where, **more, progress=self._progress_on(number))
-            for number, terrain in enumerate(self.terrains)
+            run(designs, terrain, actuation=actuation, **where, **more, progress=self._progress_on(number))
+            for number, (_, terrain, actuation) in enumerate(self._conditions)
         ]
 
     def _judgement(
         self, results: Sequence[InflatableResult], gradients: NDArray[np.float64] | None = None
     ) -> Evaluation:
         """Speeds on all terrains, or their mean; the first failure is the status."""
-        speeds = {
-            f"speed_{terrain.name}": r.speed * self._scale(r) for terrain, r in zip(self.terrains, results, strict=True)
-        }
+        names = [name for name, _, _ in self._conditions]
+        speeds = {name: r.speed * self._scale(r) for name, r in zip(names, results, strict=True)}
         each = np.stack(list(speeds.values()), axis=1)
         status = np.full(len(results[0].status), OK, dtype=object)
         for result in results:
@@ -245,7 +258,7 @@ class GaitProblem:
         """Turns the progress on one terrain into that of the evaluation."""
         if (report := self.progress) is None:
             return None
-        return lambda fraction: report((number + fraction) / len(self.terrains))
+        return lambda fraction: report((number + fraction) / len(self._conditions))
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of a point as JSON, for ``robots.gaits.load_gait``."""

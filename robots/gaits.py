@@ -13,9 +13,9 @@ import numpy as np
 from robots import inflatable
 from robots.files import read_record, read_text, write_record
 from robots.inflatable import ACTUATION, InflatableActuation, InflatableDesign, InflatableResult
-from robots.inflatable_actuation import play
+from robots.inflatable_actuation import Column, play
 from robots.inflatable_gradient import simulate_relaxed
-from robots.relaxed_motion import gait_steps
+from robots.relaxed_motion import play_constant
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
@@ -51,11 +51,20 @@ def as_graded(design: GaitDesign) -> RelaxedDesign:
     return design if isinstance(design, RelaxedDesign) else RelaxedDesign.from_design(design)
 
 
+def columns_of(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> list[Column]:
+    """The columns of a gait as they are played."""
+    return _played(design, actuation)[0]
+
+
 def steps_of(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> int:
     """Time steps of a gait, without those of the initialisation; cheap."""
+    return _played(design, actuation)[1]
+
+
+def _played(design: GaitDesign, actuation: InflatableActuation) -> tuple[list[Column], int]:
     if isinstance(design, RelaxedDesign):
-        return gait_steps(design.schedule, actuation)
-    return play(design.schedule, actuation)[1]
+        return play_constant(design.schedule, actuation)
+    return play(design.schedule, actuation)
 
 
 def save_gait(design: GaitDesign, path: str | PathLike[str]) -> None:

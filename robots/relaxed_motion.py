@@ -131,10 +131,15 @@ def durations(gait: RelaxedSchedule, a: InflatableActuation) -> list[tuple[int, 
     return list(zip(least, settle * gait.repeats, strict=True))
 
 
+def play_constant(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> tuple[list[Column], int]:
+    """The columns of a gait whose core keeps its pressure, without derivatives, and its steps; cheap."""
+    inflation, grip = (Dual(levels, np.zeros((*levels.shape, 0))) for levels in (gait.inflation, gait.grip))
+    return play_relaxed(inflation, grip, None, Dual(np.zeros(()), np.zeros(0)), gait, a)
+
+
 def gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
     """Time steps of a gait; cheap."""
-    inflation, grip = (Dual(levels, np.zeros((*levels.shape, 0))) for levels in (gait.inflation, gait.grip))
-    return play_relaxed(inflation, grip, None, Dual(np.zeros(()), np.zeros(0)), gait, a)[1]
+    return play_constant(gait, a)[1]
 
 
 def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:

@@ -1,0 +1,132 @@
+"""Whether a gait is one that a body could walk by, in numbers.
+
+Contact makes long runs chaotic, so a speed is a mean over runs whose start positions differ by 10 nm. The simulation of
+the dissertation has two quirks that a search may live on: sliding feet without friction, and bladders without weight
+while they move or stay inflated. What remains of the speed when both are taken away, and how far feet slip while they
+grip, tell gaits that push off the ground from those that slide. The dissertation's authors judged by eye ("unphysical",
+ch. 5, "Results").
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robots import gaits
+from robots.dual import Array
+from robots.gaits import GaitDesign, steps_of
+from robots.inflatable import PUBLISHED, InflatableActuation, InflatableGeometry
+from robots.inflatable_actuation import PUBLISHED_STEPS
+from robots.slip import slip_under_load
+from robots.terrain import Terrain
+
+RUNS = 8
+NOISE = 1e-8  # standard deviation of the start positions [m]
+HARD_FRICTION = 0.2  # of sliding feet
+RECORD_EVERY = 200  # time steps; a thousandth of a gait
+# Limits between walking and sliding: inching up 15 degrees and rolling on flat ground keep to them.
+MOST_SLIP = 0.75  # of the way
+LEAST_HARD_SPEED = -0.01  # body lengths a second
+
+
+@dataclass(frozen=True, eq=False)
+class GaitJudgement:
+    """What a gait is worth on a terrain.
+
+    Attributes:
+        speeds: by the published convention [body lengths/s], shape (R,).
+        hard_speeds: the same with ``HARD_FRICTION`` of sliding feet and bladders that keep their weight, shape (R,).
+        slip: of each foot while it grips, under load, in one run [m], shape (2,).
+        distance: that this run went [m].
+        steps: of the gait.
+    """
+
+    speeds: Array
+    hard_speeds: Array
+    slip: Array
+    distance: float
+    steps: int
+
+    @property
+    def slip_ratio(self) -> float:
+        """Slip of the two feet on average, per distance."""
+        return float(self.slip.mean() / abs(self.distance))
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """What speaks against the gait, a line each; none of one that walks."""
+        found = []
+        if not np.isfinite(self.speeds).all() or not np.isfinite(self.hard_speeds).all():
+            found.append("a run diverged")
+        if self.steps > PUBLISHED_STEPS:
+            found.append(f"takes {self.steps:,} steps, more than {PUBLISHED_STEPS:,}")
+        if not self.slip_ratio <= MOST_SLIP:
+            found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
+        if not self.hard_speeds.mean() >= LEAST_HARD_SPEED:
+            found.append(
+                f"{self.hard_speeds.mean():.4f} BL/s remain with friction {HARD_FRICTION:g} of sliding feet and bladders"
+                f" that keep their weight, less than {LEAST_HARD_SPEED:g}"
+            )
+        return tuple(found)
+
+    @property
+    def physical(self) -> bool:
+        """Whether nothing speaks against the gait."""
+        return not self.faults
+
+    def to_document(self) -> dict[str, Any]:
+        """Its numbers, for JSON."""
+        numbers = {
+            "speed": self.speeds.mean(), "deviation": self.speeds.std(ddof=1),
+            "hard_speed": self.hard_speeds.mean(), "hard_deviation": self.hard_speeds.std(ddof=1),
+            "slip_ratio": self.slip_ratio, "distance": self.distance,
+        }  # fmt: skip
+        known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+        return {**known, "runs": len(self.speeds), "steps": self.steps, "physical": self.physical,
+                "faults": list(self.faults)}  # fmt: skip
+
+
+def judge_gait(
+    design: GaitDesign,
+    terrain: Terrain | None = None,
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    runs: int = RUNS,
+    seed: int = 0,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> GaitJudgement:
+    """Simulate a gait with noise, under harder conditions, and watch its feet.
+
+    Args:
+        design: on-off or graded.
+        terrain: flat ground by default.
+        geometry: of the robot.
+        runs: with noise, under either condition; at least 2.
+        seed: of the noise.
+        precision: see ``robots.inflatable.simulate``, as the others.
+        device: see there.
+        threads: see there.
+        progress: see there.
+
+    Raises:
+        ValueError: in one line, for what is not allowed.
+    """
+    terrain = terrain or Terrain()
+    options: dict[str, Any] = {"geometry": geometry, "precision": precision, "device": device, "threads": threads}
+    noise = {"perturbation": NOISE, "seed": seed}
+    report = progress or (lambda fraction: None)
+    copies = [design] * runs
+    usual = gaits.simulate(copies, terrain, **options, **noise, progress=lambda f: report(0.45 * f))
+    hard = gaits.simulate(
+        copies, replace(terrain, low_friction=HARD_FRICTION), actuation=InflatableActuation(weight="physical"),
+        **options, **noise, progress=lambda f: report(0.45 + 0.45 * f),
+    )  # fmt: skip
+    watched = gaits.simulate(design, terrain, **options, record_every=RECORD_EVERY,
+                             progress=lambda f: report(0.9 + 0.1 * f))  # fmt: skip
+    return GaitJudgement(usual.speed, hard.speed, slip_under_load(watched, design), float(watched.distance[0]),
+                         steps_of(design))  # fmt: skip
