@@ -1,0 +1,1 @@
+"""The hunt for gaits that climb: searches beside each other at equal cost."""

@@ -1,0 +1,92 @@
+"""What the bests of a search are worth: played in full, with noise, under both conditions."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from optim.gait_problem import GaitProblem
+from optim.runs.history import History
+from robots import gaits
+from robots.dual import Array
+from robots.gaits import GaitDesign
+from robots.inflatable import InflatableActuation
+from robots.judgement import HARD_FRICTION, LEAST_HARD_SPEED, NOISE
+from robots.terrain import Terrain
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A design that a search found best at some time, played in full.
+
+    Attributes:
+        design: the gait.
+        generation: in which it was found.
+        speeds: with noise [body lengths/s], shape (R,).
+        hard_speeds: see ``GaitJudgement``, shape (R,).
+    """
+
+    design: GaitDesign
+    generation: int
+    speeds: Array
+    hard_speeds: Array
+
+    @property
+    def speed(self) -> float:
+        """Mean of the runs; NaN if one diverged."""
+        return float(self.speeds.mean())
+
+    @property
+    def hard_speed(self) -> float:
+        """The same under the harder conditions."""
+        return float(self.hard_speeds.mean())
+
+    @property
+    def stays(self) -> bool:
+        """Whether enough remains under the harder conditions."""
+        return bool(self.hard_speed >= LEAST_HARD_SPEED)
+
+
+def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[GaitDesign, int]]:
+    """The last few designs that a run found better than all before, and the generations that found them."""
+    found: list[tuple[GaitDesign, int]] = []
+    before = None
+    for generation in history.generations:
+        if generation.best_point is not None and generation.best_point != before:
+            before = generation.best_point
+            found.append((in_full(problem).design(problem.space.from_dict(before)), generation.generation))
+    return found[-count:]
+
+
+def in_full(problem: GaitProblem) -> GaitProblem:
+    """The problem with gaits of the full length."""
+    return replace(problem, steps=None) if problem.steps is not None else problem
+
+
+def judge_finalists(
+    found: Sequence[tuple[GaitDesign, int]], terrain: Terrain, runs: int, *,
+    progress: Callable[[float], None] | None = None, **where: Any,
+) -> list[Finalist]:  # fmt: skip
+    """Play designs of one kind on a terrain, each ``runs`` times under either condition, as two batches."""
+    if not found:
+        return []
+    copies = [design for design, _ in found for _ in range(runs)]
+    noise = {"perturbation": NOISE, "seed": 0}
+    report = progress or (lambda fraction: None)
+    usual = gaits.simulate(copies, terrain, **where, **noise, progress=lambda f: report(0.5 * f))
+    hard = gaits.simulate(
+        copies, replace(terrain, low_friction=HARD_FRICTION), actuation=InflatableActuation(weight="physical"),
+        **where, **noise, progress=lambda f: report(0.5 + 0.5 * f),
+    )  # fmt: skip
+    rows = usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)
+    return [Finalist(*one, *speeds) for one, *speeds in zip(found, *rows, strict=True)]
+
+
+def best_of(finalists: Sequence[Finalist]) -> Finalist | None:
+    """The fastest of those that stay under the harder conditions; else the one that loses least there."""
+    known = [f for f in finalists if np.isfinite([f.speed, f.hard_speed]).all()]
+    staying = [f for f in known if f.stays]
+    if staying:
+        return max(staying, key=lambda f: f.speed)
+    return max(known, key=lambda f: f.hard_speed) if known else None

@@ -1,0 +1,82 @@
+"""Searches that end when they have spent what they may, in time steps of simulated robots."""
+
+import contextlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from optim.gait_problem import GaitProblem
+from optim.problem import Evaluation
+from optim.runs import open_run, run_search
+from optim.runs.history import History, read_history
+from optim.runs.requests import Request, judge
+from optim.search import build_method, default_settings
+from robots.files import write_text
+
+# A gradient takes as long as so many simulations without, by ``benchmarks/gradients.py``; see docs/performance.md.
+GRADIENT_COST = 5.0
+ENDLESS = 1_000_000  # generations
+SPENT = "spent.json"
+
+
+class BudgetSpent(Exception):
+    """A search would spend more than it may."""
+
+
+def search_within(
+    problem: GaitProblem,
+    method: str,
+    settings: Mapping[str, Any],
+    folder: Path,
+    budget: float,
+    progress: Callable[[float], None] | None = None,
+) -> History:
+    """Run a search, or go on with the one in the folder, until it has spent its budget.
+
+    A generation that begins within the budget is completed.
+
+    Args:
+        problem: what to search.
+        method: its name in ``METHODS``.
+        settings: of the method, its seed among them.
+        folder: of the run; beside its files ``spent.json``, what every generation has cost.
+        budget: in robot-steps, see :func:`cost`.
+        progress: called with the part of the budget that is spent.
+
+    Raises:
+        ValueError: in one line, for a budget or a folder that is not allowed.
+    """
+    if not budget > 0:
+        raise ValueError(f"budget: {budget:g} robot-steps are not allowed; give more than 0")
+    known = default_settings(method) | dict(settings)
+    config = {"problem": problem.describe(), "method": {"name": method, **known}, "generations": ENDLESS}
+    with open_run(folder, config, resume=True) as run:
+        spent = read_spent(folder)
+
+        def evaluate(request: Request) -> Evaluation:
+            del spent[run.lines :]  # of a generation that was cut off
+            if sum(spent) >= budget:
+                raise BudgetSpent
+            found = judge(problem, request)
+            spent.append(cost(problem, request))
+            write_text(folder / SPENT, json.dumps(spent) + "\n")
+            if progress:
+                progress(min(sum(spent) / budget, 1.0))
+            return found
+
+        with contextlib.suppress(BudgetSpent):
+            run_search(problem, build_method(method, problem.space, known), run, ENDLESS, evaluate=evaluate)
+    return read_history(folder)
+
+
+def read_spent(folder: Path) -> list[float]:
+    """What the generations of a run have cost, the last perhaps of one that was cut off; nothing of a new run."""
+    path = folder / SPENT
+    return list(json.loads(path.read_text())) if path.exists() else []
+
+
+def cost(problem: GaitProblem, request: Request) -> float:
+    """Time steps of all robots that judge a request; a gradient counts as ``GRADIENT_COST`` simulations."""
+    each = problem.robot_steps(request.points, relaxed=request.wants != "points", sharpness=request.sharpness)
+    return float(each.sum()) * (GRADIENT_COST if request.wants == "gradients" else 1.0)

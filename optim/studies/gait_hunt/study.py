@@ -1,0 +1,223 @@
+"""Which search finds a gait that climbs 15 degrees, without knowledge of one: five seeds each, at equal cost.
+
+The dissertation's search did not find inching on the hill, "likely due to a lack of gradient between control policies"
+(Powers 2021, ch. 5, "Discussion"). All searches may change orientation, shape and control. A run ends when it has
+spent as many robot-steps as the published search takes for so many evaluations; then the last few designs that it found
+best are played in full, with noise, under both conditions of ``robots.judgement``, and the best of them is what the run
+has found.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.measures.statistics import mean_band
+from optim.runs.history import History
+from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.gait_hunt.finalists import kept_finalists
+from optim.studies.gait_hunt.judging import Finalist, best_of
+from optim.studies.gait_hunt.searches import SEARCHES
+from optim.studies.gait_hunt.spending import read_spent, search_within
+from optim.studies.results import Budget, Progress, check_folder, part_of, scale_of, write_json
+from optim.studies.tables import write_table
+from robots.files import write_text
+from robots.gaits import save_gait
+from robots.inflatable import NAMED_GEOMETRIES
+from robots.judgement import LEAST_HARD_SPEED
+from robots.terrain import Terrain
+
+PUBLISHED_COST = 200_720  # robot-steps of a published evaluation at half of the largest pressure
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hunt:
+    """How large the study is.
+
+    Attributes:
+        evaluations: published evaluations that a run may cost.
+        seeds: of the runs of each search.
+        searches: names in ``SEARCHES``.
+        slope: of the hill [degrees].
+        geometry: of the robot, by name.
+        finalists: designs of a run that are played in full.
+        runs: with noise, of each of them under either condition.
+    """
+
+    evaluations: float
+    seeds: tuple[int, ...]
+    searches: tuple[str, ...] = tuple(SEARCHES)
+    slope: float = 15.0
+    geometry: str = "published"
+    finalists: int = 4
+    runs: int = 4
+
+    @property
+    def budget(self) -> float:
+        """Robot-steps of a run."""
+        return self.evaluations * PUBLISHED_COST
+
+
+SCALES: dict[Budget, Hunt] = {
+    "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient"), geometry="small", finalists=2, runs=2),
+    "full": Hunt(300, (0, 1, 2, 3, 4)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a run has found.
+
+    Attributes:
+        search: its name.
+        seed: of the run.
+        history: of the run.
+        spent: by each generation [robot-steps], shape (G,).
+        best: the best of its finalists; None if all failed.
+    """
+
+    search: str
+    seed: int
+    history: History
+    spent: Floats
+    best: Finalist | None
+
+
+def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
+    """Do the study: runs, ``summary.json``, ``table.md``, ``table.csv``, ``hunt.png``, and each run's best gait.
+
+    Args:
+        folder: new, or that of the same study, which goes on.
+        budget: ``"small"`` or ``"full"``.
+        progress: called with the fraction done.
+    """
+    study(folder, scale_of(budget, SCALES), progress)
+
+
+def study(folder: Path, hunt: Hunt, progress: Progress = None, **where: Any) -> None:
+    """The same with any settings.
+
+    Args:
+        folder: see :func:`run`.
+        hunt: how large.
+        progress: see there.
+        where: precision, device and threads of the simulations.
+    """
+    check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"))
+    parts = [(name, seed) for seed in hunt.seeds for name in hunt.searches]
+    found = []
+    for number, (name, seed) in enumerate(parts):
+        found.append(_hunt(folder, hunt, name, seed, part_of(progress, number, len(parts)), where))
+        report(folder, hunt, found)  # what there is so far is of use
+
+
+def _hunt(folder: Path, hunt: Hunt, name: str, seed: int, progress: Progress, where: dict[str, Any]) -> Found:
+    """One run and its finalists."""
+    terrain, search = Terrain(hunt.slope), SEARCHES[name]
+    problem = search.problem_on((terrain,), geometry=hunt.geometry, **where)
+    path = folder / "runs" / f"{name}-{seed}"
+    settings = {**search.settings, "seed": seed}
+    history = search_within(problem, search.method, settings, path, hunt.budget, part_of(progress, 0, 10, 9))
+    finalists = kept_finalists(
+        path.with_name(f"{path.name}.json"), history, problem, terrain, hunt.finalists, hunt.runs,
+        part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[hunt.geometry], **{"precision": "f32", **where},
+    )  # fmt: skip
+    return Found(name, seed, history, np.array(read_spent(path)), best_of(finalists))
+
+
+def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
+    """Write what some runs have found."""
+    rows = [_row(one) for one in found]
+    write_table(folder / "table.csv", list(rows[0]), [list(row.values()) for row in rows])
+    groups = {name: [one for one in found if one.search == name] for name in hunt.searches}
+    summary = {name: _group(group) for name, group in groups.items() if group}
+    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, "searches": summary, "runs": rows})
+    write_text(folder / "table.md", _table(summary))
+    (folder / "gaits").mkdir(exist_ok=True)
+    for one in found:
+        if one.best:
+            save_gait(one.best.design, folder / "gaits" / f"{one.search}-{one.seed}.json")
+    _draw({name: group for name, group in groups.items() if group}, folder / "hunt.png")
+
+
+def _row(one: Found) -> dict[str, Any]:
+    """A run in a line."""
+    last, best = one.history.generations[-1], one.best
+    return {
+        "search": one.search,
+        "seed": one.seed,
+        "evaluations": last.evaluations,
+        "robot_steps": float(one.spent.sum()),
+        "cpu_s": float(np.nansum(one.history.seconds)),
+        "score": last.best,
+        "generation": best.generation if best else None,
+        "speed": best.speed if best else None,
+        "hard_speed": best.hard_speed if best else None,
+        "pressure": best.design.pressure if best else None,
+        "orientation": best.design.orientation if best else None,
+    }
+
+
+def _group(group: Sequence[Found]) -> dict[str, Any]:
+    """Runs of a search: mean speed of what they have found with its bootstrap interval, and the best."""
+    known = [one.best for one in group if one.best]
+    speeds, hard = (np.array([getattr(best, name) for best in known]) for name in ("speed", "hard_speed"))
+    low, high = mean_band(speeds) if len(speeds) > 1 else (None, None)
+    return {
+        "label": SEARCHES[group[0].search].label,
+        "runs": len(group),
+        "evaluations": int(np.median([one.history.generations[-1].evaluations for one in group])),
+        "speed": float(speeds.mean()) if len(speeds) else None,
+        "low": None if low is None else float(low),
+        "high": None if high is None else float(high),
+        "best": float(speeds.max()) if len(speeds) else None,
+        "hard_speed": float(hard.mean()) if len(hard) else None,
+        "staying": int((hard >= LEAST_HARD_SPEED).sum()),
+    }
+
+
+def _table(summary: dict[str, dict[str, Any]]) -> str:
+    """The same in Markdown."""
+    lines = [
+        "| search | evaluations, median | speed, mean | its interval | best | harder | of runs, stay |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for row in summary.values():
+        values = {name: "" if row[name] is None else f"{row[name]:.4f}" for name in _SPEEDS}
+        interval = f"{values['low']} to {values['high']}" if values["low"] else ""
+        lines.append(
+            f"| {row['label']} | {row['evaluations']} | {values['speed']} | {interval} | {values['best']} "
+            f"| {values['hard_speed']} | {row['staying']} of {row['runs']} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+_SPEEDS = ("speed", "low", "high", "best", "hard_speed")
+
+
+def _draw(groups: dict[str, list[Found]], path: Path) -> None:
+    """Best scores over what was spent, and what the runs have found in the end."""
+    with figure(path, PAGE, 3.0, ncols=2) as (_, panels):
+        over, end = panels[0]
+        for (name, group), colour in zip(groups.items(), COLOURS, strict=False):
+            for one in group:
+                scores = np.array([g.best for g in one.history.generations], float)
+                label = SEARCHES[name].label if one is group[0] else None
+                over.step(np.cumsum(one.spent)[: len(scores)] / 1e6, scores, where="post", color=colour, label=label,
+                          linewidth=0.8)  # fmt: skip
+            place = list(groups).index(name)
+            known = [one.best for one in group if one.best]
+            for value, marker in (("speed", "o"), ("hard_speed", "x")):
+                end.plot(
+                    [getattr(best, value) for best in known], [place] * len(known), marker, color=colour, markersize=4
+                )
+        over.set(xlabel="spent [million robot-steps]", ylabel="best score so far [BL/s]")
+        end.axvline(0.0, color="0.7", linewidth=0.6)
+        end.set(yticks=range(len(groups)), yticklabels=[SEARCHES[name].label for name in groups],
+                xlabel="speed in full, o usual, x harder [BL/s]")  # fmt: skip
+        end.invert_yaxis()
+        letter(panels)
