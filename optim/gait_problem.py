@@ -34,7 +34,14 @@ if TYPE_CHECKING:
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from these.
-LATER_OPTIONS = {"encoding": "codes", "objectives": "mean", "ramp_steps": None, "steps": None, "hard": False}
+LATER_OPTIONS = {
+    "encoding": "codes",
+    "objectives": "mean",
+    "ramp_steps": None,
+    "steps": None,
+    "warm_up": 0,
+    "hard": False,
+}
 OBJECTIVES = ("mean", "terrains")
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -60,6 +67,7 @@ class GaitProblem:
             pressure is free: as published, the length of the ramp depends on it, and jumps.
         steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
             gait, 186,719. Fewer are a cheaper judgement of the same gait.
+        warm_up: time steps of a graded gait that do not count: what a robot does while it finds its stride.
         hard: whether terrains count twice: as they are, and with ``HARD_FRICTION`` of sliding feet and bladders that
             keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
@@ -80,6 +88,7 @@ class GaitProblem:
     objectives: str = "mean"
     ramp_steps: int | None = None
     steps: int | None = None
+    warm_up: int = 0
     hard: bool = False
     geometry: str = "published"
     weight: str = "published"
@@ -104,8 +113,11 @@ class GaitProblem:
             raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
         if self.objectives not in OBJECTIVES:
             raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
-        if self.steps is not None and self.encoding != "graded":
-            raise ValueError(f"steps: {self.steps} is not allowed with encoding {self.encoding!r}; choose 'graded'")
+        for name in ("steps", "warm_up"):
+            if (value := getattr(self, name)) and self.encoding != "graded":
+                raise ValueError(f"{name}: {value} is not allowed with encoding {self.encoding!r}; choose 'graded'")
+        if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
+            raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
         if self.ramp_steps is not None:
             whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation.
@@ -166,7 +178,8 @@ class GaitProblem:
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judgement(self._on_terrains(gaits.simulate, designs))
+        warm_up = {"warm_up": self.warm_up} if self.warm_up else {}
+        return self._judgement(self._on_terrains(gaits.simulate, designs, **warm_up))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
@@ -178,10 +191,10 @@ class GaitProblem:
 
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
-        ramp_steps = self._relaxed_ramp
+        way = {"ramp_steps": self._relaxed_ramp, "warm_up": self.warm_up}
         if not gradients:
-            return self._judgement(self._on_terrains(simulate_relaxed, designs, ramp_steps=ramp_steps))
-        runs = self._on_terrains(differentiate, designs, ramp_steps=ramp_steps)
+            return self._judgement(self._on_terrains(simulate_relaxed, designs, **way))
+        runs = self._on_terrains(differentiate, designs, **way)
         slopes = np.mean([self._slopes(run, points, sharpness) for run in runs], axis=0)
         return self._judgement([run.result for run in runs], slopes)
 
@@ -208,7 +221,7 @@ class GaitProblem:
         ]
         slopes.append(np.array(genes))
         geometry = NAMED_GEOMETRIES[self.geometry]
-        seconds = self._counted_steps * geometry.time_step / self._scale(run.result)
+        seconds = self._judged_steps(run.result) * geometry.time_step
         return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds[:, None])
 
     @property
@@ -217,11 +230,17 @@ class GaitProblem:
         columns = PUBLISHED_COLUMNS if self.encoding == "graded" else self.columns * self.repeats
         return nominal_steps(columns, self._actuation)
 
-    def _scale(self, result: InflatableResult) -> NDArray[np.float64]:
-        """From speeds by the published convention to those by ``steps``, or by a gait's own if it takes longer."""
-        if self.steps is None:
-            return np.ones(len(result.steps))
-        return max(self._counted_steps, self.steps) / np.maximum(result.steps, self.steps)
+    def _judged_steps(self, result: InflatableResult) -> NDArray[np.int64]:
+        """By which speeds are counted here: ``steps``, or a gait's own if it takes more, but for the warm-up."""
+        taken = result.steps + self.warm_up  # the result's steps are those that count
+        return np.maximum(taken if self.encoding == "graded" else 0, self.steps or self._counted_steps) - self.warm_up
+
+    def _speed(self, result: InflatableResult) -> NDArray[np.float64]:
+        """Of the results of one simulation [body lengths/s]."""
+        if self.steps is None and not self.warm_up:
+            return result.speed
+        lengths = result.distance / NAMED_GEOMETRIES[self.geometry].body_length
+        return lengths / (self._judged_steps(result) * result.time_step)
 
     @property
     def _actuation(self) -> InflatableActuation:
@@ -251,7 +270,7 @@ class GaitProblem:
     ) -> Evaluation:
         """Speeds on all terrains, or their mean; the first failure is the status."""
         names = [name for name, _, _ in self._conditions]
-        speeds = {name: r.speed * self._scale(r) for name, r in zip(names, results, strict=True)}
+        speeds = {name: self._speed(r) for name, r in zip(names, results, strict=True)}
         each = np.stack(list(speeds.values()), axis=1)
         status = np.full(len(results[0].status), OK, dtype=object)
         for result in results:

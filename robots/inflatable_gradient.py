@@ -11,7 +11,7 @@ from robots.dual import Array
 from robots.inflatable import InflatableResult, scattered, summarise, travel_directions
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
-from robots.relaxed_motion import nominal_gait_steps
+from robots.relaxed_motion import gait_steps, nominal_gait_steps
 from robots.relaxed_program import DesignGradient, RelaxedProgram, build_relaxed_program
 from robots.relaxed_schedule import RelaxedDesign
 from robots.rest_sizes import pull_back_rest_sizes, rest_sizes
@@ -47,6 +47,7 @@ def simulate_relaxed(
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
+    warm_up: int = 0,
     precision: str = "f64",
     device: str = "cpu",
     threads: int | None = None,
@@ -64,6 +65,7 @@ def simulate_relaxed(
         geometry: see ``simulate``; so are the others that are not named here.
         actuation: see there.
         ramp_steps: see ``build_relaxed_program``.
+        warm_up: see there; the speeds divide by the same time as without.
         precision: see ``simulate``.
         device: see there.
         threads: see there.
@@ -81,7 +83,7 @@ def simulate_relaxed(
     seed = whole_number("seed", seed, 0)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     terrain = terrain or Terrain()
-    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, record_every)
+    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, warm_up, record_every)
     engine = LatticeEngine(
         geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
         precision=precision, threads=threads, driver=driver,
@@ -98,6 +100,7 @@ def differentiate(
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
+    warm_up: int = 0,
     precision: str = "f64",
     device: str = "cpu",
     threads: int | None = None,
@@ -113,6 +116,7 @@ def differentiate(
         geometry: see ``simulate``; so are the others that are not named here.
         actuation: see there.
         ramp_steps: see ``build_relaxed_program``.
+        warm_up: see ``simulate_relaxed``.
         precision: see ``simulate``.
         device: see there.
         threads: see there.
@@ -135,20 +139,18 @@ def differentiate(
         def tick(fraction: float, place: int = place) -> None:
             report((place + fraction) / len(groups))
 
-        found.append(_differentiate(group, terrain or Terrain(), geometry, actuation, ramp_steps, memory, where, tick))
+        build = {"terrain": terrain or Terrain(), "actuation": actuation, "ramp_steps": ramp_steps, "warm_up": warm_up}
+        found.append(_differentiate(group, geometry, build, memory, where, tick))
     return found[0] if len(found) == 1 else _joined(found)
 
 
 def _differentiate(
-    designs: list[RelaxedDesign], terrain: Terrain, geometry: InflatableGeometry, actuation: InflatableActuation,
-    ramp_steps: int | None, memory: float, options: dict[str, Any], progress: Callable[[float], None],
+    designs: list[RelaxedDesign], geometry: InflatableGeometry, build: dict[str, Any], memory: float,
+    options: dict[str, Any], progress: Callable[[float], None],
 ) -> InflatableGradient:  # fmt: skip
-    """The same for robots that run side by side."""
-    program = build_relaxed_program(designs, terrain, actuation, ramp_steps)
-    engine = LatticeEngine(
-        geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium,
-        **options,
-    )  # fmt: skip
+    """The same for robots that run side by side, with arguments of ``build_relaxed_program``."""
+    program, medium = build_relaxed_program(designs, **build), build["terrain"].medium
+    engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, **medium, **options)
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
     seeds = distance_cotangents(geometry.body, tape.result, program.program, np.array([d.orientation for d in designs]))
     back = tape.pull_back(
@@ -156,7 +158,7 @@ def _differentiate(
         progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
     )  # fmt: skip
     gradient = program.pull_back(back.values + seeds.values, back.rates + seeds.rates)
-    result = _summary(designs, program, tape.result, geometry, actuation)
+    result = _summary(designs, program, tape.result, geometry, build["actuation"])
     return _judged(result, gradient, seeds.headings)
 
 
@@ -182,7 +184,7 @@ def _summary(
     actuation: InflatableActuation, record_every: int | None = None,
 ) -> InflatableResult:  # fmt: skip
     headings = np.array([d.orientation for d in designs])
-    lengths = np.diff(program.program.snapshots[:, :2], axis=1)[:, 0]
+    lengths = np.array([gait_steps(d.schedule, actuation) for d in designs])
     nominal = np.array([nominal_gait_steps(d.schedule, actuation) for d in designs])
     # A gait that takes longer than those that its speed is compared with is not faster for it.
     nominal = np.where([d.schedule.timed for d in designs], np.maximum(nominal, lengths), nominal)

@@ -66,8 +66,8 @@ class GaitJudgement:
             found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
         if not self.hard_speeds.mean() >= LEAST_HARD_SPEED:
             found.append(
-                f"{self.hard_speeds.mean():.4f} BL/s remain with friction {HARD_FRICTION:g} of sliding feet and bladders"
-                f" that keep their weight, less than {LEAST_HARD_SPEED:g}"
+                f"{self.hard_speeds.mean():.4f} BL/s remain with friction {HARD_FRICTION:g} of sliding feet and"
+                f" bladders that keep their weight, less than {LEAST_HARD_SPEED:g}"
             )
         return tuple(found)
 

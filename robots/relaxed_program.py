@@ -190,6 +190,7 @@ def build_relaxed_program(
     terrain: Terrain,
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
+    warm_up: int = 0,
     record_every: int | None = None,
 ) -> RelaxedProgram:
     """The program of a batch of relaxed designs on a terrain; snapshots as of ``build_program``.
@@ -201,6 +202,7 @@ def build_relaxed_program(
         ramp_steps: steps in which the core pressure first rises to the design's, linearly; so the length of a program
             does not depend on it. By default the published ramp, of a given rate. From 6000 steps on, the small robot
             is left as by the published one, within what noise of 1e-6 m does to it; 3000 shake it too much.
+        warm_up: steps of the gait before snapshot 0: what it does first is not counted.
         record_every: steps between recorded poses.
 
     Raises:
@@ -208,6 +210,7 @@ def build_relaxed_program(
     """
     parameters = Parameters.of(designs)
     ramp_steps = None if ramp_steps is None else whole_number("ramp_steps", ramp_steps, 1)
+    warm_up = whole_number("warm_up", warm_up, 0)
     actuation = actuation.on(terrain)
     recorder = Recorder(len(designs), sum(parameters.sizes))
     lengths, marks = [], []
@@ -218,6 +221,9 @@ def build_relaxed_program(
         columns, steps = play_relaxed(inflation, grip, pressures, pressure, design.schedule, actuation)
         own = weights(terrain, orientation)
         write_robot(recorder, robot, pressure, own, terrain, columns, begin, actuation, ramp_steps)
+        if warm_up >= steps:
+            raise ValueError(f"warm_up: {warm_up} is not allowed; a gait takes {steps} steps")
         lengths.append(begin + steps)
-        marks.append(snapshot_steps(begin, begin + steps, record_every))
+        _, *later = snapshot_steps(begin, begin + steps, record_every)
+        marks.append([begin + warm_up, *later])
     return recorder.build(lengths, marks, parameters)

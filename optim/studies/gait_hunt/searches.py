@@ -8,9 +8,11 @@ from typing import Any
 from optim.gait_problem import GaitProblem
 from robots.terrain import Terrain
 
-SHORT = 62_240  # time steps of a cheap judgement, a third of a gait
+SHORT, WARM_UP = 62_240, 31_120  # time steps of a cheap judgement, a third of a gait; the first half does not count
 # Two columns say a cycle: what moves there and back. All else is free: levels, times, shape, orientation.
-CYCLE: Mapping[str, Any] = MappingProxyType({"encoding": "graded", "columns": 2, "steps": SHORT, "hard": True})
+CYCLE: Mapping[str, Any] = MappingProxyType(
+    {"encoding": "graded", "columns": 2, "steps": SHORT, "warm_up": WARM_UP, "hard": True}
+)
 
 
 @dataclass(frozen=True)
@@ -38,12 +40,12 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
     {
         # As published: codes of eight columns, played as published, judged by the speed alone.
         "hill-climb": HuntSearch("hill climbers, as published", "hill-climb", {"climbers": 60}, {}),
-        "genetic": HuntSearch("genetic search on cycles", "genetic", {"population": 64}),
+        "genetic": HuntSearch("genetic search on cycles", "genetic", {"population": 32}),
         "gradient": HuntSearch(
             "gradient ascent on cycles", "gradient", {"climbers": 8, "candidates": 4, "learning_rate": 0.1}
         ),
         "memetic": HuntSearch(
-            "evolution with gradients on cycles", "memetic", {"population": 64, "every": 4, "refine": 8}
+            "evolution with gradients on cycles", "memetic", {"population": 32, "every": 4, "refine": 8}
         ),
     }
 )
