@@ -178,8 +178,12 @@ class GaitProblem:
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        warm_up = {"warm_up": self.warm_up} if self.warm_up else {}
-        return self._judgement(self._on_terrains(gaits.simulate, designs, **warm_up))
+        return self._judgement(self._on_terrains(gaits.simulate, designs, **self._uncounted))
+
+    @property
+    def _uncounted(self) -> dict[str, int]:
+        """The warm-up as an argument, if there is one."""
+        return {"warm_up": self.warm_up} if self.warm_up else {}
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
@@ -191,7 +195,7 @@ class GaitProblem:
 
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
-        way = {"ramp_steps": self._relaxed_ramp, "warm_up": self.warm_up}
+        way = {"ramp_steps": self._relaxed_ramp, **self._uncounted}
         if not gradients:
             return self._judgement(self._on_terrains(simulate_relaxed, designs, **way))
         runs = self._on_terrains(differentiate, designs, **way)
@@ -222,7 +226,7 @@ class GaitProblem:
         slopes.append(np.array(genes))
         geometry = NAMED_GEOMETRIES[self.geometry]
         seconds = self._judged_steps(run.result) * geometry.time_step
-        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds[:, None])
+        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds[..., None])
 
     @property
     def _counted_steps(self) -> int:
@@ -232,12 +236,14 @@ class GaitProblem:
 
     def _judged_steps(self, result: InflatableResult) -> NDArray[np.int64]:
         """By which speeds are counted here: ``steps``, or a gait's own if it takes more, but for the warm-up."""
-        taken = result.steps + self.warm_up  # the result's steps are those that count
-        return np.maximum(taken if self.encoding == "graded" else 0, self.steps or self._counted_steps) - self.warm_up
+        if self.encoding != "graded":
+            return np.array(self._counted_steps)
+        # The steps of a result are those that count.
+        return np.maximum(result.steps, (self.steps or self._counted_steps) - self.warm_up)
 
     def _speed(self, result: InflatableResult) -> NDArray[np.float64]:
         """Of the results of one simulation [body lengths/s]."""
-        if self.steps is None and not self.warm_up:
+        if self.encoding != "graded":
             return result.speed
         lengths = result.distance / NAMED_GEOMETRIES[self.geometry].body_length
         return lengths / (self._judged_steps(result) * result.time_step)
