@@ -40,6 +40,7 @@ LATER_OPTIONS = {
     "ramp_steps": None,
     "steps": None,
     "warm_up": 0,
+    "stages": 1,
     "hard": False,
 }
 OBJECTIVES = ("mean", "terrains")
@@ -68,6 +69,8 @@ class GaitProblem:
         steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
             gait, 186,719. Fewer are a cheaper judgement of the same gait.
         warm_up: time steps of a graded gait that do not count: what a robot does while it finds its stride.
+        stages: equally long parts of a graded gait, of which the slowest tells the speed: a gait that goes on beats one
+            that lurches once.
         hard: whether terrains count twice: as they are, and with ``HARD_FRICTION`` of sliding feet and bladders that
             keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
@@ -89,6 +92,7 @@ class GaitProblem:
     ramp_steps: int | None = None
     steps: int | None = None
     warm_up: int = 0
+    stages: int = 1
     hard: bool = False
     geometry: str = "published"
     weight: str = "published"
@@ -113,8 +117,9 @@ class GaitProblem:
             raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
         if self.objectives not in OBJECTIVES:
             raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
-        for name in ("steps", "warm_up"):
-            if (value := getattr(self, name)) and self.encoding != "graded":
+        whole_number("stages", self.stages, 1)
+        for name in ("steps", "warm_up", "stages"):
+            if (value := getattr(self, name)) != LATER_OPTIONS[name] and self.encoding != "graded":
                 raise ValueError(f"{name}: {value} is not allowed with encoding {self.encoding!r}; choose 'graded'")
         if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
@@ -178,12 +183,12 @@ class GaitProblem:
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judgement(self._on_terrains(gaits.simulate, designs, **self._uncounted))
+        return self._judgement(self._on_terrains(gaits.simulate, designs, **self._stages))
 
     @property
-    def _uncounted(self) -> dict[str, int]:
-        """The warm-up as an argument, if there is one."""
-        return {"warm_up": self.warm_up} if self.warm_up else {}
+    def _stages(self) -> dict[str, int]:
+        """Arguments that only graded gaits have."""
+        return {"warm_up": self.warm_up, "stages": self.stages} if self.encoding == "graded" else {}
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
@@ -195,7 +200,7 @@ class GaitProblem:
 
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
-        way = {"ramp_steps": self._relaxed_ramp, **self._uncounted}
+        way = {"ramp_steps": self._relaxed_ramp, **self._stages}
         if not gradients:
             return self._judgement(self._on_terrains(simulate_relaxed, designs, **way))
         runs = self._on_terrains(differentiate, designs, **way)
@@ -245,7 +250,7 @@ class GaitProblem:
         """Of the results of one simulation [body lengths/s]."""
         if self.encoding != "graded":
             return result.speed
-        lengths = result.distance / NAMED_GEOMETRIES[self.geometry].body_length
+        lengths = self.stages * result.stages.min(axis=1) / NAMED_GEOMETRIES[self.geometry].body_length
         return lengths / (self._judged_steps(result) * result.time_step)
 
     @property

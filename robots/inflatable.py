@@ -134,6 +134,7 @@ class InflatableResult:
             moves (19.7968 s for the published robot), whatever the number of steps; shape (B,).
         speed_simulated: body lengths per second of the time simulated, shape (B,).
         status: "ok" or "diverged", shape (B,).
+        stages: distances of equally long parts of the gait [m], shape (B, N), N 1 unless more were asked for.
         steps: time steps after the initialisation; those before divergence for a robot that diverged, shape (B,).
         time_step: dt [s].
         frames: recorded poses, or None.
@@ -144,6 +145,7 @@ class InflatableResult:
     speed: np.ndarray
     speed_simulated: np.ndarray
     status: np.ndarray
+    stages: np.ndarray
     steps: np.ndarray
     time_step: float
     frames: Frames | None
@@ -233,35 +235,44 @@ def travel_directions(headings: np.ndarray) -> np.ndarray:
 
 def summarise(
     run: LatticeResult, marks: np.ndarray, sizes: np.ndarray, headings: np.ndarray, nominal: np.ndarray,
-    geometry: InflatableGeometry, record_every: int | None = None,
+    geometry: InflatableGeometry, record_every: int | None = None, stages: int = 1,
 ) -> InflatableResult:  # fmt: skip
     """What a run says of its robots.
 
     Args:
-        run: of a batch; its first two snapshots are the end of the initialisation and the end of the gait.
+        run: of a batch; its first snapshots are the end of the initialisation, the end of the gait, and the ends of
+            all stages but the last.
         marks: steps of the snapshots, shape (B, S).
         sizes: rest sizes of the voxels at the snapshots [m], shape (B, S, V, 3).
         headings: [degrees], shape (B,).
         nominal: steps that the published convention divides the distance of each robot by, shape (B,).
         geometry: of the robots.
-        record_every: steps between the snapshots from the third on; None without.
+        record_every: steps between the snapshots that follow; None without.
+        stages: of the gait.
     """
     body, dt = geometry.body, geometry.time_step
     begin, end = marks[:, 0], marks[:, 1]
     extents = half_extents(body, run.strains, sizes)
-    middle = mean_of_face_corners(body, run.positions[:, :2], run.orientations[:, :2], extents[:, :2])
-    distance = ((middle[:, 1, :2] - middle[:, 0, :2]) * travel_directions(headings)).sum(axis=1)
+    first = stages + 1
+    middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
+    way = (middle[..., :2] * travel_directions(headings)[:, None]).sum(axis=-1)
     ok = run.status == "ok"
-    distance = np.where(ok, distance, np.nan)
+    parts = np.where(ok[:, None], np.diff(way[:, stage_order(stages)], axis=1), np.nan)
+    distance = np.where(ok, ((middle[:, 1, :2] - middle[:, 0, :2]) * travel_directions(headings)).sum(axis=1), np.nan)
     lengths = distance / geometry.body_length
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
     if record_every:
         positions, orientations, shown, rest = (
-            np.moveaxis(a[:, 2:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
+            np.moveaxis(a[:, first:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
         )
-        times = np.arange(marks.shape[1] - 2) * record_every * dt
+        times = np.arange(marks.shape[1] - first) * record_every * dt
         frames = Frames(positions, orientations, times, shown, rest)
     return InflatableResult(
-        distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, steps, dt, frames, body
+        distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, parts, steps, dt, frames, body
     )
+
+
+def stage_order(stages: int) -> list[int]:
+    """In which order in time the first snapshots were taken, see :func:`summarise`."""
+    return [0, *range(2, stages + 1), 1]

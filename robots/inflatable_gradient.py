@@ -8,7 +8,7 @@ import numpy as np
 
 from robots.checks import number, whole_number
 from robots.dual import Array
-from robots.inflatable import InflatableResult, scattered, summarise, travel_directions
+from robots.inflatable import InflatableResult, scattered, stage_order, summarise, travel_directions
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
 from robots.relaxed_motion import gait_steps, nominal_gait_steps
@@ -48,6 +48,7 @@ def simulate_relaxed(
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
     warm_up: int = 0,
+    stages: int = 1,
     precision: str = "f64",
     device: str = "cpu",
     threads: int | None = None,
@@ -66,6 +67,7 @@ def simulate_relaxed(
         actuation: see there.
         ramp_steps: see ``build_relaxed_program``.
         warm_up: see there; the speeds divide by the same time as without.
+        stages: see there.
         precision: see ``simulate``.
         device: see there.
         threads: see there.
@@ -83,14 +85,14 @@ def simulate_relaxed(
     seed = whole_number("seed", seed, 0)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     terrain = terrain or Terrain()
-    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, warm_up, record_every)
+    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, warm_up, stages, record_every)
     engine = LatticeEngine(
         geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
         precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(geometry.body, perturbation, seed, range(len(designs))))
-    return _summary(designs, program, engine.run(program.program, progress), geometry, actuation, record_every)
+    return _summary(designs, program, engine.run(program.program, progress), geometry, actuation, stages, record_every)
 
 
 def differentiate(
@@ -101,6 +103,7 @@ def differentiate(
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
     warm_up: int = 0,
+    stages: int = 1,
     precision: str = "f64",
     device: str = "cpu",
     threads: int | None = None,
@@ -110,6 +113,8 @@ def differentiate(
 ) -> InflatableGradient:
     """Evaluate a batch of relaxed designs on a terrain, and differentiate the distances by the designs.
 
+    With stages, what is differentiated is the least distance of a stage, times their number.
+
     Args:
         designs: gaits of one number of columns, all or none with core pressures per column.
         terrain: flat ground by default.
@@ -117,6 +122,7 @@ def differentiate(
         actuation: see there.
         ramp_steps: see ``build_relaxed_program``.
         warm_up: see ``simulate_relaxed``.
+        stages: see there.
         precision: see ``simulate``.
         device: see there.
         threads: see there.
@@ -139,7 +145,8 @@ def differentiate(
         def tick(fraction: float, place: int = place) -> None:
             report((place + fraction) / len(groups))
 
-        build = {"terrain": terrain or Terrain(), "actuation": actuation, "ramp_steps": ramp_steps, "warm_up": warm_up}
+        build = {"terrain": terrain or Terrain(), "actuation": actuation, "ramp_steps": ramp_steps, "warm_up": warm_up,
+                 "stages": stages}  # fmt: skip
         found.append(_differentiate(group, geometry, build, memory, where, tick))
     return found[0] if len(found) == 1 else _joined(found)
 
@@ -152,13 +159,14 @@ def _differentiate(
     program, medium = build_relaxed_program(designs, **build), build["terrain"].medium
     engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, **medium, **options)
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
-    seeds = distance_cotangents(geometry.body, tape.result, program.program, np.array([d.orientation for d in designs]))
+    headings, stages = np.array([d.orientation for d in designs]), build["stages"]
+    result = _summary(designs, program, tape.result, geometry, build["actuation"], stages)
+    seeds = distance_cotangents(geometry.body, tape.result, program.program, headings, worst_stages(result))
     back = tape.pull_back(
         positions=seeds.positions, orientations=seeds.orientations, strains=seeds.strains,
         progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
     )  # fmt: skip
     gradient = program.pull_back(back.values + seeds.values, back.rates + seeds.rates)
-    result = _summary(designs, program, tape.result, geometry, build["actuation"])
     return _judged(result, gradient, seeds.headings)
 
 
@@ -169,7 +177,7 @@ def _joined(parts: list[InflatableGradient]) -> InflatableGradient:
         columns = {name: [getattr(owner, name) for owner in owners] for name in names}
         return {name: None if column[0] is None else np.concatenate(column) for name, column in columns.items()}
 
-    per_robot = ["distance", "speed", "speed_simulated", "status", "steps"]
+    per_robot = ["distance", "speed", "speed_simulated", "status", "stages", "steps"]
     result = replace(parts[0].result, **join([part.result for part in parts], per_robot))
     names = [field.name for field in fields(DesignGradient)]
     return InflatableGradient(**join(list(parts), names), result=result)
@@ -181,7 +189,7 @@ def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDes
 
 def _summary(
     designs: list[RelaxedDesign], program: RelaxedProgram, run: LatticeResult, geometry: InflatableGeometry,
-    actuation: InflatableActuation, record_every: int | None = None,
+    actuation: InflatableActuation, stages: int, record_every: int | None = None,
 ) -> InflatableResult:  # fmt: skip
     headings = np.array([d.orientation for d in designs])
     lengths = np.array([gait_steps(d.schedule, actuation) for d in designs])
@@ -189,7 +197,7 @@ def _summary(
     # A gait that takes longer than those that its speed is compared with is not faster for it.
     nominal = np.where([d.schedule.timed for d in designs], np.maximum(nominal, lengths), nominal)
     sizes = rest_sizes(geometry.body, program.program)
-    return summarise(run, program.program.snapshots, sizes, headings, nominal, geometry, record_every)
+    return summarise(run, program.program.snapshots, sizes, headings, nominal, geometry, record_every, stages)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:
@@ -210,9 +218,9 @@ class DistanceCotangents:
     """Derivatives of every robot's distance by what a run recorded; zeros for robots that diverged.
 
     Attributes:
-        positions: of the voxels, shape (B, 2, V, 3).
-        orientations: of the voxels [m], shape (B, 2, V, 4).
-        strains: of the links [m], shape (B, 2, L).
+        positions: of the voxels, shape (B, S, V, 3).
+        orientations: of the voxels [m], shape (B, S, V, 4).
+        strains: of the links [m], shape (B, S, L).
         values: of the program's events, by way of rest sizes alone, shape (E,).
         rates: of the events likewise, shape (E,).
         headings: of the robots, on the path they went [m/degree], shape (B,).
@@ -226,22 +234,34 @@ class DistanceCotangents:
     headings: Array
 
 
+def worst_stages(result: InflatableResult) -> Array:
+    """Weights of the snapshots in the least distance of a stage, times the number of stages, shape (B, N + 1)."""
+    count = result.stages.shape[1]
+    order = np.array(stage_order(count))
+    worst = np.argmin(np.nan_to_num(result.stages), axis=1)
+    rows, weights = np.arange(len(worst)), np.zeros((len(worst), count + 1))
+    weights[rows, order[worst]], weights[rows, order[worst + 1]] = -count, count
+    return weights
+
+
 def distance_cotangents(
-    body: LatticeBody, run: LatticeResult, program: LatticeProgram, headings: Array
+    body: LatticeBody, run: LatticeResult, program: LatticeProgram, headings: Array, weights: Array
 ) -> DistanceCotangents:
-    """Differentiate the distances that ``summarise`` reads off the two snapshots of a run.
+    """Differentiate the distances that ``summarise`` reads off the snapshots of a run.
 
     Args:
         body: of the robots.
         run: of the program.
-        program: its snapshots are the end of the initialisation and the end of the gait.
+        program: with S snapshots.
         headings: of the robots [degrees], shape (B,).
+        weights: with which the robot's places at the snapshots make the distance, shape (B, S): -1 for the first and 1
+            for the last, see :func:`worst_stages`.
     """
     ok = run.status == "ok"
     sizes = rest_sizes(body, program)
     travel = travel_directions(headings)
-    by_middle = np.zeros((len(ok), 2, 3))
-    by_middle[:, 0, :2], by_middle[:, 1, :2] = -travel, travel
+    by_middle = np.zeros((*weights.shape, 3))
+    by_middle[..., :2] = weights[..., None] * travel[:, None]
     by_middle = by_middle[ok]
     extents = half_extents(body, run.strains[ok], sizes[ok])
     middle = mean_of_face_corners(body, run.positions[ok], run.orientations[ok], extents)
@@ -258,7 +278,7 @@ def distance_cotangents(
     values, rates = pull_back_rest_sizes(body, program, spread(by_sizes))
     x, y = travel[ok].T
     turned = np.stack([-y, x], axis=1) * (np.pi / 180)
-    by_headings = ((middle[:, 1, :2] - middle[:, 0, :2]) * turned).sum(axis=1)
+    by_headings = ((weights[ok, :, None] * middle[..., :2]).sum(axis=1) * turned).sum(axis=1)
     return DistanceCotangents(
         spread(by_positions), spread(by_orientations), spread(by_strains), values, rates, spread(by_headings)
     )

@@ -191,6 +191,7 @@ def build_relaxed_program(
     actuation: InflatableActuation = ACTUATION,
     ramp_steps: int | None = None,
     warm_up: int = 0,
+    stages: int = 1,
     record_every: int | None = None,
 ) -> RelaxedProgram:
     """The program of a batch of relaxed designs on a terrain; snapshots as of ``build_program``.
@@ -203,6 +204,8 @@ def build_relaxed_program(
             does not depend on it. By default the published ramp, of a given rate. From 6000 steps on, the small robot
             is left as by the published one, within what noise of 1e-6 m does to it; 3000 shake it too much.
         warm_up: steps of the gait before snapshot 0: what it does first is not counted.
+        stages: snapshots between the first and the second divide the gait in so many equally long parts; they come
+            after these two.
         record_every: steps between recorded poses.
 
     Raises:
@@ -210,7 +213,7 @@ def build_relaxed_program(
     """
     parameters = Parameters.of(designs)
     ramp_steps = None if ramp_steps is None else whole_number("ramp_steps", ramp_steps, 1)
-    warm_up = whole_number("warm_up", warm_up, 0)
+    warm_up, stages = whole_number("warm_up", warm_up, 0), whole_number("stages", stages, 1)
     actuation = actuation.on(terrain)
     recorder = Recorder(len(designs), sum(parameters.sizes))
     lengths, marks = [], []
@@ -224,6 +227,7 @@ def build_relaxed_program(
         if warm_up >= steps:
             raise ValueError(f"warm_up: {warm_up} is not allowed; a gait takes {steps} steps")
         lengths.append(begin + steps)
-        _, *later = snapshot_steps(begin, begin + steps, record_every)
-        marks.append([begin + warm_up, *later])
+        _, end, *recorded = snapshot_steps(begin, begin + steps, record_every)
+        parts = [begin + warm_up + (steps - warm_up) * part // stages for part in range(stages)]
+        marks.append([parts[0], end, *parts[1:], *recorded])
     return recorder.build(lengths, marks, parameters)

@@ -91,6 +91,9 @@ def test_bladders_have_the_size_of_their_material_until_they_first_move():
     np.testing.assert_array_equal(bladder, np.broadcast_to([1.0, 1.0, QUICK.deflated], bladder.shape))
 
 
+WHOLE = np.array([[-1.0, 1.0]] * 3)  # from the first snapshot to the last
+
+
 def fake_run(seed: int):
     """A program, and a run of it that never was: random poses and strains."""
     generator, body = np.random.default_rng(seed), TINY.body
@@ -111,7 +114,7 @@ def test_cotangents_of_distances_agree_with_differences(seed):
     """In every argument in turn; those of rest sizes by way of the events."""
     generator, program, run = fake_run(seed)
     headings = generator.uniform(0, 90, 3)
-    found, h = distance_cotangents(TINY.body, run, program, headings), 1e-5
+    found, h = distance_cotangents(TINY.body, run, program, headings, WHOLE), 1e-5
     for name in ("positions", "orientations", "strains", "values", "rates", "headings"):
         gradient = getattr(found, name)
         direction = generator.normal(size=gradient.shape)
@@ -132,11 +135,11 @@ def test_cotangents_of_distances_agree_with_differences(seed):
 
 def test_a_diverged_robot_has_no_cotangents():
     _, program, run = fake_run(0)
-    whole = distance_cotangents(TINY.body, run, program, np.zeros(3))
+    whole = distance_cotangents(TINY.body, run, program, np.zeros(3), WHOLE)
     lost = dataclasses.replace(run, status=np.array(["ok", "diverged", "ok"]))
     for name in ("positions", "orientations", "strains"):
         getattr(lost, name)[1, 1] = np.nan
-    found = distance_cotangents(TINY.body, lost, program, np.zeros(3))
+    found = distance_cotangents(TINY.body, lost, program, np.zeros(3), WHOLE)
     for name in ("positions", "orientations", "strains", "headings"):
         assert (getattr(found, name)[1] == 0).all()
         assert np.array_equal(getattr(found, name)[[0, 2]], getattr(whole, name)[[0, 2]])

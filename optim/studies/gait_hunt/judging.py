@@ -61,7 +61,7 @@ def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple
 
 def in_full(problem: GaitProblem) -> GaitProblem:
     """The problem with gaits of the full length."""
-    return replace(problem, steps=None, warm_up=0)
+    return replace(problem, steps=None, warm_up=0, stages=1)
 
 
 def judge_finalists(
