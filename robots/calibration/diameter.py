@@ -1,0 +1,85 @@
+"""Width or height of the pouch over the pressure of its core."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robots.calibration.laboratory import Array, Laboratory, Trial
+from robots.inflatable import scattered
+from robots.inflatable_body import FIRST_BLADDER, SKIN_REGIONS
+from robots.inflatable_program import EVERYWHERE, initialise, weights
+from robots.rest_sizes import rest_sizes
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder, Quantity
+from taichi_sim.lattice.faces import corners, half_extents
+
+SIDES = {"width": 0, "height": 2}  # axis of each
+_RAMP, _HOLD = 10e3, 0.1  # [Pa/s], [s]: slow enough for the robot to follow
+_DAMPING = 0.05  # ratio against the world, so that it is at rest when it is measured
+
+
+@dataclass(frozen=True, eq=False)
+class Diameter:
+    """An idle robot on flat ground whose core is inflated step by step, bladders deflated.
+
+    Attributes:
+        at: core pressures [Pa], not below 0.
+        values: extents of the skin [m].
+        side: "width", across the pouch, or "height".
+        deviations: standard deviations of the extents [m], or None.
+    """
+
+    at: Array
+    values: Array
+    side: str = "width"
+    deviations: Array | None = None
+
+    axis = "core pressure [Pa]"
+    informs = ("modulus", "friction", "low_friction")
+
+    @property
+    def title(self) -> str:
+        """For tables and plots."""
+        return f"{self.side} of the pouch"
+
+    @property
+    def quantity(self) -> str:
+        """What is measured."""
+        return f"{self.side} [m]"
+
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+        """Extents of the skin at rest [m], shape (T, N)."""
+        bodies = [trial.properties.body_of(laboratory.geometry).body for trial in trials]
+        body = bodies[0]
+        engine = LatticeEngine(
+            bodies, time_step=laboratory.time_step, floor=True, precision=laboratory.precision,
+            threads=laboratory.threads,
+        )  # fmt: skip
+        replicas = [trial.replica for trial in trials]
+        engine.set_positions(scattered(body, laboratory.perturbation, laboratory.seed, replicas))
+        levels, place = np.unique(self.at, return_inverse=True)
+        program = self._program(trials, laboratory, levels)
+        run = engine.run(program)
+        extents = half_extents(body, run.strains, rest_sizes(body, program))
+        skin = corners(body, run.positions, run.orientations, extents)[:, :, body.regions < FIRST_BLADDER, :, :]
+        reach = skin[..., SIDES[self.side]]
+        found = reach.max(axis=(2, 3)) - reach.min(axis=(2, 3))
+        return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
+
+    def _program(self, trials: Sequence[Trial], laboratory: Laboratory, levels: Array) -> LatticeProgram:
+        """A ramp to every pressure and a hold, after which it is measured."""
+        builder, rate = ProgramBuilder(len(trials)), _RAMP * laboratory.time_step
+        hold = round(_HOLD / laboratory.time_step)
+        before = np.concatenate([[0.0], levels[:-1]])
+        ramps = np.rint((levels - before) / rate).astype(int)
+        measured = np.cumsum(ramps + hold)
+        for robot, trial in enumerate(trials):
+            drive = replace(laboratory.drive(trial.properties), hold_steps=hold)
+            initialise(builder, robot, float(levels[-1]), weights(Terrain(), 0.0), int(measured[-1]), drive)
+            builder.set(Quantity.GLOBAL_DAMPING, _DAMPING, regions=EVERYWHERE, robots=robot)
+        for start, level, ramp, end in zip(before, levels, ramps, measured, strict=True):
+            begin = int(end) - hold - int(ramp)
+            builder.set(Quantity.PRESSURE, start, regions=SKIN_REGIONS, step=begin, rate=rate)
+            builder.set(Quantity.PRESSURE, level, regions=SKIN_REGIONS, step=begin + int(ramp))
+        return builder.build(int(measured[-1]), np.tile(measured, (len(trials), 1)))

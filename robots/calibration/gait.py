@@ -1,0 +1,85 @@
+"""How far a gait has brought the robot."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.calibration.laboratory import Array, Laboratory, Trial
+from robots.inflatable import InflatableDesign, scattered, travel_directions
+from robots.inflatable_actuation import play
+from robots.inflatable_program import weights, write_robot
+from robots.rest_sizes import rest_sizes
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder
+from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """A robot that plays a gait on a terrain.
+
+    Attributes:
+        at: times since the gait began [s]; infinity is its end, whenever that is.
+        values: distances along the direction of travel [m]; with ``mean_speed`` those by the time [m/s].
+        design: pressure, orientation and gait.
+        name: of the gait, for people.
+        terrain: that it is on; friction is that of the properties.
+        mean_speed: whether the values are mean speeds.
+        deviations: standard deviations of the values, or None.
+    """
+
+    at: Array
+    values: Array
+    design: InflatableDesign
+    name: str = "gait"
+    terrain: Terrain = Terrain()
+    mean_speed: bool = False
+    deviations: Array | None = None
+
+    axis = "time [s]"
+    informs = ("inflation_rate", "friction", "low_friction", "modulus")
+
+    @property
+    def title(self) -> str:
+        """For tables and plots."""
+        return f"{self.name} {self.terrain.where}"
+
+    @property
+    def quantity(self) -> str:
+        """What is measured."""
+        return "mean speed [m/s]" if self.mean_speed else "distance [m]"
+
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+        """Displacements of the middle of the robot [m], or mean speeds [m/s], shape (T, N)."""
+        bodies = [trial.properties.body_of(laboratory.geometry).body for trial in trials]
+        body = bodies[0]
+        engine = LatticeEngine(
+            bodies, time_step=laboratory.time_step, **self.terrain.medium, precision=laboratory.precision,
+            threads=laboratory.threads,
+        )  # fmt: skip
+        replicas = [trial.replica for trial in trials]
+        engine.set_positions(scattered(body, laboratory.perturbation, laboratory.seed, replicas))
+        times, place = np.unique(self.at, return_inverse=True)
+        program = self._program(trials, laboratory, times)
+        run = engine.run(program)
+        extents = half_extents(body, run.strains, rest_sizes(body, program))
+        middle = mean_of_face_corners(body, run.positions, run.orientations, extents)[..., :2]
+        heading = travel_directions(np.array([self.design.orientation]))[0]
+        found = (middle[:, 1:] - middle[:, :1]) @ heading
+        if self.mean_speed:
+            found = found / (np.diff(program.snapshots[:, [0]], append=program.snapshots[:, 1:]) * laboratory.time_step)
+        return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
+
+    def _program(self, trials: Sequence[Trial], laboratory: Laboratory, times: Array) -> LatticeProgram:
+        """Robots of all properties; each ends with its gait, or with the last time."""
+        builder, marks = ProgramBuilder(len(trials)), []
+        own = weights(self.terrain, self.design.orientation)
+        for robot, trial in enumerate(trials):
+            drive = laboratory.drive(trial.properties).on(self.terrain)
+            begin = drive.initial_steps(self.design.pressure)
+            columns, steps = play(self.design.schedule, drive)
+            write_robot(builder, robot, self.design.pressure, own, self.terrain, columns, begin, drive)
+            played = np.minimum(np.rint(np.minimum(times / laboratory.time_step, steps)), steps).astype(int)
+            marks.append([begin, *(begin + played)])
+        return builder.build([mark[-1] for mark in marks], np.array(marks))

@@ -1,0 +1,107 @@
+"""Where experiments are simulated: one robot, one time step, and noise on where robots start."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.calibration.properties import BOUNDS, Properties
+from robots.inflatable_actuation import ACTUATION, InflatableActuation
+from robots.inflatable_body import PUBLISHED, InflatableGeometry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One simulation of an experiment.
+
+    Attributes:
+        properties: of the robot.
+        replica: number of the noise on its start; trials of one replica start alike.
+    """
+
+    properties: Properties
+    replica: int = 0
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """How experiments are simulated.
+
+    Attributes:
+        geometry: of the robot before its properties are fitted.
+        actuation: likewise; what it counts in steps stays as long in seconds.
+        stiffest: largest modulus that will be tried [Pa]. It sets the time step of all simulations, so that what they
+            say changes smoothly with the modulus.
+        perturbation: standard deviation of the noise on start positions [m].
+        seed: of that noise.
+        precision: "f32" or "f64".
+        threads: CPU threads; all cores by default.
+    """
+
+    geometry: InflatableGeometry = PUBLISHED
+    actuation: InflatableActuation = ACTUATION
+    stiffest: float = BOUNDS["modulus"][1]
+    perturbation: float = 1e-6
+    seed: int = 0
+    precision: str = "f32"
+    threads: int | None = None
+
+    @cached_property
+    def time_step(self) -> float:
+        """dt [s]: as long as is stable for the stiffest robot."""
+        # As 1 / sqrt(E), see LatticeBody.recommended_time_step.
+        return self.geometry.time_step * min(1.0, (self.geometry.youngs_modulus / self.stiffest) ** 0.5)
+
+    def drive(self, properties: Properties) -> InflatableActuation:
+        """How a robot of these properties is driven."""
+        return properties.drive_of(self.actuation, self.geometry.time_step, self.time_step)
+
+
+class Experiment(Protocol):
+    """What was measured in one experiment, and its simulation.
+
+    Attributes:
+        title: for tables and plots.
+        at: where it was measured, shape (N,), in the unit of ``axis``.
+        axis: quantity and unit of ``at``.
+        values: what was measured, shape (N,), in the unit of ``quantity``.
+        quantity: quantity and unit of ``values``.
+        deviations: standard deviations of ``values``, shape (N,), or None where they are not known.
+        informs: names of the properties that the values may depend on, the one that they tell best first.
+    """
+
+    @property
+    def title(self) -> str:
+        """See above."""
+
+    @property
+    def at(self) -> Array:
+        """See above."""
+
+    @property
+    def axis(self) -> str:
+        """See above."""
+
+    @property
+    def values(self) -> Array:
+        """See above."""
+
+    @property
+    def quantity(self) -> str:
+        """See above."""
+
+    @property
+    def deviations(self) -> Array | None:
+        """See above."""
+
+    @property
+    def informs(self) -> tuple[str, ...]:
+        """See above."""
+
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+        """What the simulator says of the points, shape (T, N); NaN where a simulation diverges."""

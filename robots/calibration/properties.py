@@ -1,0 +1,95 @@
+"""Properties of the inflatable robot that are tuned to a rig, and the robot that has them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from os import PathLike
+from types import MappingProxyType
+from typing import Self
+
+from robots.checks import number
+from robots.files import read_record
+from robots.inflatable_actuation import ACTUATION, InflatableActuation
+from robots.inflatable_body import PUBLISHED, InflatableGeometry
+
+CALIBRATION_FORMAT = "morpholab-calibration-1"
+# Where a fit may go unless told otherwise. The stiffest body sets the time step of all, see ``Laboratory``.
+BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"friction": (0.1, 4.0), "low_friction": (1e-3, 1.0), "modulus": (200e3, 800e3), "inflation_rate": (0.7, 12.0)}
+)
+UNITS: Mapping[str, str] = MappingProxyType(
+    {"friction": "", "low_friction": "", "modulus": "Pa", "inflation_rate": "1/s"}
+)
+
+
+@dataclass(frozen=True)
+class Properties:
+    """What a fit may change.
+
+    Attributes:
+        friction: Coulomb coefficient of skin and gripping feet on the ground, static and kinetic; bladders have a
+            third of it.
+        low_friction: the same of sliding feet.
+        modulus: Young's modulus of the skin [Pa]; that of bladders stays in proportion.
+        inflation_rate: change of a bladder's thickness [voxels per voxel per second].
+    """
+
+    friction: float
+    low_friction: float
+    modulus: float
+    inflation_rate: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = number(field.name, getattr(self, field.name), 0.0, unit=UNITS[field.name])
+            if value == 0:
+                raise ValueError(f"{field.name}: 0 is not allowed; it must be positive")
+            object.__setattr__(self, field.name, value)
+
+    @classmethod
+    def of(cls, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION) -> Self:
+        """Those of a robot as it is described."""
+        rate = actuation.inflation_rate / geometry.time_step
+        return cls(actuation.high_friction, actuation.low_friction, geometry.youngs_modulus, rate)
+
+    def body_of(self, geometry: InflatableGeometry) -> InflatableGeometry:
+        """The geometry with this modulus, bladders as much softer as before."""
+        softer = geometry.bladder_modulus / geometry.youngs_modulus
+        return replace(geometry, youngs_modulus=self.modulus, bladder_modulus=self.modulus * softer)
+
+    def drive_of(self, actuation: InflatableActuation, counted_in: float, time_step: float) -> InflatableActuation:
+        """The actuation with this friction and rate, and all that it counts in steps as long in seconds as before.
+
+        Args:
+            actuation: of the robot as it is described.
+            counted_in: time step [s] that it was described for.
+            time_step: dt [s] of the simulation.
+        """
+        ratio = time_step / counted_in
+        return replace(
+            actuation,
+            high_friction=self.friction,
+            low_friction=self.low_friction,
+            inflation_rate=self.inflation_rate * time_step,
+            pressure_ramp=actuation.pressure_ramp * ratio,
+            hold_steps=round(actuation.hold_steps / ratio),
+            settle_steps=round(actuation.settle_steps / ratio),
+        )
+
+    def robot(
+        self, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION
+    ) -> tuple[InflatableGeometry, InflatableActuation]:
+        """Geometry and actuation of the robot that has these properties, for ``robots.inflatable.simulate``."""
+        tuned = self.body_of(geometry)
+        return tuned, self.drive_of(actuation, geometry.time_step, tuned.time_step)
+
+
+NAMES = tuple(field.name for field in fields(Properties))
+
+
+def load_properties(path: str | PathLike[str]) -> Properties:
+    """The properties in a file that ``morpholab calibrate`` wrote.
+
+    Raises:
+        ValueError: in one line, naming the file and what is wrong with it.
+    """
+    return read_record(path, CALIBRATION_FORMAT, lambda record: Properties(**record["properties"]))
