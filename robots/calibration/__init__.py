@@ -1,1 +1,25 @@
 """Experiments on a rig and their simulation, so that properties of the robot can be fitted to what was measured."""
+
+from robots.calibration.diameter import Diameter
+from robots.calibration.drag import Drag
+from robots.calibration.gait import Gait
+from robots.calibration.laboratory import Experiment, Laboratory, Trial
+from robots.calibration.measurements import Measurements, read_measurements
+from robots.calibration.properties import BOUNDS, CALIBRATION_FORMAT, NAMES, UNITS, Properties, load_properties
+
+__all__ = [
+    "BOUNDS",
+    "CALIBRATION_FORMAT",
+    "NAMES",
+    "UNITS",
+    "Diameter",
+    "Drag",
+    "Experiment",
+    "Gait",
+    "Laboratory",
+    "Measurements",
+    "Properties",
+    "Trial",
+    "load_properties",
+    "read_measurements",
+]

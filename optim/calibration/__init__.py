@@ -1,0 +1,5 @@
+"""Fitting the inflatable robot's properties to measurements on a rig."""
+
+from optim.calibration.fit import Calibration, calibrate, check_names
+
+__all__ = ["Calibration", "calibrate", "check_names"]

@@ -1,0 +1,115 @@
+"""How far simulated experiments are from measured ones, as a function of the logarithms of some properties."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.calibration import Experiment, Laboratory, Properties, Trial
+
+Array = NDArray[np.float64]
+
+ASSUMED = 0.02  # standard deviation where none is given, in parts of an experiment's largest value
+DIFFERENCE = 0.03  # half width of central differences, of logarithms: wider than jumps of contacts, see docs/gradients.md
+REPLICAS = 8  # starts by whose noise the simulator's own scatter is known
+FAR_OFF = 1e3  # residual of what diverges
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The misfit at a point, and around it.
+
+    Attributes:
+        predictions: of all points, the mean of the replicas, shape (N,).
+        residuals: (prediction - measurement) / standard deviation, shape (N,).
+        slopes: derivatives of the residuals by the logarithms of the properties, shape (N, K).
+        scatter: covariance of one replica's residuals by noise on its start, shape (N, N).
+    """
+
+    predictions: Array
+    residuals: Array
+    slopes: Array
+    scatter: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Residuals of experiments.
+
+    Attributes:
+        experiments: with what was measured.
+        laboratory: in which they are simulated.
+        names: of the properties that change, K.
+        start: the other properties.
+        bounds: of all properties that change.
+        deviations: standard deviation of each point, shape (N,).
+    """
+
+    experiments: Sequence[Experiment]
+    laboratory: Laboratory
+    names: tuple[str, ...]
+    start: Properties
+    bounds: dict[str, tuple[float, float]]
+    deviations: Array
+
+    @property
+    def measured(self) -> Array:
+        """Values of all points, shape (N,)."""
+        return np.concatenate([experiment.values for experiment in self.experiments])
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Logarithms of the bounds, shape (K,) each."""
+        low, high = np.log([self.bounds[name] for name in self.names]).T
+        return low, high
+
+    def of(self, properties: Properties) -> Array:
+        """The point of some properties, kept within the bounds."""
+        low, high = self.limits
+        inside: Array = np.clip(np.log([getattr(properties, name) for name in self.names]), low, high)
+        return inside
+
+    def properties(self, point: Array) -> Properties:
+        """The properties of a point."""
+        values = np.exp(point)
+        return replace(self.start, **{name: float(v) for name, v in zip(self.names, values, strict=True)})
+
+    def predictions(self, trials: Sequence[Trial]) -> Array:
+        """Of all experiments, shape (T, N)."""
+        return np.hstack([experiment.predict(trials, self.laboratory) for experiment in self.experiments])
+
+    def costs(self, points: Array) -> Array:
+        """Sums of squares at points of shape (P, K), one replica each; infinity where a simulation diverges."""
+        found = self.predictions([Trial(self.properties(point)) for point in points])
+        squares = (((found - self.measured) / self.deviations) ** 2).sum(axis=1)
+        return np.where(np.isfinite(squares), squares, np.inf)
+
+    def linearised(self, point: Array) -> Linearised:
+        """Residuals, slopes and scatter, all simulated side by side.
+
+        Differences that a bound cuts short are those of one side, and so are those that diverge on one.
+        """
+        count, (low, high) = len(point), self.limits
+        moves = DIFFERENCE * np.concatenate([np.eye(count), -np.eye(count)])
+        points = np.clip(point + moves, low, high)
+        trials = [Trial(self.properties(point), replica) for replica in range(REPLICAS)]
+        found = self.predictions([*trials, *(Trial(self.properties(moved)) for moved in points)])
+        here, around = np.split(found, [REPLICAS])
+        gone = ~np.isfinite(around).all(axis=1)
+        points[gone], around[gone] = point, here[0]
+        rise = (around[:count] - around[count:]) / self.deviations
+        widths = np.diag(points[:count] - points[count:])
+        slopes = np.divide(rise.T, widths, out=np.zeros_like(rise.T), where=(widths > 0) & np.isfinite(rise.T))
+        middle = here.mean(axis=0)
+        scatter = np.cov((here / self.deviations).T).reshape(len(middle), -1)
+        residuals = np.nan_to_num((middle - self.measured) / self.deviations, nan=FAR_OFF)
+        return Linearised(middle, residuals, slopes, np.nan_to_num(scatter))
+
+
+def deviations_of(experiments: Sequence[Experiment]) -> tuple[Array, NDArray[np.bool_]]:
+    """Standard deviations of all points, shape (N,), and which of them are given, not assumed."""
+    assumed = [np.full(len(e.values), ASSUMED * np.abs(e.values).max()) for e in experiments]
+    used = [a if e.deviations is None else e.deviations for a, e in zip(assumed, experiments, strict=True)]
+    given = [np.full(len(e.values), e.deviations is not None) for e in experiments]
+    return np.concatenate(used), np.concatenate(given)

@@ -1,0 +1,35 @@
+"""Measurements of a robot whose properties are known, to try a calibration on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from robots.calibration.diameter import Diameter
+from robots.calibration.drag import Drag
+from robots.calibration.gait import Gait
+from robots.calibration.laboratory import Array, Experiment, Laboratory, Trial
+from robots.calibration.properties import Properties
+from robots.inflatable import INCHING
+
+TRUTH = Properties(friction=1.3, low_friction=0.15, modulus=480e3, inflation_rate=2.0)
+NOISE = 0.02  # relative standard deviation of every value
+_START = 1000  # replica that the example is: its start is noisy in its own way
+
+
+def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, noise: float = NOISE) -> list[Experiment]:
+    """Two drags, heights of the pouch, and the first seconds of the inching gait, measured with Gaussian noise."""
+    displacements, pressures = np.arange(2.5, 21.0, 2.5) * 1e-3, np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0]) * 1e3
+    times = np.arange(0.3, 2.5, 0.3)
+    planned: list[Drag | Diameter | Gait] = [
+        Drag(displacements, np.zeros_like(displacements), 0.5),
+        Drag(displacements, np.zeros_like(displacements), 0.5, grips=False),
+        Diameter(pressures, np.zeros_like(pressures), "height"),
+        Gait(times, np.zeros_like(times), INCHING, "inching"),
+    ]
+    rng, measured = np.random.default_rng(seed), []
+    for experiment in planned:
+        exact = experiment.predict([Trial(truth, _START)], laboratory)[0]
+        measured.append(replace(experiment, values=exact * (1 + noise * rng.standard_normal(len(exact)))))
+    return list(measured)
