@@ -1,16 +1,16 @@
 """Weighted least squares of the inflatable robot's properties to experiments on a rig.
 
-Contact makes a misfit rugged far from its minimum, so what an experiment tells best is looked for there first, one kind
-of experiment after the other: friction in dragged feet, the modulus in diameters, the inflation rate in gaits. Each look
-goes over all of the bounds, then closer. From there all properties go down together on all data, by SciPy's trust region
-reflective method (Branch, Coleman & Li, SIAM Journal on Scientific Computing 21, 1999). Properties are positive and
-searched as logarithms. Derivatives are central differences whose robots are simulated side by side with the others of the
-step. The lattice's reverse mode would not help: the rate acts through the steps at which a bladder arrives, and friction
-through switches, which it does not differentiate.
+Contact makes a misfit rugged far from its minimum, so what an experiment tells best is looked for there first, one
+kind of experiment after the other: friction in dragged feet, the modulus in diameters, the inflation rate in gaits.
+Each look goes over all of the bounds, then closer. From there all properties go down together on all data, by SciPy's
+trust region reflective method (Branch, Coleman & Li, SIAM Journal on Scientific Computing 21, 1999). Properties are
+positive and searched as logarithms. Derivatives are central differences whose robots are simulated side by side with
+the others of the step. The lattice's reverse mode would not help: the rate acts through the steps at which a bladder
+arrives, and friction through switches, which it does not differentiate.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -175,27 +175,26 @@ class _Search:
         misfit = self.misfit(self.experiments, self.names, at)
         low, high = misfit.limits
         point = np.clip(misfit.of(at), low + _INSIDE, high - _INSIDE)
-        known, given = deviations_of(self.experiments)
-        scatter = np.diag(_simulated(misfit, point).scatter)
-        misfit = replace(misfit, deviations=known * np.sqrt(1 + (1 + 1 / REPLICAS) * scatter))
-        seen: dict[bytes, Linearised] = {}
+        first = _simulated(misfit, point)
+        factors = 1 / np.sqrt(1 + (1 + 1 / REPLICAS) * np.diag(first.scatter))
+        seen = {point.tobytes(): first.weighted(factors)}
 
         def around(x: Array) -> Linearised:
             if x.tobytes() not in seen:
-                seen[x.tobytes()] = misfit.linearised(x)
+                seen[x.tobytes()] = misfit.linearised(x).weighted(factors)
                 self.told(0.6 + 0.4 * len(seen) / (_STEPS + 1), f"all: {_listed(self.names, misfit.properties(x))}")
             return seen[x.tobytes()]
 
         end = least_squares(lambda x: around(x).residuals, point, jac=lambda x: around(x).slopes, bounds=(low, high),
                             xtol=1e-3, ftol=1e-4, max_nfev=_STEPS).x  # fmt: skip
-        found, first = around(end), misfit.predictions([Trial(before)])[0]
-        sizes = [float(np.sqrt(np.mean(((p - misfit.measured) / misfit.deviations) ** 2)))
-                 for p in (first, found.predictions)]  # fmt: skip
+        found, began = around(end), misfit.predictions([Trial(before)])[0]
+        predictions = np.array([began, found.predictions])
+        misses = np.sqrt(np.mean(((predictions - misfit.measured) / misfit.deviations * factors) ** 2, axis=1))
         near = np.minimum(end - low, high - end) < _NEAR_BOUND
+        given = deviations_of(self.experiments)[1]
         return Calibration(
-            before, misfit.properties(end), self.names,
-            uncertainty(found, given, (known / misfit.deviations) ** 2), np.array([first, found.predictions]),
-            (sizes[0], sizes[1]), tuple(name for name, flag in zip(self.names, near, strict=True) if flag),
+            before, misfit.properties(end), self.names, uncertainty(found, given, factors**2), predictions, (float(misses[0]), float(misses[1])),
+            tuple(name for name, flag in zip(self.names, near, strict=True) if flag),
         )  # fmt: skip
 
 

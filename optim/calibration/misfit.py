@@ -11,7 +11,7 @@ from robots.calibration import Experiment, Laboratory, Properties, Trial
 Array = NDArray[np.float64]
 
 ASSUMED = 0.02  # standard deviation where none is given, in parts of an experiment's largest value
-DIFFERENCE = 0.03  # half width of central differences, of logarithms: wider than jumps of contacts, see docs/gradients.md
+DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
 REPLICAS = 8  # starts by whose noise the simulator's own scatter is known
 FAR_OFF = 1e3  # residual of what diverges
 
@@ -31,6 +31,11 @@ class Linearised:
     residuals: Array
     slopes: Array
     scatter: Array
+
+    def weighted(self, factors: Array) -> "Linearised":
+        """The same in other standard deviations: residuals times factors of shape (N,)."""
+        scatter = self.scatter * np.outer(factors, factors)
+        return Linearised(self.predictions, self.residuals * factors, self.slopes * factors[:, None], scatter)
 
 
 @dataclass(frozen=True, eq=False)

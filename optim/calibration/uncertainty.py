@@ -1,8 +1,8 @@
 """How sure fitted properties are.
 
-Standard errors of weighted nonlinear least squares (Seber & Wild, "Nonlinear Regression", 1989, ch. 2 and 5), for errors
-that are known in part only: the noise of the measurement, and what contact makes of a start that no one knows to a
-micrometre, correlated along a track.
+Standard errors of weighted nonlinear least squares (Seber & Wild, "Nonlinear Regression", 1989, ch. 2 and 5), for
+errors of two kinds: the noise of the measurement, and what contact makes of a start that no one knows to a micrometre,
+which is correlated along a track.
 """
 
 from dataclasses import dataclass

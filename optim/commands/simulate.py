@@ -71,6 +71,12 @@ def add_parser(commands: Any) -> None:
         metavar="DIR",
         help="new folder for design.json, result.json, gait.csv and robot.png",
     )
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
+    )
     options.add_robot(parser, precision="f64")
     options.add_json(parser)
     parser.set_defaults(run=run)
@@ -94,11 +100,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.terrain is not None and args.slope is not None:
         raise ValueError(f"slope: {args.slope:g} is not allowed beside --terrain {args.terrain.name}; give one of them")
     terrain = args.terrain or Terrain(args.slope or 0.0)
-    geometry, weight = args.geometry or "published", args.weight or "published"
-    robot: dict[str, Any] = {
-        "geometry": inflatable.NAMED_GEOMETRIES[geometry],
-        "actuation": inflatable.InflatableActuation(weight=weight),
-    }
+    robot, geometry, weight = _robot(args)
     title = f"{args.gait} {terrain.where}"
     with shown_progress(title, 1.0) as update:
         result = inflatable.simulate(
@@ -123,6 +125,7 @@ def run(args: argparse.Namespace) -> Report:
         "repeats": design.schedule.repeats,
         "geometry": geometry,
         "weight": weight,
+        **({} if args.calibration is None else {"calibration": str(args.calibration)}),
         "status": str(result.status[0]),
         "steps": int(result.steps[0]),
         **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
@@ -137,6 +140,23 @@ def run(args: argparse.Namespace) -> Report:
             f"(published convention; {numbers['speed_simulated']:.4f} in the time simulated)"
         )
     return Report(document, text, FAILED if failed else 0)
+
+
+def _robot(args: argparse.Namespace) -> tuple[dict[str, Any], str, str]:
+    """Geometry and actuation, and the names of the geometry and of how bladders weigh."""
+    from robots import inflatable
+
+    weight = args.weight or "published"
+    actuation, properties, own = inflatable.InflatableActuation(weight=weight), None, "published"
+    if args.calibration is not None:
+        from robots.calibration import load_calibration
+
+        properties, own = load_calibration(args.calibration)
+    name = args.geometry or own
+    geometry = inflatable.NAMED_GEOMETRIES[name]
+    if properties is not None:
+        geometry, actuation = properties.robot(geometry, actuation)
+    return {"geometry": geometry, "actuation": actuation}, name, weight
 
 
 def _write(

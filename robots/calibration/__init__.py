@@ -4,8 +4,8 @@ from robots.calibration.diameter import Diameter
 from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Experiment, Laboratory, Trial
-from robots.calibration.measurements import Measurements, read_measurements
-from robots.calibration.properties import BOUNDS, CALIBRATION_FORMAT, NAMES, UNITS, Properties, load_properties
+from robots.calibration.measurements import Measurements, read_measurements, write_measurements
+from robots.calibration.properties import BOUNDS, CALIBRATION_FORMAT, NAMES, UNITS, Properties, load_calibration
 
 __all__ = [
     "BOUNDS",
@@ -20,6 +20,7 @@ __all__ = [
     "Measurements",
     "Properties",
     "Trial",
-    "load_properties",
+    "load_calibration",
     "read_measurements",
+    "write_measurements",
 ]

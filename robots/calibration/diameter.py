@@ -62,7 +62,7 @@ class Diameter:
         program = self._program(trials, laboratory, levels)
         run = engine.run(program)
         extents = half_extents(body, run.strains, rest_sizes(body, program))
-        skin = corners(body, run.positions, run.orientations, extents)[:, :, body.regions < FIRST_BLADDER, :, :]
+        skin = corners(body, run.positions, run.orientations, extents)[:, :, np.asarray(body.regions) < FIRST_BLADDER]
         reach = skin[..., SIDES[self.side]]
         found = reach.max(axis=(2, 3)) - reach.min(axis=(2, 3))
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)

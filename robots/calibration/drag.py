@@ -10,7 +10,7 @@ from robots.calibration.properties import Properties
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 
 LENGTH, WIDTH = 6, 3  # of the strip of skin, in voxels
-_SETTLING, _DRAGGING = 1000, 60_000  # steps
+_SETTLING, _DRAGGING = 500, 20_000  # steps
 _DAMPING = 1e-3  # ratio against the world: it ends the ringing, and is a thousandth of usual forces
 
 

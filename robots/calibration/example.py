@@ -20,8 +20,8 @@ _START = 1000  # replica that the example is: its start is noisy in its own way
 
 def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, noise: float = NOISE) -> list[Experiment]:
     """Two drags, heights of the pouch, and the first seconds of the inching gait, measured with Gaussian noise."""
-    displacements, pressures = np.arange(2.5, 21.0, 2.5) * 1e-3, np.array([1.0, 2.0, 3.0, 4.0, 6.0, 8.0]) * 1e3
-    times = np.arange(0.3, 2.5, 0.3)
+    displacements, pressures = np.arange(2.5, 21.0, 2.5) * 1e-3, np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e3
+    times = np.arange(0.25, 1.9, 0.25)
     planned: list[Drag | Diameter | Gait] = [
         Drag(displacements, np.zeros_like(displacements), 0.5),
         Drag(displacements, np.zeros_like(displacements), 0.5, grips=False),

@@ -15,7 +15,7 @@ from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Array, Experiment
 from robots.checks import number, whole_number
-from robots.files import read_text
+from robots.files import read_text, write_text
 from robots.inflatable import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, InflatableDesign
 from robots.terrain import Terrain
 
@@ -203,3 +203,33 @@ def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
     design = load_gait(name, *cut)
     pressure = table.single("pressure", 0.0) if table.has("pressure") else design.pressure
     return replace(design, pressure=pressure, orientation=table.plain("orientation_deg", design.orientation))
+
+
+def write_measurements(path: str | os.PathLike[str], geometry: str, experiments: Sequence[Experiment]) -> None:
+    """Write a file that :func:`read_measurements` reads; gaits by the names that they have."""
+    parts = [f'geometry = "{geometry}"']
+    for experiment in experiments:
+        if isinstance(experiment, Drag):
+            foot = "grips" if experiment.grips else "slides"
+            lines = [f'foot = "{foot}"', f"load_n = {experiment.load:g}", _line("displacement_mm", experiment.at)]
+            kind, value = "drag", "force_n"
+        elif isinstance(experiment, Diameter):
+            lines = [_line("pressure_kpa", experiment.at)]
+            kind, value = "diameter", f"{experiment.side}_mm"
+        else:
+            assert isinstance(experiment, Gait)
+            lines = [f'gait = "{experiment.name}"', f'terrain = "{experiment.terrain.name}"']
+            lines += [_line("time_s", experiment.at)] if np.isfinite(experiment.at).all() else []
+            kind, value = "gait", "speed_mm_per_s" if experiment.mean_speed else "distance_mm"
+        lines.append(_line(value, experiment.values))
+        if experiment.deviations is not None:
+            quantity, _, unit = value.partition("_")
+            lines.append(_line(f"{quantity}_sd_{unit}", experiment.deviations))
+        parts.append("\n".join([f"[[{kind}]]", *lines]))
+    write_text(path, "\n\n".join(parts) + "\n")
+
+
+def _line(column: str, values: Array) -> str:
+    quantity, _, unit = column.replace("_sd", "").partition("_")
+    numbers = ", ".join(f"{value / UNITS[quantity][unit]:.6g}" for value in values)
+    return f"{column} = [{numbers}]"

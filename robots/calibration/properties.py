@@ -86,10 +86,12 @@ class Properties:
 NAMES = tuple(field.name for field in fields(Properties))
 
 
-def load_properties(path: str | PathLike[str]) -> Properties:
-    """The properties in a file that ``morpholab calibrate`` wrote.
+def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
+    """The properties in a file that ``morpholab calibrate`` wrote, and the name of the geometry that they belong to.
 
     Raises:
         ValueError: in one line, naming the file and what is wrong with it.
     """
-    return read_record(path, CALIBRATION_FORMAT, lambda record: Properties(**record["properties"]))
+    return read_record(
+        path, CALIBRATION_FORMAT, lambda record: (Properties(**record["properties"]), record["geometry"])
+    )

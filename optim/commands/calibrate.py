@@ -1,0 +1,134 @@
+"""``morpholab calibrate``: the inflatable robot's properties, fitted to what was measured on a rig."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optim.commands import Report, options
+from optim.commands.progress import shown_progress
+
+if TYPE_CHECKING:
+    from robots.inflatable import InflatableDesign
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "calibrate",
+        help="fit friction, modulus and inflation rate to a rig",
+        description="Fit properties of the inflatable robot to measurements: dragged feet, diameters of the pouch, "
+        "gaits; see docs/calibration.md.",
+    )
+    parser.add_argument("data", nargs="?", type=Path, metavar="DATA", help="file of measurements (TOML)")
+    parser.add_argument(
+        "--fit", metavar="NAMES", help="of friction, low_friction, modulus, inflation_rate (default: all that the "
+        "experiments are made for)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bounds", action="append", default=[], metavar="NAME=LOW:HIGH",
+        help="of a property, such as modulus=200e3:800e3 (Pa) or inflation_rate=0.5:8 (1/s); may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, metavar="DIR", help="new folder for calibration.json and calibration.png")
+    parser.add_argument(
+        "--example", type=Path, metavar="FILE", help="write measurements of a robot of known properties instead, with "
+        "2 %% noise",
+    )  # fmt: skip
+    parser.add_argument(
+        "--geometry",
+        choices=("published", "small"),
+        help="of the example's robot (default: small); a file names its own",
+    )
+    parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="of all noise (default: 0)")
+    parser.add_argument("--precision", choices=("f32", "f64"), default="f32", help="of the numbers (default: f32)")
+    parser.add_argument("--threads", type=options.whole(1), metavar="N", help="CPU threads (default: all)")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    options.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Fit, or write the example."""
+    if (args.data is None) == (args.example is None):
+        raise ValueError("data: give either a file of measurements, or --example FILE to write one")
+    return _write_example(args) if args.data is None else _fit(args)
+
+
+def _write_example(args: argparse.Namespace) -> Report:
+    from robots.calibration import Laboratory, write_measurements
+    from robots.calibration.example import TRUTH, example
+    from robots.files import new_path
+    from robots.inflatable import NAMED_GEOMETRIES
+
+    path, geometry = new_path(args.example), args.geometry or "small"
+    laboratory = Laboratory(NAMED_GEOMETRIES[geometry], precision=args.precision, threads=args.threads)
+    with shown_progress("simulating the experiments", 1.0, args.quiet):
+        write_measurements(path, geometry, example(laboratory, args.seed))
+    truth = ", ".join(f"{name} {value:g}" for name, value in vars(TRUTH).items())
+    return Report({"file": str(path), "geometry": geometry, "truth": vars(TRUTH)}, f"{path}: measurements of {truth}")
+
+
+def _fit(args: argparse.Namespace) -> Report:
+    from optim.calibration import calibrate, check_names, document, table
+    from robots.calibration import CALIBRATION_FORMAT, Laboratory, read_measurements
+    from robots.files import write_record
+    from robots.inflatable import NAMED_GEOMETRIES
+
+    if args.geometry is not None:
+        raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
+    if args.out is not None and args.out.exists() and not (args.out.is_dir() and not any(args.out.iterdir())):
+        raise ValueError(f"out: {args.out} exists and is not empty; name a new folder")
+    found = read_measurements(args.data, lambda *gait: _load(args.data.parent, *gait))
+    names, bounds = _names(args.fit, found.experiments), _bounds(args.bounds)
+    check_names(found.experiments, names)
+    geometry = NAMED_GEOMETRIES[found.geometry]
+    stiffest = bounds["modulus"][1] if "modulus" in names else geometry.youngs_modulus
+    laboratory = Laboratory(
+        geometry, stiffest=stiffest, seed=args.seed, precision=args.precision, threads=args.threads
+    )  # fmt: skip
+    with shown_progress("fit", 1.0, args.quiet) as update:
+        result = calibrate(found.experiments, laboratory, names, bounds, update)
+    record, text = document(result, found.geometry), table(result)
+    if args.out is not None:
+        from optim.plots.calibration import save_calibration
+
+        args.out.mkdir(parents=True, exist_ok=True)
+        write_record(args.out / "calibration.json", CALIBRATION_FORMAT, record)
+        save_calibration(found.experiments, result.predictions, args.out / "calibration.png")
+        text += f"\n{args.out}: calibration.json, calibration.png"
+    return Report(record, text)
+
+
+def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> "InflatableDesign":
+    """A gait of a file of measurements; names of files are relative to its folder."""
+    from dataclasses import replace
+
+    design = options.load_gait(name if name in options.GAITS else str(folder / name))
+    return replace(design, schedule=options.cut(design.schedule, columns, repeats))
+
+
+def _names(text: str | None, experiments: Sequence[Any]) -> tuple[str, ...]:
+    from robots.calibration import NAMES
+
+    if text is not None:
+        return tuple(part.strip() for part in text.split(","))
+    made_for = {experiment.informs[0] for experiment in experiments}
+    return tuple(name for name in NAMES if name in made_for)
+
+
+def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    from robots.calibration import BOUNDS
+
+    bounds = dict(BOUNDS)
+    for text in texts:
+        name, _, interval = text.partition("=")
+        if name not in BOUNDS:
+            raise ValueError(f"bounds: {name!r} is unknown; choose of {', '.join(BOUNDS)}")
+        try:
+            low, high = map(float, interval.split(":"))
+        except ValueError:
+            low = high = 0.0
+        if not 0 < low < high < float("inf"):
+            raise ValueError(f"bounds: {text!r} is not allowed; give {name}=LOW:HIGH, both positive")
+        bounds[name] = low, high
+    return bounds
