@@ -23,7 +23,7 @@ from robots.calibration import BOUNDS, NAMES, Diameter, Drag, Experiment, Gait, 
 KINDS = (Drag, Diameter, Gait)  # in the order in which they are looked at
 LOOK = 16  # robots side by side, see docs/performance.md
 _STEPS = 8  # evaluations of the joint fit
-_INSIDE = 1e-9  # between bounds and where SciPy may begin
+_INSIDE = 1e-6  # between bounds and where SciPy may begin
 _NEAR_BOUND = 0.01  # of the logarithm
 
 
@@ -193,7 +193,8 @@ class _Search:
         near = np.minimum(end - low, high - end) < _NEAR_BOUND
         given = deviations_of(self.experiments)[1]
         return Calibration(
-            before, misfit.properties(end), self.names, uncertainty(found, given, factors**2), predictions, (float(misses[0]), float(misses[1])),
+            before, misfit.properties(end), self.names, uncertainty(found, given, factors**2), predictions,
+            (float(misses[0]), float(misses[1])),
             tuple(name for name, flag in zip(self.names, near, strict=True) if flag),
         )  # fmt: skip
 

@@ -37,7 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--geometry",
         choices=("published", "small"),
-        help="of the example's robot (default: small); a file names its own",
+        help="of the example's robot (default: small); files name theirs",
     )
     parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="of all noise (default: 0)")
     parser.add_argument("--precision", choices=("f32", "f64"), default="f32", help="of the numbers (default: f32)")

@@ -10,8 +10,8 @@ from robots.calibration.properties import Properties
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 
 LENGTH, WIDTH = 6, 3  # of the strip of skin, in voxels
-_SETTLING, _DRAGGING = 500, 20_000  # steps
-_DAMPING = 1e-3  # ratio against the world: it ends the ringing, and is a thousandth of usual forces
+_SETTLING, _DRAGGING = 500, 10_000  # steps
+_DAMPING = 1e-4  # ratio against the world: less than a thousandth of usual forces
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,26 +1,25 @@
 """Measurements of a robot whose properties are known, to try a calibration on."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
 from robots.calibration.diameter import Diameter
 from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
-from robots.calibration.laboratory import Array, Experiment, Laboratory, Trial
+from robots.calibration.laboratory import Experiment, Laboratory, Trial
 from robots.calibration.properties import Properties
 from robots.inflatable import INCHING
 
 TRUTH = Properties(friction=1.3, low_friction=0.15, modulus=480e3, inflation_rate=2.0)
 NOISE = 0.02  # relative standard deviation of every value
+READINGS = 3  # at each pressure
 _START = 1000  # replica that the example is: its start is noisy in its own way
 
 
 def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, noise: float = NOISE) -> list[Experiment]:
     """Two drags, heights of the pouch, and the first seconds of the inching gait, measured with Gaussian noise."""
-    displacements, pressures = np.arange(2.5, 21.0, 2.5) * 1e-3, np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e3
+    displacements, pressures = np.arange(2.5, 21.0, 2.5) * 1e-3, np.repeat(np.arange(2e3, 7e3, 1e3), READINGS)
     times = np.arange(0.25, 1.9, 0.25)
     planned: list[Drag | Diameter | Gait] = [
         Drag(displacements, np.zeros_like(displacements), 0.5),

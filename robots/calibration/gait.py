@@ -1,7 +1,7 @@
 """How far a gait has brought the robot."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,12 +33,16 @@ class Gait:
     values: Array
     design: InflatableDesign
     name: str = "gait"
-    terrain: Terrain = Terrain()
+    terrain: Terrain = field(default_factory=Terrain)
     mean_speed: bool = False
     deviations: Array | None = None
 
     axis = "time [s]"
-    informs = ("inflation_rate", "friction", "low_friction", "modulus")
+
+    @property
+    def informs(self) -> tuple[str, ...]:
+        """The rate by when it moves; there is no friction in a fluid."""
+        return ("inflation_rate", *(() if self.terrain.is_fluid else ("friction", "low_friction")), "modulus")
 
     @property
     def title(self) -> str:

@@ -171,7 +171,7 @@ def _diameter(table: _Table) -> Diameter:
     values, deviations = table.measured(sides[0], at)
     table.done()
     for pressure in at:
-        number(f"{table.where}: pressure", float(pressure), 0.0, MAXIMUM_PRESSURE, "Pa")
+        number(f"{table.where}: pressure", round(float(pressure), 6), 0.0, MAXIMUM_PRESSURE, "Pa")
     return Diameter(at, values, sides[0], deviations)
 
 

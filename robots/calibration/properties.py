@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from os import PathLike
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 from robots.checks import number
 from robots.files import read_record
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
-from robots.inflatable_body import PUBLISHED, InflatableGeometry
+from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
 
 CALIBRATION_FORMAT = "morpholab-calibration-1"
 # Where a fit may go unless told otherwise. The stiffest body sets the time step of all, see ``Laboratory``.
@@ -92,6 +92,10 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
     Raises:
         ValueError: in one line, naming the file and what is wrong with it.
     """
-    return read_record(
-        path, CALIBRATION_FORMAT, lambda record: (Properties(**record["properties"]), record["geometry"])
-    )
+    return read_record(path, CALIBRATION_FORMAT, _calibration)
+
+
+def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
+    if (name := record["geometry"]) not in NAMED_GEOMETRIES:
+        raise ValueError(f"geometry: {name!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+    return Properties(**record["properties"]), name
