@@ -12,7 +12,7 @@ from robots.calibration.properties import Properties
 from robots.inflatable import INCHING
 
 TRUTH = Properties(friction=1.3, low_friction=0.15, modulus=480e3, inflation_rate=2.0)
-NOISE = 0.02  # relative standard deviation of every value
+NOISE = 0.02  # standard deviation, in parts of the root mean square of an experiment's values
 READINGS = 3  # at each pressure
 _START = 1000  # replica that the example is: its start is noisy in its own way
 
@@ -30,5 +30,7 @@ def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, no
     rng, measured = np.random.default_rng(seed), []
     for experiment in planned:
         exact = experiment.predict([Trial(truth, _START)], laboratory)[0]
-        measured.append(replace(experiment, values=exact * (1 + noise * rng.standard_normal(len(exact)))))
+        deviations = np.full(len(exact), noise * np.sqrt(np.mean(exact**2)))
+        values = exact + deviations * rng.standard_normal(len(exact))
+        measured.append(replace(experiment, values=values, deviations=deviations))
     return list(measured)

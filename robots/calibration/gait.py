@@ -72,7 +72,7 @@ class Gait:
         heading = travel_directions(np.array([self.design.orientation]))[0]
         found = (middle[:, 1:] - middle[:, :1]) @ heading
         if self.mean_speed:
-            found = found / (np.diff(program.snapshots[:, [0]], append=program.snapshots[:, 1:]) * laboratory.time_step)
+            found = found / ((program.snapshots[:, 1:] - program.snapshots[:, :1]) * laboratory.time_step)
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
 
     def _program(self, trials: Sequence[Trial], laboratory: Laboratory, times: Array) -> LatticeProgram:
