@@ -307,6 +307,7 @@ foot = "slides"
 load_n = 0.5
 displacement_mm = [2, 4, 6, 8]
 force_n = [0.101, 0.099, 0.1, 0.1]
+force_sd_n = 0.002
 """
 
 
@@ -359,3 +360,15 @@ def test_bad_lines_are_one_line(morpholab, tmp_path, line, message):
     (tmp_path / "wrong.json").write_text('{"format": "morpholab-calibration-1", "geometry": "large"}')
     code, out, error = morpholab(line)
     assert (code, out) == (2, "") and error.count("\n") == 1 and f"error: {message}" in error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_the_example_gives_its_truth_back(morpholab, tmp_path, seed):
+    code, out, _ = morpholab(f"calibrate --example rig.toml --seed {seed} --quiet --json")
+    truth = json.loads(out)["truth"]
+    assert code == 0 and set(truth) == set(NAMES)
+    code, out, _ = morpholab("calibrate rig.toml --quiet --json")
+    assert code == 0
+    for name, found in json.loads(out)["fitted"].items():
+        assert found["after"] == pytest.approx(truth[name], rel=0.05)
