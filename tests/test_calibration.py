@@ -32,7 +32,7 @@ QUICK = InflatableActuation(
 )
 BENCH = Laboratory(TINY, QUICK, stiffest=600e3, threads=1)
 TRUE = Properties(friction=0.7, low_friction=0.15, modulus=330e3, inflation_rate=8.0)
-NEAR = BOUNDS | {"modulus": (200e3, 600e3), "inflation_rate": (4.0, 16.0)}
+NEAR = BOUNDS | {"modulus": (200e3, 600e3)}
 STEP = dataclasses.replace(INCHING, schedule=GaitSchedule(INCHING.schedule.bits[:, :2], 1))
 
 
@@ -42,7 +42,7 @@ def drag(friction=0.6, load=0.5, grips=True, points=6):
     return Drag(at, np.full(points, friction * load), load, grips)
 
 
-def noisy(experiments, seed, noise=0.003):
+def noisy(experiments, seed, noise=0.002):
     rng = np.random.default_rng(seed)
     measured = []
     for experiment in experiments:
@@ -110,17 +110,16 @@ def test_a_gait_goes_as_simulate_says():
 # fit
 
 
-def test_every_property_is_recovered_from_noisy_measurements():
-    exact = [
-        drag(), drag(grips=False),
-        Diameter(np.array([500.0, 1e3, 1.5e3, 2e3]), np.ones(4), "height"),
-        Gait(np.linspace(0.05, 0.4, 8), np.ones(8), STEP),
-    ]  # fmt: skip
-    found = calibrate(noisy(exact, 1), BENCH, bounds=NEAR)
-    assert found.names == NAMES and not found.at_bound
-    for name in NAMES:
+def test_friction_and_modulus_are_recovered_from_noisy_measurements():
+    """The rate needs a robot that inches, see the slow test below."""
+    names = ("friction", "low_friction", "modulus")
+    pouch = Diameter(np.array([500.0, 1e3, 1.5e3, 2e3]), np.ones(4), "height")
+    found = calibrate(noisy([drag(), drag(grips=False), pouch], 1), BENCH, names, NEAR)
+    assert found.names == names and not found.at_bound
+    for name in names:
         assert getattr(found.after, name) == pytest.approx(getattr(TRUE, name), rel=0.05)
-    assert found.misfit[1] < 2 < found.misfit[0]
+    assert found.after.inflation_rate == found.before.inflation_rate
+    assert found.misfit[1] < 1 < found.misfit[0]
     assert np.diag(found.uncertainty.correlation) == pytest.approx(1.0)
     record = document(found, "small")
     assert record["warnings"] == [] and json.loads(json.dumps(record)) == record
