@@ -47,14 +47,14 @@ def warnings(found: Calibration) -> list[str]:
 
 def table(found: Calibration) -> str:
     """Properties, intervals and correlations in columns, then warnings."""
-    rows = [f"{'property':<16}{'before':>10}{'after':>10}{'error':>8}  {'95 % interval':<22}{'correlation'}"]
+    rows = [f"{'property':<16}{'before':>10}{'after':>10}{'error':>8}  {'95 % interval':<26}{'correlation'}"]
     for row, (name, error, (low, high)) in enumerate(
         zip(found.names, found.uncertainty.errors, found.intervals, strict=True)
     ):
         before, after = (f"{getattr(p, name):.4g}" for p in (found.before, found.after))
         interval = f"{low:.4g} to {high:.4g} {UNITS[name]}"
         others = " ".join(f"{value:5.2f}" for value in found.uncertainty.correlation[row, : row + 1])
-        rows.append(f"{name:<16}{before:>10}{after:>10}{100 * error:>6.1f} %  {interval:<22}{others}")
+        rows.append(f"{name:<16}{before:>10}{after:>10}{100 * error:>6.1f} %  {interval:<26}{others}")
     rows.append(f"residuals (root mean square): {found.misfit[0]:.3g} standard deviations before, "
                 f"{found.misfit[1]:.3g} after")  # fmt: skip
     return "\n".join(rows + [f"warning: {line}" for line in warnings(found)])
