@@ -19,7 +19,7 @@ from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, SMALL, Inflatabl
 from robots.inflatable_program import build_program
 from robots.rest_sizes import rest_sizes
 from robots.schedule import GaitSchedule
-from robots.terrain import Terrain
+from robots.terrain import Terrain, one_each
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
@@ -162,7 +162,7 @@ def predicted_steps(
 
 def simulate(
     designs: Sequence[InflatableDesign] | InflatableDesign,
-    terrain: Terrain | None = None,
+    terrain: Terrain | Sequence[Terrain] | None = None,
     *,
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
@@ -179,7 +179,7 @@ def simulate(
 
     Args:
         designs: one design or several; one is a batch of one.
-        terrain: flat ground by default.
+        terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         precision: "f32" or "f64".
@@ -198,7 +198,7 @@ def simulate(
     designs = [designs] if isinstance(designs, InflatableDesign) else list(designs)
     if not designs or not all(isinstance(d, InflatableDesign) for d in designs):
         raise ValueError("designs: give at least one InflatableDesign")
-    terrain = terrain or Terrain()
+    terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     seed = whole_number("seed", seed, 0)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
@@ -206,12 +206,12 @@ def simulate(
     order = np.argsort([predicted_steps(d, geometry, actuation) for d in designs], kind="stable")
     body = geometry.body
     engine = LatticeEngine(
-        body, len(designs), time_step=geometry.time_step, **terrain.medium,
+        body, len(designs), time_step=geometry.time_step, **terrains[0].medium,
         device=device, precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(body, perturbation, seed, order))
-    program = build_program([designs[i] for i in order], terrain, actuation, record_every)
+    program = build_program([designs[i] for i in order], [terrains[i] for i in order], actuation, record_every)
     run = engine.run(program, progress)
     back = np.argsort(order)
     run = LatticeResult(*(getattr(run, f)[back] for f in ("status", "steps", "positions", "orientations", "strains")))

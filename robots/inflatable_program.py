@@ -21,7 +21,7 @@ from robots.inflatable_body import (
     SKIN_REGIONS,
 )
 from robots.schedule import GaitSchedule
-from robots.terrain import Terrain
+from robots.terrain import Terrain, one_each
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -88,23 +88,23 @@ def immerse(builder: Any, terrain: Terrain, **where: Any) -> None:
 
 def build_program(
     designs: Sequence[Design],
-    terrain: Terrain,
+    terrain: Terrain | Sequence[Terrain],
     actuation: InflatableActuation = ACTUATION,
     record_every: int | None = None,
 ) -> LatticeProgram:
-    """The program of a batch of designs on a terrain.
+    """The program of a batch of designs on a terrain, or on one each.
 
     Snapshot 0 is the end of the initialisation, snapshot 1 the end of the gait; with ``record_every`` the poses every
     so many steps from the end of the initialisation follow.
     """
-    actuation = actuation.on(terrain)
     builder = ProgramBuilder(len(designs))
     lengths, marks = [], []
-    for robot, design in enumerate(designs):
-        begin = actuation.initial_steps(design.pressure)
-        columns, steps = play(design.schedule, actuation)
-        own = weights(terrain, design.orientation)
-        write_robot(builder, robot, design.pressure, own, terrain, columns, begin, actuation)
+    for robot, (design, ground) in enumerate(zip(designs, one_each(terrain, len(designs)), strict=True)):
+        driven = actuation.on(ground)
+        begin = driven.initial_steps(design.pressure)
+        columns, steps = play(design.schedule, driven)
+        own = weights(ground, design.orientation)
+        write_robot(builder, robot, design.pressure, own, ground, columns, begin, driven)
         lengths.append(begin + steps)
         marks.append(snapshot_steps(begin, begin + steps, record_every))
     return builder.build(lengths, snapshot_table(marks))

@@ -1,5 +1,6 @@
 """What a robot moves on, or swims in."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self, TypedDict
 
@@ -105,3 +106,19 @@ class Terrain:
         except ValueError:
             raise ValueError(f'terrain: {text!r} is unknown; give "flat", "hill:15" (degrees) or "water"') from None
         return cls(slope)
+
+
+def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
+    """The terrain of each of ``count`` robots of a batch: one for all, or one each, with the same around all of them.
+
+    Raises:
+        ValueError: in one line, for another number of terrains, or ground for some and a fluid for others.
+    """
+    if isinstance(terrain, Terrain):
+        return [terrain] * count
+    terrains = list(terrain)
+    if len(terrains) != count:
+        raise ValueError(f"terrain: {len(terrains)} are not allowed for {count} designs; give one, or one each")
+    if len({each.is_fluid for each in terrains}) > 1:
+        raise ValueError("terrain: ground and a fluid are not allowed in one batch; give a batch for either")
+    return terrains

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from robots import inflatable
+from robots.terrain import one_each
 
 
 class Simulator:
@@ -23,11 +24,13 @@ class Simulator:
             raise KeyboardInterrupt
         if progress:
             progress(0.5)
-        failed = np.array([self.diverges(design, terrain) for design in designs])
+        terrains = one_each(terrain, len(designs))
+        failed = np.array([self.diverges(design, ground) for design, ground in zip(designs, terrains, strict=True)])
         bits = np.array([design.schedule.bits.mean() for design in designs])
         pressure = np.array([design.pressure / 12e3 for design in designs])
         orientation = np.array([design.orientation / 90 for design in designs])
-        speed = np.where(failed, np.nan, bits * pressure - abs(orientation - terrain.slope / 20))
+        slope = np.array([ground.slope for ground in terrains])
+        speed = np.where(failed, np.nan, bits * pressure - abs(orientation - slope / 20))
         steps = np.array([inflatable.predicted_steps(design) for design in designs])
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")

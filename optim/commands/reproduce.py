@@ -19,7 +19,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("study", nargs="?", metavar="STUDY", help="its name")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results")
     parser.add_argument(
-        "--budget", choices=("small", "full"), default="small", help="to see that it works, or all (default: small)"
+        "--budget",
+        choices=("small", "medium", "full"),
+        default="small",
+        help="to see that it works (default); about an hour, of studies of the soft robot that take days; or all",
     )
     parser.add_argument(
         "--sweep", type=Path, metavar="DIR", help="folder of a sweep, of studies that read bodies from one"

@@ -3,7 +3,8 @@
 Sources: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical Power
 Analysis, 2nd ed. 1988 (d); Mann & Whitney, Annals of Mathematical Statistics 18, 1947; Efron & Tibshirani, An
 Introduction to the Bootstrap, 1993, ch. 13 (percentile intervals); Holm, Scandinavian J. of Statistics 6, 1979;
-Fisher, Metron 1, 1921 (interval of a correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks).
+Fisher, Metron 1, 1921 (interval of a correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks); Welch,
+Biometrika 34, 1947; Wilson, J. of the American Statistical Association 22, 1927.
 """
 
 from collections.abc import Sequence
@@ -59,6 +60,21 @@ class Correlation:
     p: float
 
 
+@dataclass(frozen=True)
+class WelchTest:
+    """Whether the means of two samples differ, whose variances may.
+
+    Attributes:
+        t: the statistic, positive where the second mean is larger; None where nothing varies.
+        freedom: degrees of freedom by Welch and Satterthwaite; None likewise.
+        p: two-sided; 1 where nothing varies and the means are equal, 0 where they are not.
+    """
+
+    t: float | None
+    freedom: float | None
+    p: float
+
+
 def superiority(a: ArrayLike, b: ArrayLike) -> float:
     """A12: the probability that a value of b exceeds one of a, ties counted half."""
     pairs = np.asarray(b, float)[:, None] - np.asarray(a, float)[None, :]
@@ -83,6 +99,33 @@ def mann_whitney(
     from scipy.stats import mannwhitneyu  # slow to import
 
     return float(mannwhitneyu(a, b, alternative=alternative, method=method).pvalue)
+
+
+def welch(a: ArrayLike, b: ArrayLike) -> WelchTest:
+    """Welch's t-test of samples a and b, each with at least two finite values.
+
+    Raises:
+        ValueError: in one line, for fewer values.
+    """
+    from scipy.stats import ttest_ind  # slow to import
+
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    for name, sample in (("a", a), ("b", b)):
+        if sample.ndim != 1 or len(sample) < 2 or not np.isfinite(sample).all():
+            raise ValueError(f"{name}: {len(sample)} values are not allowed; give at least 2 finite ones")
+    if not (np.ptp(a) or np.ptp(b)):
+        return WelchTest(None, None, float(a[0] == b[0]))
+    found = ttest_ind(b, a, equal_var=False)
+    return WelchTest(float(found.statistic), float(found.df), float(found.pvalue))
+
+
+def wilson(successes: int, trials: int) -> tuple[float, float]:
+    """Two-sided 95 % score interval of a share: of so many successes in at least one trial."""
+    z, n = NormalDist().inv_cdf(0.975), float(trials)
+    share = successes / n
+    centre = (share + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * float(np.sqrt(share * (1 - share) / n + z * z / (4 * n * n)))
+    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 def pearson(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:

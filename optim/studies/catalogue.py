@@ -33,7 +33,7 @@ class Item:
 
         Args:
             folder: new, or that of the same study.
-            budget: ``"small"``, to see that it works, or ``"full"``.
+            budget: ``"small"``, to see that it works, ``"full"``, or ``"medium"``, where the study has that.
             progress: called with the fraction done.
             given: ``sweep_folder``, where the study takes it.
         """
@@ -121,6 +121,18 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "the search for the two-wheel vehicle's base body: distance from the light against effort of its drives",
             "rover_pre_optimisation",
             ("summary.json", "rover-fronts.csv", "rover-pre-optimisation.png"),
+        ),
+        "shape-change": Item(
+            "chapter 5, table of simulation results and figure of searches",
+            "searches for gaits on flat ground and up a hill, with shape, orientation and control free or fixed",
+            "shape_change.study",
+            ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", "runs"),
+        ),
+        "friction-sweeps": Item(
+            "chapter 5, figure of friction, d and e",
+            "inching on flat ground with other friction of sliding and gripping feet",
+            "shape_change.friction",
+            ("friction.md", "friction.csv", "friction.png", "summary.json"),
         ),
     }
 )

@@ -12,12 +12,12 @@ from robots.results_folder import ResultsFolder
 
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[float], None] | None
-Budget = Literal["small", "full"]  # to see that a study works, or all of it
+Budget = Literal["small", "medium", "full"]  # to see that a study works; about an hour, where offered; all of it
 _Settings = TypeVar("_Settings")
 
 
 def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
-    """The settings of a study that go with a budget; a one-line ValueError for an unknown one."""
+    """The settings of a study that go with a budget; a one-line ValueError for one that it does not have."""
     for name, settings in scales.items():
         if name == budget:
             return settings

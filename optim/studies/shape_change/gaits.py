@@ -1,0 +1,123 @@
+"""Gaits on terrains, each played by several copies of the robot: contact makes long runs chaotic.
+
+Where the copies agree, their mean is the speed of the gait; where they spread, contact decides between outcomes, and
+any single run, a published one too, is one draw of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.search.method import check_whole
+from robots import inflatable
+from robots.checks import number
+from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
+
+Floats = NDArray[np.float64]
+START_NOISE = 1e-8  # m
+MOST_COPIES = 1000
+
+
+@dataclass(frozen=True)
+class Case:
+    """A gait on a terrain."""
+
+    design: InflatableDesign
+    terrain: Terrain
+
+    def describe(self) -> dict[str, Any]:
+        """All of it; fits JSON."""
+        schedule = self.design.schedule
+        return {
+            "pressure": self.design.pressure,
+            "orientation": self.design.orientation,
+            "schedule": schedule.to_text(),
+            "repeats": schedule.repeats,
+            "terrain": {name: value for name, value in asdict(self.terrain).items() if value is not None},
+        }
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What plays the gaits, and how it is simulated.
+
+    Attributes:
+        geometry: shape and materials.
+        actuation: rates, timing and friction.
+        precision: ``"f32"`` or ``"f64"``.
+        copies: of each gait.
+        noise: standard deviation of the noise on the start positions [m].
+        seed: of the noise.
+    """
+
+    geometry: InflatableGeometry = PUBLISHED
+    actuation: InflatableActuation = ACTUATION
+    precision: str = "f64"
+    copies: int = 8
+    noise: float = START_NOISE
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_whole("copies", self.copies, 1, MOST_COPIES)
+        check_whole("seed", self.seed, 0)
+        number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
+
+    def describe(self) -> dict[str, Any]:
+        """All of it; fits JSON."""
+        return asdict(self)
+
+    def speeds(
+        self,
+        cases: Sequence[Case],
+        threads: int | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Floats:
+        """Play all cases as one batch.
+
+        Returns:
+            Speeds by the published convention [body lengths/s], shape (cases, copies); NaN of copies that diverged.
+        """
+        each = [case for case in cases for _ in range(self.copies)]
+        result = inflatable.simulate(
+            [case.design for case in each], [case.terrain for case in each], geometry=self.geometry,
+            actuation=self.actuation, precision=self.precision, perturbation=self.noise, seed=self.seed,
+            threads=threads, progress=progress,
+        )  # fmt: skip
+        return np.asarray(result.speed, float).reshape(len(cases), self.copies)
+
+
+def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:
+    """The same design, its columns played so often."""
+    return replace(design, schedule=GaitSchedule(design.schedule.bits, repeats))
+
+
+def spread(speeds: ArrayLike) -> dict[str, float | int | None]:
+    """Mean, standard deviation and range of copies, shape (copies,), and how many of them diverged.
+
+    What too few are left to tell is None.
+    """
+    speeds = np.asarray(speeds, float)
+    valid = speeds[~np.isnan(speeds)]
+    return {
+        "mean": float(valid.mean()) if valid.size else None,
+        "deviation": float(valid.std(ddof=1)) if valid.size > 1 else None,
+        "lowest": float(valid.min()) if valid.size else None,
+        "highest": float(valid.max()) if valid.size else None,
+        "copies": int(speeds.size),
+        "diverged": int(speeds.size - valid.size),
+    }
+
+
+def shown(speeds: Mapping[str, float | int | None]) -> str:
+    """A :func:`spread` as text, such as ``0.0603 ± 0.0002``."""
+    if speeds["mean"] is None:
+        return "all diverged"
+    text = f"{speeds['mean']:.4f}"
+    if speeds["deviation"] is not None:
+        text += f" ± {speeds['deviation']:.4f}"
+    return f"{text} ({speeds['diverged']} of {speeds['copies']} diverged)" if speeds["diverged"] else text
