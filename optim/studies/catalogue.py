@@ -134,5 +134,23 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "shape_change.friction",
             ("friction.md", "friction.csv", "friction.png", "summary.json"),
         ),
+        "slope-sweep": Item(
+            "chapter 5, transition of gaits",
+            "rolling and inching up slopes, and the slope at which inching overtakes",
+            "shape_change.slopes",
+            ("slopes.md", "slopes.csv", "slopes.png", "summary.json"),
+        ),
+        "hand-gait-sensitivity": Item(
+            "chapter 5, discussion of the simulator's parameters",
+            "whether rolling and inching survive other moduli, densities, time steps, pressures and voxels",
+            "shape_change.sensitivity",
+            ("sensitivity.md", "sensitivity.csv", "sensitivity.png", "summary.json"),
+        ),
+        "soft-robot-metrics": Item(
+            "chapters 4 and 6, metrics of complex robots",
+            "learnability and interference of shapes and orientations of the soft robot, by sampled gaits",
+            "shape_change.metrics",
+            ("metrics.csv", "metrics.png", "summary.json"),
+        ),
     }
 )

@@ -1,0 +1,160 @@
+"""Learnability and interference of the soft robot: shapes and orientations, by what sampled gaits do in them.
+
+Source: Powers 2021 dissertation, chapters 4 and 6: M_L and M_CI, found in vehicles, are proposed for complex robots,
+too. There a body is a place of sensors and a controller two weights; here a body is a core pressure and an orientation,
+a controller is a gait, and the environments are flat ground and a hill.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.measures.overlap import interference, learnability
+from optim.measures.statistics import spearman, wilson
+from optim.search.method import check_whole
+from optim.studies.results import Budget, Progress, kept, part_of, scale_of, write_json
+from optim.studies.shape_change.gaits import Case, Floats, Robot
+from optim.studies.shape_change.metrics_figure import draw
+from optim.studies.tables import write_table
+from robots.checks import number
+from robots.inflatable import InflatableDesign
+from robots.results_folder import ResultsFolder
+from robots.schedule import ROWS, GaitSchedule
+from robots.terrain import Terrain
+
+KIND = "soft-robot-metrics"
+ONE_RUN = Robot(precision="f32", copies=1, noise=0.0)
+COLUMNS = 8  # of a gait, played twice, as published
+# Least speed on flat ground and on the hill that counts as success [BL/s]. For measure: inching has 0.06 and 0.02, the
+# mean of searched gaits 0.09 and 0.00, and a robot that slides back by 0.01 has lost a fifth of its length in the end.
+THRESHOLDS = {"lenient": (0.01, -0.01), "climbing": (0.02, 0.0), "strict": (0.05, 0.005)}
+HEADER = ("pressure", "orientation", "threshold", "flat_least", "hill_least", "gaits", "failed", "flat", "hill", "both",
+          "M_L", "M_L_low", "M_L_high", "M_CI", "M_CI_low", "M_CI_high")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SoftRobotMetrics:
+    """Settings.
+
+    Attributes:
+        pressures: of the core [Pa], ascending.
+        orientations: [degrees], ascending.
+        gaits: sampled, the same ones in every body: every frequency and offset of every actuator equally likely.
+        slope: of the hill [degrees].
+        seed: of the sample.
+        robot: how it is simulated; one copy, without noise.
+    """
+
+    pressures: tuple[float, ...] = (0.0, 3e3, 6e3, 9e3, 12e3)
+    orientations: tuple[float, ...] = (0.0, 22.5, 45.0, 67.5, 90.0)
+    gaits: int = 512
+    slope: float = 15.0
+    seed: int = 1
+    robot: Robot = ONE_RUN
+
+    def __post_init__(self) -> None:
+        check_whole("gaits", self.gaits, 1, 100_000)
+        check_whole("seed", self.seed, 0)
+        object.__setattr__(self, "slope", number("slope", Terrain(self.slope).slope, 0.1, 45.0, "degrees"))
+        for name in ("pressures", "orientations"):
+            values = getattr(self, name)
+            if not values or np.any(np.diff(values) <= 0):
+                raise ValueError(f"{name}: {values} are not allowed; give at least one, ascending")
+        for pressure, orientation in self.bodies:
+            InflatableDesign(
+                pressure, orientation, GaitSchedule(np.zeros((ROWS, COLUMNS), bool))
+            )  # refuses what is not allowed
+
+    @property
+    def bodies(self) -> list[tuple[float, float]]:
+        """Pressure and orientation of each body."""
+        return [(pressure, orientation) for pressure in self.pressures for orientation in self.orientations]
+
+    @property
+    def schedules(self) -> list[GaitSchedule]:
+        """The gaits."""
+        codes = np.random.default_rng(self.seed).integers(0, COLUMNS, (self.gaits, 2, ROWS), endpoint=True)
+        return [GaitSchedule.from_codes(f, phi, COLUMNS) for f, phi in codes]
+
+
+SCALES: dict[Budget, SoftRobotMetrics] = {
+    "small": SoftRobotMetrics((0.0, 12e3), (0.0, 90.0), gaits=32),
+    "medium": SoftRobotMetrics((0.0, 6e3, 12e3), (0.0, 45.0, 90.0), gaits=128),
+    "full": SoftRobotMetrics(),
+}
+
+
+def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
+    """M_L and M_CI of a grid of bodies: a table, heat maps. Resumable by body.
+
+    Args:
+        folder: takes the results.
+        budget: ``"small"`` (4 bodies, 32 gaits), ``"medium"`` (9, 128) or ``"full"`` (25, 512).
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: in one line, for an unknown budget or a folder of something else.
+    """
+    study(folder, scale_of(budget, SCALES), progress)
+
+
+def study(
+    folder: Path, settings: SoftRobotMetrics, progress: Progress = None, threads: int | None = None
+) -> dict[str, Any]:
+    """The same with any settings; returns what ``summary.json`` holds. More bodies may follow in the same folder."""
+    about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
+    parts = ResultsFolder(folder, KIND, {**about, "robot": settings.robot.describe()})
+    found = []
+    for index, body in enumerate(settings.bodies):
+        report = part_of(progress, index, len(settings.bodies))
+        compute = lambda body=body, report=report: {"speeds": speeds_of(settings, body, threads, report)}  # noqa: E731
+        found.append(kept(parts, f"body_{body[0]:g}_{body[1]:g}", compute)["speeds"])
+    rows = rows_of(settings.bodies, np.array(found))
+    write_table(folder / "metrics.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
+    summary = {**about, "thresholds": THRESHOLDS, "correlations": correlations(rows), "rows": rows}
+    write_json(folder / "summary.json", summary)
+    draw(rows, folder / "metrics.png")
+    return summary
+
+
+def speeds_of(settings: SoftRobotMetrics, body: tuple[float, float], threads: int | None, progress: Progress) -> Floats:
+    """Speeds of all gaits in a body, on flat ground and on the hill, shape (2, gaits); NaN of those that diverged."""
+    designs = [InflatableDesign(*body, schedule) for schedule in settings.schedules]
+    cases = [Case(design, terrain) for terrain in (Terrain(), Terrain(settings.slope)) for design in designs]
+    return settings.robot.speeds(cases, threads, progress)[:, 0].reshape(2, len(designs))
+
+
+def solved(speeds: Floats, least: tuple[float, float]) -> NDArray[np.int64]:
+    """In how many environments each gait succeeds, shape (..., gaits), of speeds of shape (..., 2, gaits)."""
+    return (np.nan_to_num(speeds, nan=-np.inf) >= np.array(least)[:, None]).sum(axis=-2)
+
+
+def rows_of(bodies: Sequence[tuple[float, float]], speeds: Floats) -> list[dict[str, Any]]:
+    """A row for each threshold and body, of speeds of shape (bodies, 2, gaits); intervals are 95 % (Wilson)."""
+    rows = []
+    for name, least in THRESHOLDS.items():
+        counts = solved(speeds, least)
+        for (pressure, orientation), here, count in zip(bodies, speeds, counts, strict=True):
+            succeeds = np.nan_to_num(here, nan=-np.inf) >= np.array(least)[:, None]
+            both, either = int((count == 2).sum()), int((count >= 1).sum())
+            easy, resists = wilson(both, len(count)), wilson(both, either) if either else (0.0, 1.0)
+            values = (
+                pressure, orientation, name, *least, len(count), int(np.isnan(here).any(axis=0).sum()),
+                *succeeds.sum(axis=1).tolist(), both, float(learnability(count[None], 2)), *easy,
+                float(interference(count[None], 2)), *resists,
+            )  # fmt: skip
+            rows.append(dict(zip(HEADER, values, strict=True)))
+    return rows
+
+
+def correlations(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """How M_L and M_CI go together over the bodies, by threshold (Spearman); they did in vehicles."""
+    found = {}
+    for name in THRESHOLDS:
+        here = [row for row in rows if row["threshold"] == name]
+        found[name] = asdict(spearman([row["M_L"] for row in here], [row["M_CI"] for row in here], "two-sided"))
+    return found
