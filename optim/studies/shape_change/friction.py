@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
-from optim.studies.results import Budget, Progress, kept, scale_of, write_json
-from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, spread
+from optim.studies.results import Budget, Progress, scale_of, write_json
+from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
 from optim.studies.shape_change.published import FRICTION
 from optim.studies.tables import write_table
 from robots.files import write_text
@@ -67,7 +67,7 @@ SCALES: Mapping[Budget, FrictionSweeps] = {
 
 
 def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """Both sweeps with 2 copies a point (``"small"``) or 8 (``"full"``): a table and a figure. Resumable when done.
+    """Both sweeps with 2 copies a point (``"small"``) or 8 (``"full"``): a table and a figure. Resumable.
 
     Args:
         folder: takes the results.
@@ -86,9 +86,7 @@ def study(
     """The same with any settings; returns what ``summary.json`` holds."""
     cases = settings.cases
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
-    kept_parts = ResultsFolder(folder, KIND, about)
-    compute = lambda: {"speeds": settings.robot.speeds(cases, threads, progress)}  # noqa: E731
-    speeds = kept(kept_parts, "speeds", compute)["speeds"]
+    speeds = speeds_in_parts(settings.robot, cases, ResultsFolder(folder, KIND, about), threads, progress)
     rows = rows_of(settings, speeds)
     write_table(folder / "friction.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
     write_text(folder / "friction.md", page(rows))

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
 from optim.studies.figures import COLOURS, COLUMN, figure, legend_above
-from optim.studies.results import Budget, Progress, kept, part_of, scale_of, write_json
-from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, spread
+from optim.studies.results import Budget, Progress, scale_of, write_json
+from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
 from optim.studies.tables import write_table
 from robots.files import write_text
 from robots.inflatable import INCHING, ROLLING
@@ -25,7 +25,6 @@ from robots.terrain import Terrain
 
 KIND = "slope-sweep"
 GAITS = {"rolling": ROLLING, "inching": INCHING}
-BATCH = 16  # robots of a part of the study at least, to fill the lanes of two threads
 HEADER = ("slope", "gait", "mean", "deviation", "lowest", "highest", "copies", "diverged")
 
 
@@ -46,12 +45,6 @@ class SlopeSweep:
         if len(slopes) < 2 or np.any(np.diff(slopes) <= 0):
             raise ValueError(f"slopes: {self.slopes} are not allowed; give at least two, ascending")
         object.__setattr__(self, "slopes", tuple(slopes))
-
-    @property
-    def parts(self) -> list[tuple[float, ...]]:
-        """The slopes that are one batch each."""
-        size = max(1, BATCH // (len(GAITS) * self.robot.copies))
-        return [self.slopes[n : n + size] for n in range(0, len(self.slopes), size)]
 
 
 SCALES: dict[Budget, SlopeSweep] = {
@@ -77,13 +70,9 @@ def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """The same with any settings; returns what ``summary.json`` holds."""
     parts = ResultsFolder(folder, KIND, {"slopes": settings.slopes, "robot": settings.robot.describe()})
-    found = []
-    for number, slopes in enumerate(settings.parts):
-        cases = [Case(design, Terrain(slope)) for slope in slopes for design in GAITS.values()]
-        report = part_of(progress, number, len(settings.parts))
-        compute = lambda cases=cases, report=report: {"speeds": settings.robot.speeds(cases, threads, report)}  # noqa: E731
-        found.append(kept(parts, f"slopes_{number}", compute)["speeds"])
-    speeds = np.concatenate(found).reshape(len(settings.slopes), len(GAITS), settings.robot.copies)
+    cases = [Case(design, Terrain(slope)) for slope in settings.slopes for design in GAITS.values()]
+    found = speeds_in_parts(settings.robot, cases, parts, threads, progress)
+    speeds = found.reshape(len(settings.slopes), len(GAITS), settings.robot.copies)
     rows = [
         {"slope": slope, "gait": gait, **spread(copies)}
         for slope, both in zip(settings.slopes, speeds, strict=True)
