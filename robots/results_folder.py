@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.files import read_text, write_bytes, write_text
+from robots.files import ASIDE, read_text, write_bytes, write_text
 
 
 class ResultsFolder:
@@ -40,7 +40,7 @@ class ResultsFolder:
                 article = "an" if kind[0] in "aeiou" else "a"
                 raise ValueError(f"out: {path} holds {article} {kind} of other settings; name another folder")
             return
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        if path.exists() and (not path.is_dir() or any(not each.name.startswith(ASIDE) for each in path.iterdir())):
             raise ValueError(f"out: {path} holds something else; name a new folder")
         try:
             path.mkdir(parents=True, exist_ok=True)

@@ -172,6 +172,19 @@ def test_perturbation_is_seeded_per_robot():
     assert not np.array_equal(simulate([design] * 3, seed=1, **options).distance, three)
 
 
+def test_robots_of_a_batch_on_terrains_of_their_own_do_as_in_batches_of_their_own():
+    design = InflatableDesign(600.0, 20.0, GaitSchedule(np.eye(10, 2), repeats=1))
+    terrains = [Terrain(10.0), Terrain(), Terrain(high_friction=1.0, low_friction=0.5)]
+    where = {"geometry": TINY, "actuation": QUICK, "threads": 1}
+    together = simulate([design] * 3, terrains, **where)
+    alone = [simulate(design, terrain, **where).distance[0] for terrain in terrains]
+    assert together.distance.tolist() == alone and len(set(alone)) == 3
+    with pytest.raises(ValueError, match="terrain: 2 are not allowed for 3 designs; give one, or one each"):
+        simulate([design] * 3, terrains[:2], **where)
+    with pytest.raises(ValueError, match="terrain: ground and a fluid are not allowed in one batch"):
+        simulate([design] * 2, [Terrain(), Terrain.water()], **where)
+
+
 def test_designs_survive_the_disk(tmp_path):
     path = tmp_path / "design.json"
     save_design(INCHING, path)

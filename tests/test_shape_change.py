@@ -82,6 +82,8 @@ def test_the_best_designs_are_simulated_again_and_on_the_other_terrain(studied, 
 
 def test_a_study_goes_on_after_any_interruption_to_the_same_bytes(studied, simulator, tmp_path):
     folder, _ = studied
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b/.aside-table.md.123").write_text("what a kill left of a write")
     attempts, done = 0, False
     while not done:
         simulator.calls.clear()
@@ -113,7 +115,7 @@ def test_more_generations_go_on_in_the_same_folder_but_not_fewer(studied):
     assert shape_change.study(folder, more)["rows"][0]["generations"] == 2
     with pytest.raises(ValueError, match="generations: 1 is below the 2 of the run"):
         shape_change.study(folder, QUICK)
-    with pytest.raises(ValueError, match="holds a played of other settings"):
+    with pytest.raises(ValueError, match="holds a comparison of other settings"):
         shape_change.study(folder, ShapeChange(climbers=4, generations=2))
 
 

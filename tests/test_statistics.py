@@ -8,6 +8,7 @@ from scipy import stats
 
 from optim.measures.statistics import (
     Correlation,
+    WelchTest,
     bonferroni,
     bootstrap_means,
     cohens_d,
@@ -18,6 +19,8 @@ from optim.measures.statistics import (
     pearson,
     spearman,
     superiority,
+    welch,
+    wilson,
 )
 
 samples = st.lists(st.integers(-5, 5).map(float), min_size=2, max_size=8)
@@ -142,3 +145,24 @@ def test_samples_that_are_no_pairs_of_numbers_are_refused(correlate):
         correlate([1.0, 2.0, 3.0], [1.0, 2.0], "less")
     with pytest.raises(ValueError, match="y: nan is not allowed; give finite numbers"):
         correlate([1.0, 2.0, 3.0], [1.0, np.nan, 2.0], "less")
+
+
+def test_welch_by_hand():
+    """Means 2 and 4.5, variances 1 and 1.6667, of 3 and 4 values."""
+    found = welch([1.0, 2.0, 3.0], [3.0, 4.0, 5.0, 6.0])
+    variance = 1 / 3 + (5 / 3) / 4
+    assert found.t == pytest.approx(2.5 / np.sqrt(variance))
+    assert found.freedom == pytest.approx(variance**2 / ((1 / 3) ** 2 / 2 + ((5 / 3) / 4) ** 2 / 3))
+    assert found.p == pytest.approx(2 * stats.t.sf(found.t, found.freedom))
+    assert welch([1.0, 1.0], [1.0, 1.0]) == WelchTest(None, None, 1.0)
+    assert welch([1.0, 1.0], [2.0, 2.0]).p == 0.0
+    with pytest.raises(ValueError, match="a: 1 values are not allowed; give at least 2 finite ones"):
+        welch([1.0], [1.0, 2.0])
+
+
+def test_score_intervals_of_shares():
+    """Against SciPy, and a published case: 0 of 10."""
+    for successes, trials in ((0, 10), (3, 10), (10, 10), (57, 128)):
+        expected = stats.binomtest(successes, trials).proportion_ci(method="wilson")
+        assert wilson(successes, trials) == pytest.approx((expected.low, expected.high), abs=1e-12)
+    assert wilson(0, 10)[1] == pytest.approx(0.2775, abs=1e-4)

@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
-from robots.files import write_text
+from robots.files import ASIDE, write_text
 from robots.results_folder import ResultsFolder
 
 Arrays = dict[str, NDArray[Any]]
@@ -34,7 +34,11 @@ def check_folder(folder: Path, names: Collection[str]) -> None:
     Raises:
         ValueError: in one line, for a file, or a folder that holds anything else.
     """
-    if folder.exists() and (not folder.is_dir() or any(path.name not in names for path in folder.iterdir())):
+
+    def other(path: Path) -> bool:
+        return path.name not in names and not path.name.startswith(ASIDE)  # what a kill left of a write
+
+    if folder.exists() and (not folder.is_dir() or any(map(other, folder.iterdir()))):
         raise ValueError(f"out: {folder} holds something else; name a new folder")
 
 

@@ -13,7 +13,7 @@ from optim.studies.shape_change.gaits import Case, Floats, Robot, repeated
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.results_folder import ResultsFolder
 
-KIND = "played"
+KIND = "comparison"
 BY_HAND = {"rolling by hand": ROLLING, "inching by hand": INCHING}
 PLACES = (FLAT, HILL)
 

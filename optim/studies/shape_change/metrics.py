@@ -115,7 +115,12 @@ def study(
         found.append(kept(parts, f"body_{body[0]:g}_{body[1]:g}", compute)["speeds"])
     rows = rows_of(settings.bodies, np.array(found))
     write_table(folder / "metrics.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
-    summary = {**about, "thresholds": THRESHOLDS, "correlations": correlations(rows), "rows": rows}
+    summary = {
+        **about,
+        "thresholds": {name: list(least) for name, least in THRESHOLDS.items()},
+        "correlations": correlations(rows),
+        "rows": rows,
+    }
     write_json(folder / "summary.json", summary)
     draw(rows, folder / "metrics.png")
     return summary

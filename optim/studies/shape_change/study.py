@@ -49,12 +49,11 @@ def study(folder: Path, settings: ShapeChange, progress: Progress = None, thread
         summary["seconds"] = costs.total()
         write_tables(summary, folder)
         write_json(folder / "summary.json", summary)
+        write_curves(summary, folder / "curves.png")
         return summary
 
     search(settings, folder / RUNS, costs, lambda: write(Played(by_hand)), threads,
            part_of(progress, BEFORE, total, SEARCHES))  # fmt: skip
     found = read(settings, folder / RUNS)
     rest = part_of(progress, BEFORE + SEARCHES, total, AFTER)
-    summary = write(play_found(settings, found, by_hand, beside, costs, threads, rest))
-    write_curves(summary, folder / "curves.png")
-    return summary
+    return write(play_found(settings, found, by_hand, beside, costs, threads, rest))

@@ -76,7 +76,9 @@ def with_pressure(factor: float) -> Variant:
     pressure = FULL_PRESSURE * factor
     if not 0 < pressure <= MAXIMUM_PRESSURE:
         most = MAXIMUM_PRESSURE / FULL_PRESSURE
-        raise ValueError(f"pressure: a factor of {factor:g} is not allowed; give a positive one, at most {most:g}")
+        raise ValueError(
+            f"maximum pressure: a factor of {factor:g} is not allowed; give a positive one, at most {most:g}"
+        )
     return Variant(actuation=replace(ACTUATION, round_pressure=pressure), pressure=pressure)
 
 
