@@ -82,7 +82,7 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
 
 def test_budgets_that_there_are_not_are_refused(tmp_path):
     for item in CATALOGUE.values():
-        with pytest.raises(ValueError, match="budget: 'huge' is unknown; choose one of small, (medium, )?full"):
+        with pytest.raises(ValueError, match=r"budget: 'huge' is unknown; choose one of small, (medium, )?full"):
             item.run(tmp_path / "a", "huge")
     assert not (tmp_path / "a").exists()
     with pytest.raises(ValueError, match="runs: 1 is not allowed; give a whole number, at least 2"):
