@@ -130,7 +130,7 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
     for row in rows:
         away = row["deviation_from_published"]
         lines.append(f"| {row['sweep']} | {row['low']:g} | {row['high']:g} | {shown(row)} | {row['published']:.4f} | "
-                     f"{'–' if away is None else f'{away:+.4f}'} |")  # fmt: skip
+                     f"{'–' if away is None else f'{round(away, 4) + 0.0:+.4f}'} |")  # fmt: skip
     if worst := largest_deviation(rows):
         lines += ["", f"Largest difference: {worst['speed']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
                   f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}."]  # fmt: skip
