@@ -165,7 +165,8 @@ def test_the_picture_of_a_robot_that_diverged():
     frames.positions[3:] = np.nan
     nothing = np.array([np.nan])
     status = np.array(["diverged"])
-    result = InflatableResult(nothing, nothing, nothing, status, nothing[:, None], np.array([50]), 1e-4, frames, TINY.body)
+    numbers = nothing, nothing, nothing, status, nothing[:, None], np.array([50])
+    result = InflatableResult(*numbers, 1e-4, frames, TINY.body)
     figure = motion_picture(result, ROLLING, Terrain())
     assert figure.texts[0].get_text().startswith("diverged on flat ground")
     assert len(figure.axes[0].texts) == 3 + 1  # the poses before, and the scale bar

@@ -211,6 +211,6 @@ def read(settings: ShapeChange, folder: Path) -> dict[str, Found]:
         if (result := read_result(history, problem)) is None:
             continue
         scores = np.array([generation.scores for generation in history.generations], float)
-        designs = tuple(problem.design(point) for point in result.points)
+        designs = tuple(d for d in map(problem.design, result.points) if isinstance(d, InflatableDesign))
         found[experiment.name] = Found(scores, designs, history.generations[-1].evaluations)
     return found
