@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above
 from robots.calibration import Experiment
 
+HANDY = {"[m]": ("[mm]", 1e3), "[m/s]": ("[mm/s]", 1e3), "[Pa]": ("[kPa]", 1e-3)}  # units of the pictures
 COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
 
 
@@ -28,15 +29,25 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
             axes.set_visible(False)
         for axes, experiment, (before, after) in zip(panels.flat, experiments, parts, strict=False):
             whole = not np.isfinite(experiment.at).all()  # values of whole gaits have no place on an axis
-            at = np.arange(1.0, len(before) + 1) if whole else experiment.at
+            xlabel, along = ("number", 1.0) if whole else _handy(experiment.axis)
+            ylabel, up = _handy(experiment.quantity)
+            at = np.arange(1.0, len(before) + 1) if whole else along * experiment.at
             order = np.argsort(at)
+            noise = None if experiment.deviations is None else up * experiment.deviations
             handles = [
-                axes.errorbar(at, experiment.values, experiment.deviations, fmt="o", ms=3, color=COLOURS[7], lw=0.8,
+                axes.errorbar(at, up * experiment.values, noise, fmt="o", ms=3, color=COLOURS[7], lw=0.8,
                               label="measured", zorder=3),
-                *axes.plot(at[order], before[order], ".--", ms=3, color=COLOURS[1], label="before"),
-                *axes.plot(at[order], after[order], ".-", ms=3, color=COLOURS[0], label="after"),
+                *axes.plot(at[order], up * before[order], ".--", ms=3, color=COLOURS[1], label="before"),
+                *axes.plot(at[order], up * after[order], ".-", ms=3, color=COLOURS[0], label="after"),
             ]  # fmt: skip
             axes.set_title(experiment.title, fontsize=7)
-            axes.set(xlabel="number" if whole else experiment.axis, ylabel=experiment.quantity)
-            axes.ticklabel_format(scilimits=(-2, 4))
+            axes.set(xlabel=xlabel, ylabel=ylabel)
         legend_above(drawn, handles)
+
+
+def _handy(label: str) -> tuple[str, float]:
+    """A label in handy units, and by what its numbers are multiplied."""
+    for unit, (handy, factor) in HANDY.items():
+        if label.endswith(unit):
+            return label.replace(unit, handy), factor
+    return label, 1.0
