@@ -1,0 +1,192 @@
+"""The hunt for gaits that climb: what searches may spend, what counts as found, and that the study goes on."""
+
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from optim.gait_problem import GaitProblem
+from optim.runs.requests import Request
+from optim.studies.gait_hunt import judging, searches, spending
+from optim.studies.gait_hunt import study as hunting
+from optim.studies.gait_hunt.judging import Finalist, best_of, last_bests
+from optim.studies.gait_hunt.spending import GRADIENT_COST, cost, read_spent, search_within
+from robots import gaits, inflatable_gradient
+from robots.gaits import as_graded, load_gait, steps_of
+from robots.inflatable import INCHING
+from robots.terrain import Terrain
+
+HILL = (Terrain(15),)
+SMALL = {"encoding": "graded", "columns": 2, "steps": 62_240, "warm_up": 15_560, "stages": 3, "hard": True}
+
+
+class Hill:
+    """Stands in for the simulator: gaits climb the faster, the more their first two bladders differ in time."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, designs, terrain=None, *, warm_up=0, stages=1, actuation=None, perturbation=0.0, **options):
+        self.calls += 1
+        graded = [as_graded(design) for design in designs]
+        strides = np.array([np.ptp(design.schedule.inflation[:2], axis=1).mean() for design in graded])
+        speed = 0.05 * strides - (0.03 if actuation and actuation.weight == "physical" else 0.0)
+        steps = np.array([steps_of(design) for design in designs]) - warm_up
+        distance = speed * steps * 1.0602478e-4 * 0.22
+        parts = np.repeat(distance[:, None] / stages, stages, axis=1)
+        status = np.full(len(designs), "ok")
+        return SimpleNamespace(distance=distance, speed=speed, status=status, stages=parts, steps=steps,
+                               time_step=1.0602478e-4)  # fmt: skip
+
+    def gradient(self, designs, terrain=None, **options):
+        options.pop("memory", None)
+        count, columns = len(designs), designs[0].schedule.columns
+        return SimpleNamespace(
+            result=self(designs, terrain, **{k: v for k, v in options.items() if k != "ramp_steps"}),
+            orientation=np.zeros(count), pressure=np.zeros(count),
+            inflation=np.full((count, 8, columns), 0.01), grip=np.zeros((count, 2, columns)),
+        )  # fmt: skip
+
+
+@pytest.fixture
+def hill(monkeypatch):
+    stand_in = Hill()
+
+    def relaxed(designs, terrain=None, *, ramp_steps=None, **options):
+        return stand_in(designs, terrain, **options)
+
+    monkeypatch.setattr(gaits, "simulate", stand_in)
+    monkeypatch.setattr(inflatable_gradient, "simulate_relaxed", relaxed)
+    monkeypatch.setattr(inflatable_gradient, "differentiate", stand_in.gradient)
+    return stand_in
+
+
+def test_a_search_ends_when_its_budget_is_spent(hill, tmp_path):
+    problem = GaitProblem(HILL, **SMALL)
+    history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 2e6)
+    spent = read_spent(tmp_path / "run")
+    assert len(spent) == len(history.generations)
+    assert sum(spent[:-1]) < 2e6 <= sum(spent)
+
+
+def test_what_a_generation_costs_is_what_is_simulated():
+    problem = GaitProblem(HILL, **SMALL)
+    points = problem.space.sample(np.random.default_rng(0), 3)
+    usual = sum(2 * (gaits_initial(d.pressure) + steps_of(d)) for d in map(problem.design, points))
+    assert cost(problem, Request(points)) == usual
+    relaxed = Request(points, "relaxed", 2.0)
+    assert cost(problem, dataclasses.replace(relaxed, wants="gradients")) == GRADIENT_COST * cost(problem, relaxed)
+
+
+def gaits_initial(pressure):
+    return int(np.floor(pressure / 0.5)) + 1 + 2000
+
+
+def test_a_larger_budget_goes_on_to_the_same_run(hill, tmp_path):
+    problem, settings = GaitProblem(HILL, **SMALL), {"population": 4, "seed": 1}
+    whole = search_within(problem, "genetic", settings, tmp_path / "whole", 4e6)
+    search_within(problem, "genetic", settings, tmp_path / "parts", 1e6)
+    parts = search_within(problem, "genetic", settings, tmp_path / "parts", 4e6)
+    assert [g.to_json() for g in parts.generations] == [g.to_json() for g in whole.generations]
+    assert read_spent(tmp_path / "parts") == read_spent(tmp_path / "whole")
+
+
+def test_a_generation_that_was_cut_off_is_not_paid_twice(hill, tmp_path):
+    problem, settings = GaitProblem(HILL, **SMALL), {"population": 4, "seed": 1}
+    search_within(problem, "genetic", settings, tmp_path / "run", 1e6)
+    spent = read_spent(tmp_path / "run")
+    (tmp_path / "run" / spending.SPENT).write_text(json.dumps([*spent, 123.0]))
+    search_within(problem, "genetic", settings, tmp_path / "run", 1e6 + sum(spent))
+    assert 123.0 not in read_spent(tmp_path / "run")
+
+
+@pytest.mark.parametrize("budget", [0.0, -1.0, float("nan")])
+def test_a_budget_of_nothing_is_refused(budget, tmp_path):
+    with pytest.raises(ValueError, match=r"^budget: .* robot-steps are not allowed; give more than 0$"):
+        search_within(GaitProblem(HILL, **SMALL), "genetic", {"population": 4}, tmp_path / "run", budget)
+
+
+def test_finalists_are_the_last_improvements_in_full(hill, tmp_path):
+    problem = GaitProblem(HILL, **SMALL)
+    history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 4e6)
+    scores = [g.best for g in history.generations]
+    improved = [g for g, score in enumerate(scores) if g == 0 or score > scores[g - 1]]
+    found = last_bests(history, problem, 3)
+    assert [generation for _, generation in found] == improved[-3:]
+    assert all(150_000 < steps_of(design) <= 186_719 for design, _ in found)
+
+
+def finalist(speed, hard):
+    return Finalist(INCHING, 0, np.full(2, speed), np.full(2, hard))
+
+
+def test_the_fastest_that_stays_wins_and_one_that_diverged_never():
+    slides, walks, slow, lost = finalist(0.2, -0.1), finalist(0.03, -0.005), finalist(0.01, 0.01), finalist(np.nan, 0)
+    assert best_of([slides, walks, slow, lost]) is walks
+    assert best_of([slides, lost]) is slides
+    assert best_of([lost]) is None
+
+
+def quick(monkeypatch):
+    """The study's searches with few points each."""
+    few = {"hill-climb": {"climbers": 2}, "genetic": {"population": 4}, "gradient": {"climbers": 2},
+           "memetic": {"population": 5, "every": 2, "refine": 2}}  # fmt: skip
+    found = {name: dataclasses.replace(s, settings=few[name]) for name, s in searches.SEARCHES.items()}
+    monkeypatch.setattr(hunting, "SEARCHES", found)
+    return hunting.Hunt(4, (0, 1), finalists=2, runs=2)
+
+
+def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
+    settings, seen = quick(monkeypatch), []
+    hunting.study(tmp_path / "hunt", settings, seen.append)
+    summary = json.loads((tmp_path / "hunt" / "summary.json").read_text())
+    assert set(summary["searches"]) == set(searches.SEARCHES)
+    assert len(summary["runs"]) == 8 and all(row["robot_steps"] >= settings.budget for row in summary["runs"])
+    assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
+    assert (tmp_path / "hunt" / "hunt.png").stat().st_size > 1000
+    rows = (tmp_path / "hunt" / "table.md").read_text().splitlines()
+    assert len(rows) == 2 + len(searches.SEARCHES)
+    for row in summary["runs"]:
+        design = load_gait(tmp_path / "hunt" / "gaits" / f"{row['search']}-{row['seed']}.json")
+        assert design.pressure == row["pressure"] and steps_of(design) <= 186_719
+    before = {name: (tmp_path / "hunt" / name).read_bytes() for name in ("summary.json", "table.md")}
+    calls = hill.calls
+    hunting.study(tmp_path / "hunt", settings)
+    assert hill.calls == calls  # all is kept
+    assert before == {name: (tmp_path / "hunt" / name).read_bytes() for name in before}
+
+
+def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
+    settings = quick(monkeypatch)
+    hunting.study(tmp_path / "hunt", dataclasses.replace(settings, searches=("genetic",)))
+    calls = hill.calls
+    more = dataclasses.replace(settings, searches=("genetic",), evaluations=8)
+    hunting.study(tmp_path / "hunt", more)
+    judged = json.loads((tmp_path / "hunt" / "runs" / "genetic-0.json").read_text())
+    assert hill.calls > calls
+    history = (tmp_path / "hunt" / "runs" / "genetic-0" / "log.jsonl").read_text().splitlines()
+    assert judged["of"]["generations"] == len(history)
+
+
+def test_other_folders_and_budgets_are_refused(tmp_path):
+    (tmp_path / "letter.txt").write_text("hello")
+    with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
+        hunting.study(tmp_path, hunting.SCALES["small"])
+    with pytest.raises(ValueError, match=r"^budget: 'huge' is unknown; choose one of "):
+        hunting.run(tmp_path / "new", "huge")
+
+
+def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
+    from optim.studies.gait_hunt.finalists import kept_finalists
+
+    problem = GaitProblem(HILL, **SMALL)
+    history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
+    one = Finalist(INCHING, 0, np.array([np.nan, 0.1]), np.array([0.0, 0.1]))
+    count = len(last_bests(history, problem, 2))
+    monkeypatch.setattr("optim.studies.gait_hunt.finalists.judge_finalists", lambda *_, **__: [one] * count)
+    for _ in range(2):  # computed, then read
+        found = kept_finalists(tmp_path / "f.json", history, problem, HILL[0], 2, 2, None)
+        np.testing.assert_array_equal(found[0].speeds, [np.nan, 0.1])
+    assert judging.best_of(found) is None
