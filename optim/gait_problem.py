@@ -21,13 +21,12 @@ from robots import gaits
 from robots.checks import whole_number
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
-from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
-from robots.schedule import GaitSchedule
+from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
+from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
     from robots.inflatable_gradient import InflatableGradient
-    from robots.relaxed_schedule import RelaxedDesign
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
@@ -49,7 +48,7 @@ class GaitProblem:
         terrains: where the robot travels, one simulation each.
         orientation: [degrees], or None.
         pressure: of the core [Pa], the body's shape, or None.
-        schedule: the control, or None.
+        schedule: the control, of either kind, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
         encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``; only
@@ -70,7 +69,7 @@ class GaitProblem:
     terrains: tuple[Terrain, ...]
     orientation: float | None = None
     pressure: float | None = None
-    schedule: GaitSchedule | None = None
+    schedule: Schedule | None = None
     columns: int = 8
     repeats: int = 2
     encoding: str = "codes"
@@ -101,7 +100,10 @@ class GaitProblem:
         if self.objectives not in OBJECTIVES:
             raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
         if self.steps is not None and self.encoding != "graded":
-            raise ValueError(f"steps: {self.steps} is not allowed with encoding {self.encoding!r}; choose 'graded'")
+            what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
+            raise ValueError(f"steps: {self.steps} is not allowed with {what}; they are of a free graded gait")
+        if self.steps is not None:
+            whole_number("steps", self.steps, 1)
         if self.ramp_steps is not None:
             whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation.
@@ -134,6 +136,12 @@ class GaitProblem:
     def design(self, point: ArrayLike) -> GaitDesign:
         """The design of a point, shape (D,)."""
         return design_of(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+
+    def counted_steps(self, design: GaitDesign) -> int:
+        """Time steps by which the speed of a design is counted."""
+        if self.steps is None:
+            return gaits.counted_steps(design, self._actuation)
+        return max(self.steps, gaits.steps_of(design, self._actuation))
 
     def _shape(self, point: ArrayLike) -> tuple[float, float]:
         """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
@@ -181,10 +189,8 @@ class GaitProblem:
         slopes = np.mean([self._slopes(run, points, sharpness) for run in runs], axis=0)
         return self._judgement([run.result for run in runs], slopes)
 
-    def relaxed_design(self, point: ArrayLike, sharpness: float) -> "RelaxedDesign":
+    def relaxed_design(self, point: ArrayLike, sharpness: float) -> RelaxedDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        from robots.relaxed_schedule import RelaxedDesign
-
         return RelaxedDesign(*self._shape(point), self._control.relaxed(self._genes(point), sharpness))
 
     def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
@@ -199,20 +205,27 @@ class GaitProblem:
         ]
         slopes.append(np.array(genes))
         geometry = NAMED_GEOMETRIES[self.geometry]
-        seconds = self._counted_steps * geometry.time_step / self._scale(run.result)
-        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds[:, None])
+        seconds = self._counted(run.result)[:, None] * geometry.time_step
+        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds)
+
+    def _counted(self, result: InflatableResult) -> NDArray[np.int64]:
+        """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
+        if self._timed:
+            return np.maximum(result.steps, self.steps or PUBLISHED_STEPS)
+        return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self._actuation))
 
     @property
-    def _counted_steps(self) -> int:
-        """By which the published convention counts speeds."""
-        columns = PUBLISHED_COLUMNS if self.encoding == "graded" else self.columns * self.repeats
-        return nominal_steps(columns, self._actuation)
+    def _timed(self) -> bool:
+        """Whether gaits have times of their own."""
+        if self.schedule is not None:
+            return isinstance(self.schedule, RelaxedSchedule) and self.schedule.timed
+        return self.encoding == "graded"
 
-    def _scale(self, result: InflatableResult) -> NDArray[np.float64]:
-        """From speeds by the published convention to those by ``steps``, or by a gait's own if it takes longer."""
+    def speeds(self, result: InflatableResult) -> NDArray[np.float64]:
+        """Speeds of a batch [body lengths/s], shape (N,): the result's, counted by ``steps`` if there are some."""
         if self.steps is None:
-            return np.ones(len(result.steps))
-        return max(self._counted_steps, self.steps) / np.maximum(result.steps, self.steps)
+            return result.speed
+        return result.speed * (np.maximum(result.steps, PUBLISHED_STEPS) / self._counted(result))
 
     @property
     def _actuation(self) -> InflatableActuation:
@@ -231,9 +244,7 @@ class GaitProblem:
         self, results: Sequence[InflatableResult], gradients: NDArray[np.float64] | None = None
     ) -> Evaluation:
         """Speeds on all terrains, or their mean; the first failure is the status."""
-        speeds = {
-            f"speed_{terrain.name}": r.speed * self._scale(r) for terrain, r in zip(self.terrains, results, strict=True)
-        }
+        speeds = {f"speed_{terrain.name}": self.speeds(r) for terrain, r in zip(self.terrains, results, strict=True)}
         each = np.stack(list(speeds.values()), axis=1)
         status = np.full(len(results[0].status), OK, dtype=object)
         for result in results:
@@ -278,7 +289,7 @@ class GaitProblem:
         try:
             settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
             if "schedule" in settings:
-                settings["schedule"] = GaitSchedule.from_text(settings["schedule"], settings["repeats"])
+                settings["schedule"] = schedule_of_text(settings["schedule"], settings["repeats"])
             problem = cls(**settings)
         except (KeyError, TypeError) as error:
             raise ValueError(f"problem: its description is damaged ({error})") from None

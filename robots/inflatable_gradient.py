@@ -183,11 +183,9 @@ def _summary(
 ) -> InflatableResult:  # fmt: skip
     headings = np.array([d.orientation for d in designs])
     lengths = np.diff(program.program.snapshots[:, :2], axis=1)[:, 0]
-    nominal = np.array([nominal_gait_steps(d.schedule, actuation) for d in designs])
-    # A gait that takes longer than those that its speed is compared with is not faster for it.
-    nominal = np.where([d.schedule.timed for d in designs], np.maximum(nominal, lengths), nominal)
+    nominal = [nominal_gait_steps(d.schedule, n, actuation) for d, n in zip(designs, lengths.tolist(), strict=True)]
     sizes = rest_sizes(geometry.body, program.program)
-    return summarise(run, program.program.snapshots, sizes, headings, nominal, geometry, record_every)
+    return summarise(run, program.program.snapshots, sizes, headings, np.array(nominal), geometry, record_every)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:

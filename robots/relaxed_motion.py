@@ -131,10 +131,15 @@ def durations(gait: RelaxedSchedule, a: InflatableActuation) -> list[tuple[int, 
     return list(zip(least, settle * gait.repeats, strict=True))
 
 
+def relaxed_columns(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> tuple[list[Column], int]:
+    """The columns of a gait in the order played, without what its core pressure does, and the steps of all; cheap."""
+    inflation, grip = (Dual(levels, np.zeros((*levels.shape, 0))) for levels in (gait.inflation, gait.grip))
+    return play_relaxed(inflation, grip, None, Dual(np.zeros(()), np.zeros(0)), gait, a)
+
+
 def gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
     """Time steps of a gait; cheap."""
-    inflation, grip = (Dual(levels, np.zeros((*levels.shape, 0))) for levels in (gait.inflation, gait.grip))
-    return play_relaxed(inflation, grip, None, Dual(np.zeros(()), np.zeros(0)), gait, a)[1]
+    return relaxed_columns(gait, a)[1]
 
 
 def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
@@ -148,6 +153,12 @@ def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACT
     return count
 
 
-def nominal_gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
-    """Steps that speeds are counted by: those of as many published columns, or of 16 for a gait with its own times."""
-    return nominal_steps(PUBLISHED_COLUMNS if gait.timed else gait.columns * gait.repeats, a)
+def nominal_gait_steps(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
+    """Steps that the speed of a gait of so many ``steps`` is counted by.
+
+    Those of as many published columns. With times of its own, those of 16 published columns, or its own if it takes
+    longer: it is not faster for that.
+    """
+    if not gait.timed:
+        return nominal_steps(gait.columns * gait.repeats, a)
+    return max(nominal_steps(PUBLISHED_COLUMNS, a), steps)
