@@ -25,6 +25,7 @@ from robots.inflatable_body import BLADDER_COUNT
 from robots.relaxed_schedule import RelaxedSchedule
 
 ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
+MOST_COLUMNS = 2000  # that are played to fill time; shorter ones hardly move, and programs of more grow long
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +144,11 @@ def gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int
 
 
 def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
-    """How often a gait's columns can be played in so many time steps, at least once."""
+    """How often a gait's columns can be played in so many time steps, at least once; ``MOST_COLUMNS`` at most."""
     lengths = [gait_steps(replace(gait, repeats=count), a) for count in (1, 2, 3)]
     if lengths[1] > steps:
         return 1
-    count = 2 + (steps - lengths[1]) // (lengths[2] - lengths[1])
+    count = min(2 + (steps - lengths[1]) // (lengths[2] - lengths[1]), max(MOST_COLUMNS // gait.columns, 1))
     while count > 1 and gait_steps(replace(gait, repeats=count), a) > steps:  # strokes are rounded to whole steps
         count -= 1
     return count

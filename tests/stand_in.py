@@ -5,11 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from robots import inflatable
+from robots import gaits
+from robots.inflatable import ACTUATION
 
 
 class Simulator:
-    """Stands in for ``simulate``: a quick, smooth function of design and terrain; remembers its calls."""
+    """Stands in for ``simulate``, for gaits of either kind: quick, smooth in design and terrain; remembers its calls."""
 
     def __init__(self):
         self.calls = []
@@ -24,11 +25,11 @@ class Simulator:
         if progress:
             progress(0.5)
         failed = np.array([self.diverges(design, terrain) for design in designs])
-        bits = np.array([design.schedule.bits.mean() for design in designs])
+        bits = np.array([design.schedule.levels.mean() for design in designs])
         pressure = np.array([design.pressure / 12e3 for design in designs])
         orientation = np.array([design.orientation / 90 for design in designs])
         speed = np.where(failed, np.nan, bits * pressure - abs(orientation - terrain.slope / 20))
-        steps = np.array([inflatable.predicted_steps(design) for design in designs])
+        steps = np.array([ACTUATION.initial_steps(design.pressure) + gaits.steps_of(design) for design in designs])
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")
         return SimpleNamespace(
