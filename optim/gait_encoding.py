@@ -125,7 +125,8 @@ class GradedGait(GaitEncoding):
     """How far every bladder inflates in every column, whether feet grip, and how long the robot settles after each.
 
     Columns last as long as their slowest bladder moves. The cycle is played as often as ``steps`` allow, see
-    ``most_repeats``; ``repeats`` say nothing. Genes beyond empty and full, or of less than no time, are cut: so a search stays there easily.
+    ``most_repeats``; ``repeats`` say nothing. Genes beyond empty and full, or of less than no time, are cut: so a
+    search stays there easily.
 
     Attributes:
         steps: time steps that a gait may take; it is played once in any case.

