@@ -46,7 +46,7 @@ class Replay:
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=8)
+@settings(max_examples=4)
 def test_columns_do_what_the_page_says(seed):
     generator = np.random.default_rng(seed)
     levels, held = generator.uniform(0.0, 1.0, (10, 2)), generator.integers(0, 9000, 2)

@@ -334,19 +334,18 @@ class Counted:
         return type("Result", (), {"speed": metre / nominal, "steps": steps, "status": np.full(len(steps), "ok")})
 
 
-@pytest.mark.parametrize("steps", [None, 1, 20_000, 400_000])
-@pytest.mark.parametrize("settle", [0.0, 4001.0])
-def test_speeds_scale_with_the_steps_that_gaits_may_take(monkeypatch, steps, settle):
+@pytest.mark.parametrize("steps", [None, 20_000, 400_000])
+def test_speeds_scale_with_the_steps_that_gaits_may_take(monkeypatch, steps):
     geometry = NAMED_GEOMETRIES["small"]
     monkeypatch.setattr("robots.gaits.simulate_relaxed", Counted(geometry))
-    for columns in (2, 40):  # of 40 columns one cycle alone takes longer than a published gait
+    for columns, settle in ((2, 0.0), (18, 4001.0)):  # of 18 columns one cycle takes longer than a published gait
         hills = problem(steps=steps, columns=columns, pressure=0.0, orientation=90.0)
-        levels = np.tile([0.0, 1.0], columns // 2)
+        levels = np.tile([0.0, 1.0], columns // 2)  # moves a full stroke in every column
         genes = np.concatenate([np.tile(levels, 10), np.full(columns, settle)])
         found = hills.evaluate(genes[None]).objectives[0, 0]
         design = hills.design(genes)
         taken = max(gaits.steps_of(design), steps or PUBLISHED_STEPS)
-        assert hills.counted_steps(design) == taken
+        assert hills.counted_steps(design) == taken and (columns == 2 or gaits.steps_of(design) > PUBLISHED_STEPS)
         assert found == pytest.approx(1 / geometry.body_length / geometry.time_step / taken, rel=1e-12)
 
 
