@@ -235,6 +235,7 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     robot: dict[str, Any] = {
         "geometry": NAMED_GEOMETRIES[problem.geometry],
         "actuation": InflatableActuation(weight=problem.weight),
+        "counted_steps": None if problem.steps is None else problem.counted_steps(design),
     }
     products = Products(folder)
     seed = folder.config["method"]["seed"]

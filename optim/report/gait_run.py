@@ -1,5 +1,6 @@
 """Reports of the inflatable robot: its terrains, its best gait, and what that asks of the pneumatic rig."""
 
+import dataclasses
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -103,12 +104,13 @@ class GaitRun:
                 [design], terrain, **self._robot, **where, record_every=every,
                 progress=lambda part, n=n: progress((n + part) / len(problem.terrains)),
             )  # fmt: skip
+            result = dataclasses.replace(result, speed=problem.speeds(result))
             drive, name = self._robot["actuation"], spoken(terrain)
             motion = inflatable_motion(result, design, terrain, actuation=drive, name=name)
             strip = motion_picture(result, design, terrain, actuation=drive)
             alt = f"Six poses of the best gait {name}, above the chart of its actuators"
             motions.append(motion)
-            speeds.append(finite(float(problem.speeds(result)[0])))
+            speeds.append(finite(float(result.speed[0])))
             pictures.append(picture(image(strip, alt, pixels=PIXELS), alt))
         return Replay(motions, speeds, pictures)
 

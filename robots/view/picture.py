@@ -1,5 +1,6 @@
 """The picture of a robot in motion: a film strip of its gait above the chart of its actuators."""
 
+from dataclasses import replace
 from os import PathLike
 
 import numpy as np
@@ -30,6 +31,7 @@ def save_motion_picture(
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     frames: int = 6,
+    counted_steps: int | None = None,
 ) -> InflatableResult:
     """Simulate a design in single precision and write the picture of its motion.
 
@@ -40,6 +42,7 @@ def save_motion_picture(
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         frames: poses to draw, at equal times from the beginning of the gait to its end; at least 2.
+        counted_steps: time steps by which the title counts the speed; None is the published convention.
 
     Returns:
         The result, with the frames recorded for the picture.
@@ -50,6 +53,8 @@ def save_motion_picture(
     frames = whole_number("frames", frames, 2)
     every = max(steps_of(design, actuation) // ((frames - 1) * PATH_POINTS), 1)
     result = simulate(design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every)
+    if counted_steps is not None:
+        result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
     figure = motion_picture(result, design, terrain, actuation=actuation, frames=frames)
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return result
