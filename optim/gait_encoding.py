@@ -16,7 +16,7 @@ from robots.pattern import PatternWiring
 from robots.schedule import BLADDERS, ROWS, GaitSchedule
 
 if TYPE_CHECKING:
-    from robots.relaxed_schedule import RelaxedSchedule
+    from robots.relaxed_schedule import RelaxedSchedule, Schedule
 
 LEVEL_STEP = 0.2  # of a graded level, from -0.5 to 1.5
 SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
@@ -43,7 +43,7 @@ class GaitEncoding(ABC):
         """The genes."""
 
     @abstractmethod
-    def schedule(self, values: Vector) -> "GaitSchedule | RelaxedSchedule":
+    def schedule(self, values: Vector) -> "Schedule":
         """The schedule of a genome; every genome has one."""
 
     def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
@@ -66,13 +66,13 @@ class FixedGait(GaitEncoding):
         given: the schedule.
     """
 
-    given: GaitSchedule
+    given: "Schedule"
 
     def variables(self) -> list[Variable]:
         """None."""
         return []
 
-    def schedule(self, values: Vector) -> GaitSchedule:
+    def schedule(self, values: Vector) -> "Schedule":
         """The one given."""
         return self.given
 
@@ -124,8 +124,9 @@ class BitwiseGait(GaitEncoding):
 class GradedGait(GaitEncoding):
     """How far every bladder inflates in every column, whether feet grip, and how long the robot settles after each.
 
-    Columns last as long as their slowest bladder moves. The cycle is played as often as ``steps`` allow; ``repeats``
-    say nothing. Genes beyond empty and full, or of less than no time, are cut: so a search stays there easily.
+    Columns last as long as their slowest bladder moves. The cycle is played as often as ``steps`` allow, see
+    ``most_repeats``; ``repeats`` say nothing. Genes beyond empty and full, or of less than no time, are cut: so a
+    search stays there easily.
 
     Attributes:
         steps: time steps that a gait may take; it is played once in any case.
@@ -162,6 +163,19 @@ class GradedGait(GaitEncoding):
         sharpening = self._graded(values, 1).sharpening_slope(sharpness)[BLADDERS:]
         return np.concatenate([(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(),
                                np.zeros(self.columns)])  # fmt: skip
+
+    @staticmethod
+    def genome(schedule: "RelaxedSchedule") -> Vector:
+        """Genes of all columns that a schedule plays, one after the other.
+
+        Raises:
+            ValueError: in one line, for what they cannot say: times of motion, and core pressures of columns.
+        """
+        if schedule.pressure is not None:
+            raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
+        if schedule.motion_steps is None or schedule.settle_steps is None or schedule.motion_steps.any():
+            raise ValueError("motion_steps: graded genes move as fast as bladders do; give 0, and settle_steps")
+        return np.tile(np.vstack([schedule.levels, schedule.settle_steps]), schedule.repeats).ravel()
 
     def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
         """Inflation, shape (8, T), grip, (2, T), and settling, (T,), as the genes have them."""

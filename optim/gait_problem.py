@@ -21,14 +21,13 @@ from robots import gaits
 from robots.checks import whole_number
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
-from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
+from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
 from robots.judgement import HARD_FRICTION
-from robots.schedule import GaitSchedule
+from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
     from robots.inflatable_gradient import InflatableGradient
-    from robots.relaxed_schedule import RelaxedDesign
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
@@ -43,6 +42,7 @@ LATER_OPTIONS = {
     "stages": 1,
     "hard": False,
 }
+GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -58,7 +58,7 @@ class GaitProblem:
         terrains: where the robot travels, one simulation each.
         orientation: [degrees], or None.
         pressure: of the core [Pa], the body's shape, or None.
-        schedule: the control, or None.
+        schedule: the control, of either kind, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
         encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``; only
@@ -84,7 +84,7 @@ class GaitProblem:
     terrains: tuple[Terrain, ...]
     orientation: float | None = None
     pressure: float | None = None
-    schedule: GaitSchedule | None = None
+    schedule: Schedule | None = None
     columns: int = 8
     repeats: int = 2
     encoding: str = "codes"
@@ -118,9 +118,12 @@ class GaitProblem:
         if self.objectives not in OBJECTIVES:
             raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
         whole_number("stages", self.stages, 1)
-        for name in ("steps", "warm_up", "stages"):
+        for name in GRADED_OPTIONS:
             if (value := getattr(self, name)) != LATER_OPTIONS[name] and self.encoding != "graded":
-                raise ValueError(f"{name}: {value} is not allowed with encoding {self.encoding!r}; choose 'graded'")
+                what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
+                raise ValueError(f"{name}: {value} is not allowed with {what}; they are of a free graded gait")
+        if self.steps is not None:
+            whole_number("steps", self.steps, 1)
         if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
         if self.ramp_steps is not None:
@@ -155,6 +158,12 @@ class GaitProblem:
     def design(self, point: ArrayLike) -> GaitDesign:
         """The design of a point, shape (D,)."""
         return design_of(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+
+    def counted_steps(self, design: GaitDesign) -> int:
+        """Time steps by which the speed of a design is counted."""
+        if self.steps is None:
+            return gaits.counted_steps(design, self._actuation)
+        return max(self.steps, gaits.steps_of(design, self._actuation))
 
     def _shape(self, point: ArrayLike) -> tuple[float, float]:
         """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
@@ -212,10 +221,8 @@ class GaitProblem:
         """Steps of the ramp of the core pressure in relaxed evaluations."""
         return RAMP_STEPS if self.ramp_steps is None and self.pressure is None else self.ramp_steps
 
-    def relaxed_design(self, point: ArrayLike, sharpness: float) -> "RelaxedDesign":
+    def relaxed_design(self, point: ArrayLike, sharpness: float) -> RelaxedDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        from robots.relaxed_schedule import RelaxedDesign
-
         return RelaxedDesign(*self._shape(point), self._control.relaxed(self._genes(point), sharpness))
 
     def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
@@ -230,28 +237,28 @@ class GaitProblem:
         ]
         slopes.append(np.array(genes))
         geometry = NAMED_GEOMETRIES[self.geometry]
-        seconds = self._judged_steps(run.result) * geometry.time_step
-        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds[..., None])
+        seconds = self._counted(run.result)[:, None] * geometry.time_step
+        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds)
+
+    def _counted(self, result: InflatableResult) -> NDArray[np.int64]:
+        """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
+        if self._timed:  # the steps of a result are without the warm-up
+            return np.maximum(result.steps, (self.steps or PUBLISHED_STEPS) - self.warm_up)
+        return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self._actuation))
 
     @property
-    def _counted_steps(self) -> int:
-        """By which the published convention counts speeds."""
-        columns = PUBLISHED_COLUMNS if self.encoding == "graded" else self.columns * self.repeats
-        return nominal_steps(columns, self._actuation)
+    def _timed(self) -> bool:
+        """Whether gaits have times of their own."""
+        if self.schedule is not None:
+            return isinstance(self.schedule, RelaxedSchedule) and self.schedule.timed
+        return self.encoding == "graded"
 
-    def _judged_steps(self, result: InflatableResult) -> NDArray[np.int64]:
-        """By which speeds are counted here: ``steps``, or a gait's own if it takes more, but for the warm-up."""
-        if self.encoding != "graded":
-            return np.array(self._counted_steps)
-        # The steps of a result are those that count.
-        return np.maximum(result.steps, (self.steps or self._counted_steps) - self.warm_up)
-
-    def _speed(self, result: InflatableResult) -> NDArray[np.float64]:
-        """Of the results of one simulation [body lengths/s]."""
-        if self.encoding != "graded":
+    def speeds(self, result: InflatableResult) -> NDArray[np.float64]:
+        """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
+        if all(getattr(self, name) == LATER_OPTIONS[name] for name in GRADED_OPTIONS):
             return result.speed
         lengths = self.stages * result.stages.min(axis=1) / NAMED_GEOMETRIES[self.geometry].body_length
-        return lengths / (self._judged_steps(result) * result.time_step)
+        return lengths / (self._counted(result) * result.time_step)
 
     @property
     def _actuation(self) -> InflatableActuation:
@@ -281,7 +288,7 @@ class GaitProblem:
     ) -> Evaluation:
         """Speeds on all terrains, or their mean; the first failure is the status."""
         names = [name for name, _, _ in self._conditions]
-        speeds = {name: self._speed(r) for name, r in zip(names, results, strict=True)}
+        speeds = {name: self.speeds(r) for name, r in zip(names, results, strict=True)}
         each = np.stack(list(speeds.values()), axis=1)
         status = np.full(len(results[0].status), OK, dtype=object)
         for result in results:
@@ -336,7 +343,7 @@ class GaitProblem:
         try:
             settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
             if "schedule" in settings:
-                settings["schedule"] = GaitSchedule.from_text(settings["schedule"], settings["repeats"])
+                settings["schedule"] = schedule_of_text(settings["schedule"], settings["repeats"])
             problem = cls(**settings)
         except (KeyError, TypeError) as error:
             raise ValueError(f"problem: its description is damaged ({error})") from None

@@ -5,27 +5,29 @@ A gait with graded inflation or times of its own is a ``RelaxedDesign``; here bo
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots import inflatable
 from robots.files import read_record, read_text, write_record
 from robots.inflatable import ACTUATION, InflatableActuation, InflatableDesign, InflatableResult
-from robots.inflatable_actuation import Column, play
+from robots.inflatable_actuation import Column, nominal_steps, play
 from robots.inflatable_gradient import simulate_relaxed
-from robots.relaxed_motion import play_constant
-from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
-from robots.schedule import GaitSchedule
+from robots.relaxed_motion import nominal_gait_steps, relaxed_columns
+from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule
 from robots.terrain import Terrain
 
 GRADED_FORMAT = "morpholab-graded-design-1"
+BESIDE_TABLES = ("format", "pressure", "orientation", "repeats")  # in files of that format
 
 GaitDesign = InflatableDesign | RelaxedDesign
 
 
-def design_of(pressure: float, orientation: float, schedule: GaitSchedule | RelaxedSchedule) -> GaitDesign:
+def design_of(pressure: float, orientation: float, schedule: Schedule) -> GaitDesign:
     """The design with a schedule of either kind."""
     if isinstance(schedule, RelaxedSchedule):
         return RelaxedDesign(pressure, orientation, schedule)
@@ -35,10 +37,12 @@ def design_of(pressure: float, orientation: float, schedule: GaitSchedule | Rela
 def simulate(
     designs: Sequence[GaitDesign] | GaitDesign, terrain: Terrain | None = None, **options: Any
 ) -> InflatableResult:
-    """Evaluate designs of one kind, see ``robots.inflatable.simulate`` for the options.
+    """Evaluate designs, see ``robots.inflatable.simulate`` for the options.
+
+    Where one of a batch is graded, all are played as such; graded gaits of a batch have as many columns.
 
     Raises:
-        ValueError: in one line, for a mixture and whatever else is not allowed.
+        ValueError: in one line, for what is not allowed.
     """
     listed = [designs] if isinstance(designs, InflatableDesign | RelaxedDesign) else list(designs)
     if any(isinstance(design, RelaxedDesign) for design in listed):
@@ -51,19 +55,59 @@ def as_graded(design: GaitDesign) -> RelaxedDesign:
     return design if isinstance(design, RelaxedDesign) else RelaxedDesign.from_design(design)
 
 
-def columns_of(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> list[Column]:
-    """The columns of a gait as they are played."""
-    return _played(design, actuation)[0]
+@dataclass(frozen=True, eq=False)
+class PlayedGait:
+    """The columns of a gait in the order played, N of them.
+
+    Attributes:
+        edges: time steps at which columns begin, and at which the last ends, shape (N + 1,).
+        settles: time steps at which the motion of columns ends, shape (N,).
+        levels: that bladders and feet are told, from 0 (off) to 1 (on), shape (10, N).
+        pressures: of the core when columns begin, and when the last ends [Pa], shape (N + 1,); it changes linearly
+            until the motion ends.
+    """
+
+    edges: NDArray[np.int64]
+    settles: NDArray[np.int64]
+    levels: NDArray[np.float64]
+    pressures: NDArray[np.float64]
+
+    @property
+    def steps(self) -> int:
+        """Of the whole gait."""
+        return int(self.edges[-1])
+
+
+def played(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> PlayedGait:
+    """When a gait does what; cheap."""
+    gait = design.schedule
+    columns, steps = _columns(design, actuation)
+    core = gait.pressure if isinstance(gait, RelaxedSchedule) else None
+    after = np.full(gait.columns, design.pressure) if core is None else core
+    return PlayedGait(
+        edges=np.array([*(column.start for column in columns), steps]),
+        settles=np.array([column.start + column.motion_steps for column in columns]),
+        levels=np.tile(gait.levels, gait.repeats),
+        pressures=np.concatenate([[design.pressure], np.tile(after, gait.repeats)]),
+    )
 
 
 def steps_of(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> int:
     """Time steps of a gait, without those of the initialisation; cheap."""
-    return _played(design, actuation)[1]
+    return _columns(design, actuation)[1]
 
 
-def _played(design: GaitDesign, actuation: InflatableActuation) -> tuple[list[Column], int]:
+def counted_steps(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> int:
+    """Time steps by which ``InflatableResult.speed`` counts the speed of a design; cheap."""
+    gait = design.schedule
+    if isinstance(gait, RelaxedSchedule):
+        return nominal_gait_steps(gait, steps_of(design, actuation), actuation)
+    return nominal_steps(gait.columns * gait.repeats, actuation)
+
+
+def _columns(design: GaitDesign, actuation: InflatableActuation) -> tuple[list[Column], int]:
     if isinstance(design, RelaxedDesign):
-        return play_constant(design.schedule, actuation)
+        return relaxed_columns(design.schedule, actuation)
     return play(design.schedule, actuation)
 
 
@@ -73,13 +117,7 @@ def save_gait(design: GaitDesign, path: str | PathLike[str]) -> None:
         inflatable.save_design(design, path)
         return
     gait = design.schedule
-    tables = {
-        name: table.tolist()
-        for name in ("inflation", "grip", "motion_steps", "settle_steps")
-        if (table := getattr(gait, name)) is not None
-    }
-    core = {} if gait.pressure is None else {"core_pressure": gait.pressure.tolist()}
-    record = {"pressure": design.pressure, "orientation": design.orientation, **tables, **core, "repeats": gait.repeats}
+    record = {"pressure": design.pressure, "orientation": design.orientation, **gait.tables, "repeats": gait.repeats}
     write_record(path, GRADED_FORMAT, record)
 
 
@@ -104,8 +142,6 @@ def _format_of(path: str | PathLike[str]) -> Any:
 
 
 def _graded(record: dict[str, Any]) -> RelaxedDesign:
-    names = {"inflation", "grip", "motion_steps", "settle_steps", "core_pressure", "repeats"}
-    tables = {name: value for name, value in record.items() if name in names}
-    core = tables.pop("core_pressure", None)
-    gait = RelaxedSchedule(**tables, pressure=None if core is None else np.asarray(core, float))
+    tables = {name: value for name, value in record.items() if name not in BESIDE_TABLES}
+    gait = RelaxedSchedule.from_tables(tables, record["repeats"])
     return RelaxedDesign(record["pressure"], record["orientation"], gait)

@@ -192,12 +192,9 @@ def _summary(
     actuation: InflatableActuation, stages: int, record_every: int | None = None,
 ) -> InflatableResult:  # fmt: skip
     headings = np.array([d.orientation for d in designs])
-    lengths = np.array([gait_steps(d.schedule, actuation) for d in designs])
-    nominal = np.array([nominal_gait_steps(d.schedule, actuation) for d in designs])
-    # A gait that takes longer than those that its speed is compared with is not faster for it.
-    nominal = np.where([d.schedule.timed for d in designs], np.maximum(nominal, lengths), nominal)
+    nominal = [nominal_gait_steps(d.schedule, gait_steps(d.schedule, actuation), actuation) for d in designs]
     sizes = rest_sizes(geometry.body, program.program)
-    return summarise(run, program.program.snapshots, sizes, headings, nominal, geometry, record_every, stages)
+    return summarise(run, program.program.snapshots, sizes, headings, np.array(nominal), geometry, record_every, stages)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:

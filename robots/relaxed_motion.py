@@ -25,6 +25,7 @@ from robots.inflatable_body import BLADDER_COUNT
 from robots.relaxed_schedule import RelaxedSchedule
 
 ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
+MOST_COLUMNS = 2000  # that are played to fill time; shorter ones hardly move, and programs of more grow long
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,28 +132,34 @@ def durations(gait: RelaxedSchedule, a: InflatableActuation) -> list[tuple[int, 
     return list(zip(least, settle * gait.repeats, strict=True))
 
 
-def play_constant(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> tuple[list[Column], int]:
-    """The columns of a gait whose core keeps its pressure, without derivatives, and its steps; cheap."""
+def relaxed_columns(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> tuple[list[Column], int]:
+    """The columns of a gait in the order played, without what its core pressure does, and the steps of all; cheap."""
     inflation, grip = (Dual(levels, np.zeros((*levels.shape, 0))) for levels in (gait.inflation, gait.grip))
     return play_relaxed(inflation, grip, None, Dual(np.zeros(()), np.zeros(0)), gait, a)
 
 
 def gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
     """Time steps of a gait; cheap."""
-    return play_constant(gait, a)[1]
+    return relaxed_columns(gait, a)[1]
 
 
 def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
-    """How often a gait's columns can be played in so many time steps, at least once."""
+    """How often a gait's columns can be played in so many time steps, at least once; ``MOST_COLUMNS`` at most."""
     lengths = [gait_steps(replace(gait, repeats=count), a) for count in (1, 2, 3)]
     if lengths[1] > steps:
         return 1
-    count = 2 + (steps - lengths[1]) // (lengths[2] - lengths[1])
+    count = min(2 + (steps - lengths[1]) // (lengths[2] - lengths[1]), max(MOST_COLUMNS // gait.columns, 1))
     while count > 1 and gait_steps(replace(gait, repeats=count), a) > steps:  # strokes are rounded to whole steps
         count -= 1
     return count
 
 
-def nominal_gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int:
-    """Steps that speeds are counted by: those of as many published columns, or of 16 for a gait with its own times."""
-    return nominal_steps(PUBLISHED_COLUMNS if gait.timed else gait.columns * gait.repeats, a)
+def nominal_gait_steps(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
+    """Steps that the speed of a gait of so many ``steps`` is counted by.
+
+    Those of as many published columns. With times of its own, those of 16 published columns, or its own if it takes
+    longer: it is not faster for that.
+    """
+    if not gait.timed:
+        return nominal_steps(gait.columns * gait.repeats, a)
+    return max(nominal_steps(PUBLISHED_COLUMNS, a), steps)

@@ -1,8 +1,10 @@
-"""Gaits between on and off: bladders partly inflated, feet that grip a little. For searches that follow gradients."""
+"""Gaits between on and off, and with times of their own: bladders partly inflated, feet that grip a little."""
 
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +18,14 @@ LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
 IDENTITY = 1e-8  # sharpness below which sharpening changes no digit
 
 
+# Tables of a gait in files, in the order written, and the fields that they are.
+TABLES = {"inflation": "inflation", "grip": "grip", "core_pressure": "pressure", "motion_steps": "motion_steps",
+          "settle_steps": "settle_steps"}  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class RelaxedSchedule:
-    """A gait whose actuators may be anywhere between off (0) and on (1).
+    """A gait whose actuators may be anywhere between off (0) and on (1); equal when all of its numbers are.
 
     Attributes:
         inflation: of bladders 1 to 8, shape (8, T), T at least 1, read-only: the thickness that a bladder goes to is
@@ -52,6 +59,14 @@ class RelaxedSchedule:
             if (steps := getattr(self, field)) is not None:
                 object.__setattr__(self, field, _step_counts(field, steps, columns))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RelaxedSchedule):
+            return NotImplemented
+        return self.repeats == other.repeats and self.to_text() == other.to_text()
+
+    def __hash__(self) -> int:
+        return hash((self.to_text(), self.repeats))
+
     @property
     def timed(self) -> bool:
         """Whether columns last as long as the gait says, instead of as published."""
@@ -72,10 +87,54 @@ class RelaxedSchedule:
         """Mean of 4 u (1 - u) over all actuators and columns: 0 for on and off, 1 where all are halfway."""
         return float((4 * self.levels * (1 - self.levels)).mean())
 
+    def cut(self, columns: int | None, repeats: int | None) -> Self:
+        """The first so many columns, played so often; None keeps what there is."""
+        tables = {
+            field: table[..., :columns] for field in TABLES.values() if (table := getattr(self, field)) is not None
+        }
+        return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What there is of ``TABLES``, as lists of numbers."""
+        given = {name: getattr(self, field) for name, field in TABLES.items()}
+        return {name: table.tolist() for name, table in given.items() if table is not None}
+
+    @classmethod
+    def from_tables(cls, tables: Mapping[str, Any], repeats: int = 2) -> Self:
+        """The gait of such tables; only inflation and grip are needed.
+
+        Raises:
+            KeyError: with the name of a table that is missing.
+            ValueError: in one line, for tables that are unknown or not allowed.
+        """
+        if unknown := sorted(set(tables) - set(TABLES)):
+            raise ValueError(f"{unknown[0]}: is unknown; a graded gait has {', '.join(TABLES)}")
+        given = {field: tables.get(name) for name, field in TABLES.items()}
+        return cls(**{**given, "inflation": tables["inflation"], "grip": tables["grip"]}, repeats=repeats)
+
+    def to_text(self) -> str:
+        """The tables in one line, as JSON; numbers are exact. :meth:`from_text` reads it."""
+        return json.dumps(self.tables)
+
+    @classmethod
+    def from_text(cls, text: str, repeats: int = 2) -> Self:
+        """The gait of such a line.
+
+        Raises:
+            ValueError: in one line, for anything else.
+        """
+        try:
+            return cls.from_tables(json.loads(text), repeats)
+        except KeyError as missing:
+            raise ValueError(f"schedule: {missing} is missing") from None
+        except (json.JSONDecodeError, TypeError):
+            raise ValueError("schedule: its text is damaged; give the tables of a graded gait as JSON") from None
+
     @classmethod
     def from_schedule(cls, schedule: GaitSchedule) -> Self:
         """The same gait."""
-        levels = schedule.bits.astype(float)
+        levels = schedule.levels
         return cls(levels[:BLADDERS], levels[BLADDERS:], schedule.repeats)
 
     def project(self, threshold: float = 0.5) -> GaitSchedule:
@@ -117,7 +176,20 @@ class RelaxedSchedule:
         return b * (1 - np.tanh(b * (self.levels - 0.5)) ** 2) / (2 * math.tanh(b / 2))
 
 
-@dataclass(frozen=True, eq=False)
+Schedule = GaitSchedule | RelaxedSchedule
+
+
+def schedule_of_text(text: str, repeats: int = 2) -> Schedule:
+    """The schedule, of either kind, that ``to_text`` wrote.
+
+    Raises:
+        ValueError: in one line, for anything else.
+    """
+    kind = RelaxedSchedule if text.lstrip().startswith("{") else GaitSchedule
+    return kind.from_text(text, repeats)
+
+
+@dataclass(frozen=True)
 class RelaxedDesign:
     """Shape, orientation and relaxed control of the robot.
 
@@ -172,5 +244,6 @@ def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, .
     wrong = table[~((table >= 0) & (table <= high))]
     if wrong.size:
         raise ValueError(f"{field}: {wrong[0]} is not allowed; give numbers from 0 to {high:g}")
+    table[np.signbit(table)] = 0.0  # so that equal gaits have equal texts
     table.setflags(write=False)
     return table

@@ -4,7 +4,7 @@ Source: Powers 2021 dissertation, ch. 5, "Optimization": a binary matrix of ten 
 per actuator a code of a frequency f and an offset phi.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -74,9 +74,18 @@ class GaitSchedule:
         return len(self.bits[0])
 
     @property
+    def levels(self) -> NDArray[np.float64]:
+        """The bits as numbers, shape (10, T)."""
+        return self.bits.astype(float)
+
+    @property
     def played(self) -> NDArray[np.bool_]:
         """The columns as they are played, shape (10, T * repeats)."""
         return np.tile(self.bits, self.repeats)
+
+    def cut(self, columns: int | None, repeats: int | None) -> Self:
+        """The first so many columns, played so often; None keeps what there is."""
+        return replace(self, bits=self.bits[:, :columns], repeats=self.repeats if repeats is None else repeats)
 
     @classmethod
     def from_codes(cls, f: ArrayLike, phi: ArrayLike, columns: int = 8, repeats: int = 2) -> Self:

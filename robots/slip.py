@@ -6,11 +6,11 @@ Coulomb's law a foot that grips either sticks or slides, so slip is a property o
 
 import numpy as np
 
-from robots.dual import Array, value_of
-from robots.gaits import GaitDesign, columns_of
+from robots.dual import Array
+from robots.gaits import GaitDesign, played
 from robots.inflatable import ACTUATION, InflatableActuation, InflatableResult
 from robots.inflatable_body import FOOT_REGIONS
-from robots.schedule import FEET
+from robots.schedule import BLADDERS, FEET
 
 GRIPS = 0.5  # a foot told this much or more grips
 
@@ -53,12 +53,10 @@ def slip_under_load(
 
 def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Array) -> np.ndarray:
     """Whether each foot grips all the time between two frames, shape (F - 1, 2)."""
-    columns = columns_of(design, actuation)
-    begins = np.array([column.start for column in columns])
-    ends = begins + np.array([column.motion_steps for column in columns])
-    told = np.array([value_of(column.grip) for column in columns]) >= GRIPS
+    gait = played(design, actuation)
+    told = gait.levels[BLADDERS:].T >= GRIPS
     grips = np.ones((len(steps) - 1, FEET), bool)
-    for begin, end, foot in zip(begins, ends, told, strict=True):
+    for begin, end, foot in zip(gait.edges[:-1], gait.settles, told, strict=True):
         moving = (steps[1:] > begin) & (steps[:-1] < end)
         grips[moving] &= foot
     return grips

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from robots import inflatable
+from robots import gaits
+from robots.inflatable import ACTUATION
 from robots.terrain import one_each
 
 
 class Simulator:
-    """Stands in for ``simulate``: a quick, smooth function of design and terrain; remembers its calls."""
+    """Stands in for ``simulate``, for gaits of either kind: quick, smooth; remembers its calls."""
 
     def __init__(self):
         self.calls = []
@@ -26,12 +27,12 @@ class Simulator:
             progress(0.5)
         terrains = one_each(terrain, len(designs))
         failed = np.array([self.diverges(design, ground) for design, ground in zip(designs, terrains, strict=True)])
-        bits = np.array([design.schedule.bits.mean() for design in designs])
+        bits = np.array([design.schedule.levels.mean() for design in designs])
         pressure = np.array([design.pressure / 12e3 for design in designs])
         orientation = np.array([design.orientation / 90 for design in designs])
         slope = np.array([ground.slope for ground in terrains])
         speed = np.where(failed, np.nan, bits * pressure - abs(orientation - slope / 20))
-        steps = np.array([inflatable.predicted_steps(design) for design in designs])
+        steps = np.array([ACTUATION.initial_steps(design.pressure) + gaits.steps_of(design) for design in designs])
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")
         return SimpleNamespace(

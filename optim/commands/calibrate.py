@@ -101,10 +101,14 @@ def _fit(args: argparse.Namespace) -> Report:
 
 def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> "InflatableDesign":
     """A gait of a file of measurements; names of files are relative to its folder."""
-    from dataclasses import replace
+    from robots.inflatable import InflatableDesign
+    from robots.schedule import GaitSchedule
 
     design = options.load_gait(name if name in options.GAITS else str(folder / name))
-    return replace(design, schedule=options.cut(design.schedule, columns, repeats))
+    schedule = options.cut(design.schedule, columns, repeats)
+    if not isinstance(schedule, GaitSchedule):
+        raise ValueError(f"gait: {name} is graded, which is not allowed here; give one of on and off")
+    return InflatableDesign(design.pressure, design.orientation, schedule)
 
 
 def _names(text: str | None, experiments: Sequence[Any]) -> tuple[str, ...]:

@@ -98,9 +98,16 @@ def _add_design(design: Any) -> None:
     design.add_argument("--free", metavar="PARTS", help="what may change (default: orientation,shape,control)")
     design.add_argument(
         "--encoding",
-        choices=("codes", "bits", "pattern"),
-        help="of the control: frequency and offset of each actuator, every bit, or a network that makes patterns "
-        "(default: codes; bits with --method gradient)",
+        choices=("codes", "bits", "pattern", "graded"),
+        help="of the control: frequency and offset of each actuator, every bit, a network that makes patterns, or "
+        "how far bladders inflate and how long the robot settles, played as often as --steps allow (default: codes; "
+        "bits with --method gradient)",
+    )
+    design.add_argument(
+        "--steps",
+        type=options.whole(1),
+        metavar="N",
+        help="time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719)",
     )
     design.add_argument(
         "--gait",
@@ -228,6 +235,7 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     robot: dict[str, Any] = {
         "geometry": NAMED_GEOMETRIES[problem.geometry],
         "actuation": InflatableActuation(weight=problem.weight),
+        "counted_steps": None if problem.steps is None else problem.counted_steps(design),
     }
     products = Products(folder)
     seed = folder.config["method"]["seed"]

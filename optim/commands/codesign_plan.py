@@ -93,7 +93,7 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
         _same("problem.encoding", args.encoding, known.encoding, args.out)
     settings.setdefault("encoding", args.encoding or ("bits" if method == "gradient" else "codes"))
     _choose_objectives(settings, args, known, method)
-    for name in (*OPTIONS, "threads"):
+    for name in (*OPTIONS, "steps", "threads"):
         if getattr(args, name) is not None:
             settings[name] = getattr(args, name)
     terrains = settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
@@ -112,6 +112,8 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
         settings["schedule"] = options.cut(settings["schedule"], args.columns, args.repeats)
     if method == "gradient" and not known and settings["schedule"] is None and settings["encoding"] == "codes":
         raise ValueError("encoding: 'codes' has no gradient; method gradient needs bits")
+    if settings["schedule"] is None and settings["encoding"] == "graded" and args.repeats is not None:
+        raise ValueError(f"repeats: {args.repeats} is not allowed; graded gaits are played as often as --steps allow")
     by_default = taken and not args.gait
     note = f"note: {', '.join(taken)} neither free nor given: as in {gait}" if by_default else ""
     return GaitProblem(**settings), note

@@ -8,8 +8,8 @@ from optim.commands import Report, options
 from optim.commands.kept_points import kept_point
 
 if TYPE_CHECKING:
+    from robots.gaits import GaitDesign
     from robots.hardware import GaitTable
-    from robots.inflatable import InflatableDesign
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
@@ -104,7 +104,7 @@ def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
     return Report(document, text)
 
 
-def _design(source: Path, member: int | None) -> "tuple[InflatableDesign, int | None]":
+def _design(source: Path, member: int | None) -> "tuple[GaitDesign, int | None]":
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
     if source.is_file() or (str(source) in options.GAITS and not source.exists()):
         if member is not None:

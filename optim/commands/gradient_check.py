@@ -9,11 +9,13 @@ import numpy as np
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
 from optim.commands.robot_options import horizons_of_robot
+from robots.schedule import ROWS
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
     from optim.problem import RelaxableProblem
+    from robots.relaxed_schedule import Schedule
 
 HORIZONS = (1, 2, 4, 8)
 INSIDE = 0.15  # of its range: how far the point keeps from every bound
@@ -25,7 +27,8 @@ def add_parser(commands: Any) -> None:
         "gradient-check",
         help="compare gradients with differences",
         description="Compare the exact gradient of the speed, by pressure, orientation and relaxed schedule, with "
-        "central differences over step sizes and horizons, and with the gradient of the smoothed speed.",
+        "central differences over step sizes and horizons, and with the gradient of the smoothed speed. Speeds of "
+        "gaits with times of their own are counted by the time that they take.",
     )
     parser.add_argument("--gait", metavar="GAIT", help="inching, rolling, or the file of a design (default: inching)")
     parser.add_argument(
@@ -93,9 +96,8 @@ def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np
     gait = options.load_gait(args.gait or "inching")
     for columns in _horizons(args.horizons, gait.schedule.columns):
         repeats = max(columns // gait.schedule.columns, 1)
-        problem = _problem(args, columns // repeats, repeats)
-        bits = gait.schedule.bits[:, : problem.columns].astype(float)
-        point = np.concatenate([[gait.orientation, gait.pressure], bits.ravel()])
+        problem, genes = _problem(args, gait.schedule.cut(columns // repeats, repeats))
+        point = np.concatenate([[gait.orientation, gait.pressure], genes])
         found[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _inside(problem, point)
     return found
 
@@ -114,14 +116,23 @@ def _horizons(text: str | None, columns: int) -> list[int]:
     return wanted
 
 
-def _problem(args: argparse.Namespace, columns: int, repeats: int) -> "GaitProblem":
+def _problem(args: argparse.Namespace, schedule: "Schedule") -> "tuple[GaitProblem, np.ndarray]":
+    """A problem whose encoding says the schedule, and its genes of it, levels away from off and on."""
+    from optim.gait_encoding import GradedGait
     from optim.gait_problem import GaitProblem
+    from robots.relaxed_schedule import RelaxedSchedule
 
     given = {name: getattr(args, name) for name in ("geometry", "weight", "device", "threads")}
-    return GaitProblem(
-        (args.terrain,), columns=columns, repeats=repeats, encoding="bits", precision=args.precision or "f64",
-        **{name: value for name, value in given.items() if value is not None},
-    )  # fmt: skip
+    given = {name: value for name, value in given.items() if value is not None}
+    given |= {"columns": schedule.columns, "repeats": schedule.repeats, "encoding": "bits"}
+    genes = schedule.levels.ravel()
+    if isinstance(schedule, RelaxedSchedule) and (schedule.timed or schedule.pressure is not None):
+        # All columns in a row, once, however long a difference makes them.
+        given |= {"columns": schedule.columns * schedule.repeats, "repeats": 1, "encoding": "graded", "steps": 1}
+        genes = GradedGait.genome(schedule)
+    levels = slice(ROWS * given["columns"])
+    genes[levels] = np.clip(genes[levels], INSIDE, 1 - INSIDE)
+    return GaitProblem((args.terrain,), precision=args.precision or "f64", **given), genes
 
 
 def _inside(problem: "RelaxableProblem", point: np.ndarray) -> np.ndarray:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from robots import checks
-from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
-    from robots.inflatable import InflatableDesign
+    from robots.gaits import GaitDesign
+    from robots.relaxed_schedule import Schedule
 
 T = TypeVar("T")
 GAITS = ("inching", "rolling")  # that commands know by name
@@ -79,7 +79,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
+def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":
     """The design of a known gait's name, or of a file; with ``from_rows`` what the rows of a gait table play.
 
     Raises:
@@ -97,25 +97,25 @@ def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
     return design_file(Path(text), from_rows)
 
 
-def design_file(path: Path, from_rows: bool = False) -> "InflatableDesign":
+def design_file(path: Path, from_rows: bool = False) -> "GaitDesign":
     """The design of a design file, or of a gait table (``.csv``): that of its header, or what its rows play.
 
     Raises:
         ValueError: in one line, for any other file.
     """
-    from robots.inflatable import InflatableDesign, load_design
+    from robots.gaits import design_of, load_gait
 
     if path.suffix.lower() != ".csv":
-        return load_design(path)
+        return load_gait(path)
     from robots.hardware import read_csv
 
     table = read_csv(path)
     design = table.played() if from_rows else table.design
-    return InflatableDesign(design.pressure, design.orientation, design.schedule)
+    return design_of(design.pressure, design.orientation, design.schedule)
 
 
-def cut(schedule: GaitSchedule, columns: int | None, repeats: int | None) -> GaitSchedule:
+def cut(schedule: "Schedule", columns: int | None, repeats: int | None) -> "Schedule":
     """The first columns of a schedule, and how often they are played; None keeps what there is."""
     if columns is not None and columns > schedule.columns:
         raise ValueError(f"columns: {columns} is not allowed; the gait has {schedule.columns}")
-    return GaitSchedule(schedule.bits[:, :columns], schedule.repeats if repeats is None else repeats)
+    return schedule.cut(columns, repeats)

@@ -1,7 +1,6 @@
 """``morpholab simulate``: one gait on one terrain."""
 
 import argparse
-import dataclasses
 import json
 import math
 from pathlib import Path
@@ -14,7 +13,7 @@ from optim.commands.progress import shown_progress
 from robots.terrain import STEEPEST, Terrain
 
 if TYPE_CHECKING:
-    from robots.inflatable import InflatableDesign
+    from robots.gaits import GaitDesign
 
 
 def add_parser(commands: Any) -> None:
@@ -84,18 +83,17 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
-    from robots import inflatable
+    from robots import gaits
 
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
     if args.out is not None and args.out.exists() and not (args.out.is_dir() and not any(args.out.iterdir())):
         raise ValueError(f"out: {args.out} exists and is not empty; name a new folder")
     design = options.load_gait(args.gait, args.from_rows)
-    given = {"pressure": args.pressure, "orientation": args.orientation}
-    design = dataclasses.replace(
-        design,
-        schedule=options.cut(design.schedule, args.columns, args.repeats),
-        **{name: value for name, value in given.items() if value is not None},
+    design = gaits.design_of(
+        design.pressure if args.pressure is None else args.pressure,
+        design.orientation if args.orientation is None else args.orientation,
+        options.cut(design.schedule, args.columns, args.repeats),
     )
     if args.terrain is not None and args.slope is not None:
         raise ValueError(f"slope: {args.slope:g} is not allowed beside --terrain {args.terrain.name}; give one of them")
@@ -103,7 +101,7 @@ def run(args: argparse.Namespace) -> Report:
     robot, geometry, weight = _robot(args)
     title = f"{args.gait} {terrain.where}"
     with shown_progress(title, 1.0) as update:
-        result = inflatable.simulate(
+        result = gaits.simulate(
             [design],
             terrain,
             **robot,
@@ -161,18 +159,18 @@ def _robot(args: argparse.Namespace) -> tuple[dict[str, Any], str, str]:
 
 def _write(
     folder: Path,
-    design: "InflatableDesign",
+    design: "GaitDesign",
     terrain: Terrain,
     robot: dict[str, Any],
     document: dict[str, Any],
     frames: Any,
 ) -> None:
+    from robots.gaits import save_gait
     from robots.hardware import export_csv
-    from robots.inflatable import save_design
     from robots.view.picture import save_motion_picture
 
     folder.mkdir(parents=True, exist_ok=True)
-    save_design(design, folder / "design.json")
+    save_gait(design, folder / "design.json")
     (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
     if frames is not None:
         np.savez_compressed(folder / "frames.npz", **vars(frames))

@@ -77,7 +77,7 @@ def _of_run(folder: Path, args: argparse.Namespace, progress: Progress) -> Motio
 
 
 def _of_file(path: Path, args: argparse.Namespace, progress: Progress) -> Motion:
-    from robots.inflatable import load_design
+    from robots.gaits import load_gait
     from robots.lattice_robot import load_robot
     from robots.lattice_robot.record import ROBOT_FORMAT
     from robots.lattice_robot.sources import VOXEL_SUFFIXES
@@ -90,7 +90,7 @@ def _of_file(path: Path, args: argparse.Namespace, progress: Progress) -> Motion
         return _lattice_robot(load_robot(path), path.stem, args, None, progress)
     if f'"{DESIGN_FORMAT}"' in read_text(path):
         return _walker(load_walker(path), path.stem, args, None, progress)
-    return _inflatable(load_design(path), path.stem, args, None, progress)
+    return _inflatable(load_gait(path), path.stem, args, None, progress)
 
 
 def _where(args: argparse.Namespace, precision: str = "f32") -> dict[str, Any]:
@@ -102,15 +102,15 @@ def _terrain(args: argparse.Namespace, own: Terrain | None) -> Terrain:
 
 
 def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
-    from robots import inflatable
+    from robots import gaits, inflatable
     from robots.view.soft_motion import inflatable_motion
 
     design = dataclasses.replace(design, schedule=options.cut(design.schedule, args.columns, args.repeats))
     geometry = inflatable.NAMED_GEOMETRIES[args.geometry or (run.geometry if run else "published")]
     actuation = inflatable.InflatableActuation(weight=args.weight or (run.weight if run else "published"))
     terrain = _terrain(args, run.terrains[0] if run else None)
-    steps = inflatable.predicted_steps(design, geometry, actuation) - actuation.initial_steps(design.pressure)
-    result = inflatable.simulate([design], terrain, geometry=geometry, actuation=actuation, **_where(args),
+    steps = gaits.steps_of(design, actuation)
+    result = gaits.simulate([design], terrain, geometry=geometry, actuation=actuation, **_where(args),
                                  record_every=-(-steps // (args.frames - 1)), progress=progress)  # fmt: skip
     return inflatable_motion(result, design, terrain, actuation=actuation, name=f"{name} on {terrain.name}")
 

@@ -1,12 +1,11 @@
 """Reports of the inflatable robot: its terrains, its best gait, and what that asks of the pneumatic rig."""
 
+import dataclasses
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
-
-import numpy as np
 
 from optim.gait_problem import GaitProblem
 from optim.report.charts import chart, image
@@ -15,10 +14,11 @@ from optim.report.markup import Html, Text, facts, joined, number, picture, tabl
 from optim.report.rig import KPA_PER_PSI, rig_section
 from optim.runs.loop import Generation
 from optim.space import Vector
-from robots import inflatable
+from robots import gaits
+from robots.gaits import GaitDesign
 from robots.hardware import PneumaticRig
-from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableDesign
-from robots.inflatable_actuation import nominal_steps, play
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
+from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.terrain import Terrain
 
 UNIT = "BL/s"
@@ -59,12 +59,25 @@ class GaitRun:
         return [
             ("Robot", f"inflatable shape-changing robot, {problem.geometry} geometry, {geometry.body_length:g} m long"),
             ("Terrains", joined(_described(terrain) for terrain in problem.terrains)),
-            ("Objective", f"{aim}, in body lengths a second by the published convention ({UNIT})"),
+            ("Objective", f"{aim}, in body lengths a second {self._convention} ({UNIT})"),
             ("Free", ", ".join(problem.free)),
             ("Fixed", ", ".join(held) or "nothing"),
-            ("Gait", f"{problem.columns} columns, played {_times(problem.repeats)}, encoded as {problem.encoding}"),
+            ("Gait", f"{problem.columns} columns, played {self._often}, encoded as {problem.encoding}"),
             ("Simulation", f"{problem.precision} on {problem.device}, weight of bladders {problem.weight}"),
         ]
+
+    @property
+    def _convention(self) -> str:
+        """How time is counted."""
+        steps = self.problem.steps
+        return "by the published convention" if steps is None else f"of {steps:,} time steps"
+
+    @property
+    def _often(self) -> str:
+        """How often gaits are played."""
+        if self.problem.encoding != "graded":
+            return _times(self.problem.repeats)
+        return f"as often as {self.problem.steps or PUBLISHED_STEPS:,} time steps allow"
 
     @property
     def curves(self) -> Mapping[str, str]:
@@ -83,14 +96,15 @@ class GaitRun:
         from robots.view.soft_motion import inflatable_motion
 
         problem, design = self.problem, self.problem.design(point)
-        every = max(1, -(-play(design.schedule, self._robot["actuation"])[1] // (frames - 1)))
+        every = max(1, -(-gaits.steps_of(design, self._robot["actuation"]) // (frames - 1)))
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
         motions, speeds, pictures = [], [], []
         for n, terrain in enumerate(problem.terrains):
-            result = inflatable.simulate(
+            result = gaits.simulate(
                 [design], terrain, **self._robot, **where, record_every=every,
-                progress=lambda part, n=n: progress((n + part) / len(problem.terrains)),  # type: ignore[misc]
+                progress=lambda part, n=n: progress((n + part) / len(problem.terrains)),
             )  # fmt: skip
+            result = dataclasses.replace(result, speed=problem.speeds(result))
             drive, name = self._robot["actuation"], spoken(terrain)
             motion = inflatable_motion(result, design, terrain, actuation=drive, name=name)
             strip = motion_picture(result, design, terrain, actuation=drive)
@@ -132,29 +146,28 @@ class GaitRun:
         body = {"pressure": design.pressure, "orientation": design.orientation}
         return Best(content, [limits], {"terrains": told, **body, "rig": document})
 
-    def _gait_chart(self, design: InflatableDesign) -> Html:
+    def _gait_chart(self, design: GaitDesign) -> Html:
         from robots.view.drawing import draw_schedule
 
-        columns, steps = play(design.schedule, self._robot["actuation"])
-        edges = np.array([*(column.start for column in columns), steps]) * self._robot["geometry"].time_step
+        gait = gaits.played(design, self._robot["actuation"])
+        edges = gait.edges * self._robot["geometry"].time_step
 
         def draw(axes: Any) -> None:
             draw_schedule(axes, design.schedule, edges)
             axes.set_xlabel("time [s]")
 
-        share = 100 * design.schedule.played.mean()
+        share = 100 * gait.levels.mean()
         alt = f"Gait chart: ten actuators over {edges[-1]:.1f} s, on in {share:.0f} % of the columns"
         return chart(draw, alt, size=(4.8, 2.1))
 
-    def _metres_per_speed(self, design: InflatableDesign) -> float:
-        """Metres that a speed of 1 comes to, by the published convention, see ``InflatableResult.speed``."""
-        geometry, schedule = self._robot["geometry"], design.schedule
-        steps = nominal_steps(schedule.columns * schedule.repeats, self._robot["actuation"])
-        return float(geometry.body_length * steps * geometry.time_step)
+    def _metres_per_speed(self, design: GaitDesign) -> float:
+        """Metres that a speed of 1 comes to."""
+        geometry = self._robot["geometry"]
+        return float(geometry.body_length * self.problem.counted_steps(design) * geometry.time_step)
 
-    def _seconds(self, design: InflatableDesign) -> float:
+    def _seconds(self, design: GaitDesign) -> float:
         """Time of the gait, simulated."""
-        return float(play(design.schedule, self._robot["actuation"])[1] * self._robot["geometry"].time_step)
+        return float(gaits.steps_of(design, self._robot["actuation"]) * self._robot["geometry"].time_step)
 
     def columns(self, points: Vector) -> dict[str, list[Text]]:
         """Pressure and orientation."""

@@ -12,7 +12,7 @@ from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.table import Design, GaitTable, PlayedDesign, design_hash, gait_table
 from robots.hardware.timeline import section_of
-from robots.schedule import GaitSchedule
+from robots.relaxed_schedule import schedule_of_text
 
 SCHEMA = "morpholab-gait-2"
 _UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
@@ -131,7 +131,7 @@ def _check_columns(lines: list[str], at: int, units: str) -> None:
 
 def _design(header: Mapping[str, str]) -> PlayedDesign:
     try:
-        schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
+        schedule = schedule_of_text(header["schedule"], int(header["repeats"]))
         design = PlayedDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
     except KeyError as missing:

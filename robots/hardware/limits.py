@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.line_map import Array
+from robots.hardware.commands import Commands
 from robots.hardware.rig import CHANNELS, PneumaticRig
 from robots.hardware.timeline import State, strokes
 
@@ -52,18 +52,18 @@ class RigViolation(ValueError):
         super().__init__(f"{self.violations[0]}" + (f" ({more} more; a dry run names all)" if more else ""))
 
 
-def violations(targets: Array, states: Sequence[State], rig: PneumaticRig) -> list[Violation]:
+def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -> list[Violation]:
     """What commands would exceed the rig's limits, in order of time.
 
     Args:
-        targets: of the states [kPa], shape (S, 11).
+        commands: for the states.
         states: when they are, with strokes as fast as the rig's times tell.
         rig: with the limits.
     """
     found: list[Violation] = []
-    before = np.zeros(targets.shape[1])
-    for state, target in zip(states, targets, strict=True):
-        times = strokes(before, target, rig, keep_slew=False)
+    before = np.zeros(len(CHANNELS))
+    for state, target, portions in zip(states, commands.targets, commands.portions, strict=True):
+        times = strokes(before, target, portions, rig, keep_slew=False)
         for index in np.flatnonzero(target != before):
             name, channel = CHANNELS[index], rig.channels[index]
             first, last = float(before[index]), float(target[index])

@@ -2,7 +2,8 @@
 
 A line has not the pressure that is simulated: the core of the physical robot is round at 50 kPa, the simulated one at
 12 kPa, and bladders and feet are simulated as on or off. Source: Powers 2021 dissertation, ch. 5, "Simulation
-environment" (12 kPa), "Experiments with the physical robot" (50 and -80 kPa, of the core and of the feet).
+environment" (12 kPa), "Experiments with the physical robot" (50 and -80 kPa, of the core and of the feet). An actuator
+that is on by parts has a pressure as far between its two.
 """
 
 import json
@@ -18,6 +19,7 @@ from robots.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 
 Array = NDArray[np.float64]
 _RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
+_LEVEL_RESOLUTION = 6  # and of a level
 
 
 @dataclass(frozen=True)
@@ -59,30 +61,31 @@ class LineMap:
             if off >= on:
                 raise ValueError(f"off_kpa: {off:g} of {name} is not allowed; it must be below its on_kpa, {on:g}")
 
-    def lines(self, pressure: float, bits: ArrayLike) -> Array:
+    def lines(self, pressures: ArrayLike, levels: ArrayLike) -> Array:
         """Line pressures [kPa] of states.
 
         Args:
-            pressure: simulated, of the core [Pa].
-            bits: of the ten actuators in each state, shape (10, S).
+            pressures: simulated, of the core [Pa], one or shape (S,).
+            levels: of the ten actuators in each state, from 0 (off) to 1 (on), shape (10, S).
 
         Returns:
             The core's, then those of the actuators, shape (S, 11).
         """
-        core = self.core_kpa * pressure / self.simulated_pa if pressure else self.flat_kpa
-        actuators = np.where(np.asarray(bits, bool).T, self.on_kpa, self.off_kpa)
-        return np.column_stack([np.full(len(actuators), core), actuators])
+        simulated, told = np.asarray(pressures, float), np.asarray(levels, float).T
+        core = np.where(simulated == 0, self.flat_kpa, self.core_kpa * simulated / self.simulated_pa)
+        actuators = (1.0 - told) * self.off_kpa + told * self.on_kpa
+        return np.column_stack([np.broadcast_to(core, len(told)), actuators])
 
-    def simulated(self, lines: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
-        """The inverse of :meth:`lines`: an actuator is on above the middle between its two pressures.
+    def simulated(self, lines: ArrayLike) -> tuple[Array, Array]:
+        """The inverse of :meth:`lines`; beyond its two pressures an actuator is off or on.
 
         Returns:
-            Core pressures [Pa], shape (S,), and bits of the actuators, shape (10, S).
+            Core pressures [Pa], shape (S,), and levels of the actuators, shape (10, S).
         """
-        given = np.asarray(lines, np.float64)
+        given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
         core = np.round(np.maximum(given[:, 0], 0.0) * self.simulated_pa / self.core_kpa, _RESOLUTION)
-        middle = (np.array(self.on_kpa) + np.array(self.off_kpa)) / 2
-        return core, (given[:, 1:] > middle).T
+        levels = (given[:, 1:] - off) / (np.array(self.on_kpa) - off)
+        return core, np.round(np.clip(levels, 0.0, 1.0), _LEVEL_RESOLUTION).T
 
     def within(self, low: ArrayLike, high: ArrayLike) -> Self:
         """The map whose actuators keep to limits [kPa], each of shape (10,).

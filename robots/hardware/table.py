@@ -3,20 +3,24 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.checks import number, whole_number
+from robots.hardware.commands import TIME_STEP, commands_of
 from robots.hardware.limits import POLICIES, RigViolation, violations
 from robots.hardware.line_map import Array, LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.timeline import State, section_of, timeline
+from robots.relaxed_schedule import RelaxedSchedule, Schedule
 from robots.schedule import BLADDERS, ROWS, GaitSchedule
 
 FASTEST_RATE = 1000.0  # rows per second
+ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
 
 
 class Design(Protocol):
@@ -27,7 +31,7 @@ class Design(Protocol):
     @property
     def orientation(self) -> float: ...  # noqa: D102
     @property
-    def schedule(self) -> GaitSchedule: ...  # noqa: D102
+    def schedule(self) -> Schedule: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -37,12 +41,12 @@ class PlayedDesign:
     Attributes:
         pressure: simulated, of the core [Pa].
         orientation: [degrees].
-        schedule: of the actuators.
+        schedule: of the actuators, of either kind.
     """
 
     pressure: float
     orientation: float
-    schedule: GaitSchedule
+    schedule: Schedule
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,27 +105,55 @@ class GaitTable:
         lengths = self.durations
         return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
 
-    def schedule(self) -> GaitSchedule:
+    def schedule(self) -> Schedule:
         """The schedule that the table was made of."""
         return self.design.schedule
 
     def played(self) -> PlayedDesign:
-        """What the rows play, by the inverse of the map, whatever the header says of the design.
+        """What the rows play, by the inverse of the map; the header says only of what kind the gait is.
 
-        The orientation is the header's: lines know nothing of it.
+        The orientation is the header's: lines know nothing of it. An actuator of a binary gait is on above the middle
+        between its two pressures. How long states of a gait with times of its own last after all lines have arrived,
+        is how long it settles.
 
         Raises:
             ValueError: in one line, when the rows play no schedule.
         """
         last = np.append(np.flatnonzero(np.diff(self.states)), len(self.states) - 1)
         lines = self.pressures[last] * KPA_PER_UNIT[self.units]
-        core, bits = self.line_map.simulated(lines[:-1])  # the last state vents
-        if np.ptp(core) > 0:
+        core, levels = self.line_map.simulated(lines[:-1])  # the last state vents
+        given = self.design.schedule
+        if not isinstance(given, RelaxedSchedule):
+            levels = np.round(levels)
+        if np.ptp(core) > 0 and not (isinstance(given, RelaxedSchedule) and given.pressure is not None):
             raise ValueError(f"core: {core.min():g} to {core.max():g} Pa are not allowed; a gait has one core pressure")
-        first, second = np.array_split(bits[:, 1:], 2, axis=1)
+        first, second = np.array_split(np.vstack([levels, core])[:, 1:], 2, axis=1)
         if not np.array_equal(first, second):
             raise ValueError("gait table: the columns of its prefix differ from those of its main")
-        return PlayedDesign(float(core[0]), self.design.orientation, GaitSchedule(second, self.loops + 1))
+        return PlayedDesign(float(core[0]), self.design.orientation, self._schedule(second[:ROWS], second[ROWS]))
+
+    def _schedule(self, levels: Array, core: Array) -> Schedule:
+        """The schedule of levels, shape (10, T), and core pressures [Pa], (T,), of the kind that the header names."""
+        given, repeats = self.design.schedule, self.loops + 1
+        if not isinstance(given, RelaxedSchedule):
+            return GaitSchedule(levels == 1, repeats)
+        core_pressure = None if given.pressure is None else core
+        gait = RelaxedSchedule(levels[:BLADDERS], levels[BLADDERS:], repeats, core_pressure)
+        if not given.timed:
+            return gait
+        return replace(gait, motion_steps=np.zeros(gait.columns, int), settle_steps=self._settled())
+
+    def _settled(self) -> NDArray[np.int64]:
+        """Time steps for which the states of the main last after all lines have arrived, shape (T,)."""
+        columns, pressures = self.design.schedule.columns, self.pressures * KPA_PER_UNIT[self.units]
+        found = []
+        for state in range(columns + 1, 2 * columns + 1):
+            place = np.flatnonzero(self.states == state)
+            begin, end = place[0] - 1, place[-1]
+            on_the_way = np.flatnonzero((np.abs(pressures[begin:end] - pressures[end]) > ARRIVED).any(axis=1))
+            arrival = begin + (on_the_way[-1] + 1 if on_the_way.size else 0)
+            found.append((self.times[end] - self.times[arrival]) / TIME_STEP)
+        return np.round(found).astype(int)
 
 
 def design_hash(design: Design) -> str:
@@ -166,25 +198,18 @@ def gait_table(
         raise ValueError("rate: 0 is not allowed; it must be positive")
     seed = None if seed is None else whole_number("seed", seed, 0)
     pressure = number("pressure", design.pressure, 0.0, unit="Pa")
-    columns = design.schedule.columns
-    targets = state_targets(design.schedule, pressure, rig.line_map)
     line_map, clip = rig.line_map, on_violation == "clip"
-    found = violations(targets, timeline(targets, columns, rig).states, rig)
+    commands = commands_of(design.schedule, pressure, line_map)
+    found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:
         raise RigViolation(found)
     if found:
         low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
-        line_map, targets = line_map.within(low[1:], high[1:]), np.clip(targets, low, high)
-    line = timeline(targets, columns, rig, rate, keep_slew=clip)
+        line_map = line_map.within(low[1:], high[1:])
+        commands = commands_of(design.schedule, pressure, line_map).within(low, high)
+    line = timeline(commands, rig, rate, keep_slew=clip)
     return GaitTable(
         line.times, line.numbers, line.pressures / KPA_PER_UNIT[units], units,
         PlayedDesign(pressure, float(design.orientation), design.schedule), line_map, seed, rig.name, rate,
         tuple(map(str, found)), line.states,
     )  # fmt: skip
-
-
-def state_targets(schedule: GaitSchedule, pressure: float, line_map: LineMap) -> Array:
-    """Line pressures of the states [kPa], shape (2 T + 2, 11): shaping, the columns twice, venting."""
-    shaping = np.arange(ROWS) >= BLADDERS  # the feet grip
-    states = line_map.lines(pressure, np.column_stack([shaping, schedule.bits, schedule.bits]))
-    return np.vstack([states, np.zeros(states.shape[1])])

@@ -1,9 +1,10 @@
 """When a rig does what: states, one after the other, as pressures over time.
 
 A state is what all lines are told at once. It lasts until its slowest changing channel is done: its valve's delay and
-its stroke (Powers 2021 dissertation, ch. 5: bladders inflate at different rates). Sections are those of controllers
-that loop a trajectory: a *prefix* that shapes the body and plays the columns once from there, a *main* that begins as
-it ends and can be looped, and a *suffix* that vents the lines.
+its stroke (Powers 2021 dissertation, ch. 5: bladders inflate at different rates); then it dwells, if it shall.
+
+Sections are those of controllers that loop a trajectory: a *prefix* that shapes the body and plays the columns once
+from there, a *main* that begins as it ends and can be looped, and a *suffix* that vents the lines.
 """
 
 import math
@@ -11,10 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robots.hardware.commands import Commands
 from robots.hardware.line_map import Array
 from robots.hardware.rig import CHANNELS, PneumaticRig
 
 SECTIONS = ("prefix", "main", "suffix")
+_CLOSEST = 6  # decimals of a time [s] that tell corners apart
 
 
 @dataclass(frozen=True)
@@ -61,39 +64,47 @@ def section_of(state: int, columns: int) -> str:
     return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
 
 
-def strokes(before: Array, target: Array, rig: PneumaticRig, keep_slew: bool) -> Array:
-    """How long each line takes from one pressure to another [kPa]; with ``keep_slew`` not faster than its limit [s]."""
+def strokes(before: Array, target: Array, portions: Array, rig: PneumaticRig, keep_slew: bool) -> Array:
+    """How long each line takes from one pressure to another [kPa]; with ``keep_slew`` not faster than its limit [s].
+
+    The ``portions`` are those of whole strokes, see ``Commands``.
+    """
     rise, fall, slew = np.array([(c.rise_s, c.fall_s, c.slew_kpa_per_s) for c in rig.channels]).T
-    times = np.where(target > before, rise, fall)
+    times = np.where(target > before, rise, fall) * portions
     return np.maximum(times, np.abs(target - before) / slew) if keep_slew else times
 
 
 def timeline(
-    targets: Array, columns: int, rig: PneumaticRig, rate: float | None = None, keep_slew: bool = False
+    commands: Commands, rig: PneumaticRig, rate: float | None = None, keep_slew: bool = False
 ) -> Timeline:
     """Go from vented lines to one row of targets after the other.
 
     Args:
-        targets: of the states [kPa], shape (S, 11).
-        columns: of the schedule.
+        commands: for the states.
         rig: gives the times.
         rate: rows per second; states then last whole samples. None: rows at the corners, which straight lines join.
         keep_slew: slow strokes down that are faster than the rig allows.
     """
     delays = np.array([channel.valve_delay_s for channel in rig.channels])
-    before, ticks, start = np.zeros(targets.shape[1]), 0, 0.0
+    before, ticks, start = np.zeros(len(CHANNELS)), 0, 0.0
     states: list[State] = []
     times, numbers, rows = [0.0], [0], [before]
-    for number, target in enumerate(targets):
-        section = section_of(number, columns)
+    for number, target in enumerate(commands.targets):
+        section = section_of(number, commands.columns)
         if states and section != states[-1].section:
             times, numbers, rows = [*times, start], [*numbers, number], [*rows, before]
-        stroke = strokes(before, target, rig, keep_slew)
+        stroke = strokes(before, target, commands.portions[number], rig, keep_slew)
         changing = np.flatnonzero(target != before)
         done = (delays + stroke)[changing]
-        length = float(done.max()) if changing.size else rig.shortest_state_s
+        moving, resting = commands.moving_s[number], commands.resting_s[number]
+        if changing.size:
+            length = max(float(done.max()), moving) + resting
+        else:
+            length = max(rig.shortest_state_s, moving + resting)
         if rate is None:
-            passed = np.unique(np.round([*stroke[changing], length], 6))  # corners closer than that are one
+            length = max(length, 10.0**-_CLOSEST)
+            passed = np.unique(np.round([*stroke[changing], length], _CLOSEST))
+            passed = passed[passed > 0]
             moments = start + passed
         else:
             count = max(1, math.ceil(length * rate * (1 - 1e-12)))

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from robots.inflatable import InflatableResult
-from robots.schedule import GaitSchedule
+from robots.relaxed_schedule import Schedule
 from robots.view import scene, shape
 from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Array, Camera, Polygons
 
@@ -116,21 +116,26 @@ def covered(points: Array, camera: Camera) -> Array:
     return np.stack([places.min(axis=0), places.max(axis=0)], axis=1)
 
 
-def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None = None) -> None:
+def draw_schedule(axes: "Axes", schedule: Schedule, edges: ArrayLike | None = None) -> None:
     """Draw when actuators are on, as played: ten rows, bladder 1 on top, in the colours of the robot.
+
+    An actuator that is on by parts fills that part of its row.
 
     Args:
         axes: to draw on.
-        schedule: of T columns, played R times.
+        schedule: of T columns, played R times, of either kind.
         edges: where columns begin and end, such as times [s], shape (T R + 1,); by default columns count.
     """
-    played = schedule.played
+    played = np.tile(schedule.levels, schedule.repeats)
     ticks = np.arange(played.shape[1] + 1.0) if edges is None else np.asarray(edges, float)
     tops = np.arange(len(played)) + 0.35 * (np.arange(len(played)) >= len(BLADDERS))  # feet stand apart
-    row, column = (places.ravel() for places in np.indices(played.shape))
-    left, right, top, bottom = ticks[column], ticks[column + 1], tops[row] + 0.06, tops[row] + 0.94
+    empty, told = np.argwhere(played < 1), np.argwhere(played > 0)
+    row, column = np.concatenate([empty, told]).T
+    height = np.append(np.ones(len(empty)), played[played > 0])
+    left, right, bottom = ticks[column], ticks[column + 1], tops[row] + 0.94
+    top = bottom - 0.88 * height
     cells = np.stack([[left, top], [right, top], [right, bottom], [left, bottom]]).transpose(2, 0, 1)
-    colours = np.where(played.reshape(-1, 1), np.array([*BLADDERS, *FEET])[row], GROUND)
+    colours = np.concatenate([np.tile(GROUND, (len(empty), 1)), np.array([*BLADDERS, *FEET])[told[:, 0]]])
     axes.add_collection(PolyCollection(list(cells), facecolors=colours, edgecolors=[PAPER], linewidths=0.6))
     axes.set_xlim(ticks[0], ticks[-1])
     axes.xaxis.set_major_locator(MaxNLocator(integer=edges is None))

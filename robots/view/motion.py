@@ -32,7 +32,7 @@ class Channel:
         name: of the row.
         unit: of the values; empty if they have none.
         times: of the values, increasing [s], shape (K,).
-        values: shape (K,); of a switch 0 or 1.
+        values: shape (K,); of a switch from 0, off, to 1, on.
         colour: red, green, blue from 0 to 1.
         switch: whether a value holds until the next one; otherwise they are joined by lines.
         logarithmic: whether the values, all positive, are better seen by their logarithms.

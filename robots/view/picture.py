@@ -1,22 +1,15 @@
 """The picture of a robot in motion: a film strip of its gait above the chart of its actuators."""
 
+from dataclasses import replace
 from os import PathLike
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from robots.checks import whole_number
-from robots.inflatable import (
-    ACTUATION,
-    PUBLISHED,
-    InflatableActuation,
-    InflatableDesign,
-    InflatableGeometry,
-    InflatableResult,
-    simulate,
-)
-from robots.inflatable_actuation import play
-from robots.schedule import BLADDERS, GaitSchedule
+from robots.gaits import GaitDesign, PlayedGait, played, simulate, steps_of
+from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
+from robots.schedule import BLADDERS
 from robots.terrain import Terrain
 from robots.view import shape
 from robots.view.drawing import draw_pose, draw_schedule
@@ -31,13 +24,14 @@ DOTS_PER_INCH = 160
 
 
 def save_motion_picture(
-    design: InflatableDesign,
+    design: GaitDesign,
     terrain: Terrain,
     path: str | PathLike[str],
     *,
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     frames: int = 6,
+    counted_steps: int | None = None,
 ) -> InflatableResult:
     """Simulate a design in single precision and write the picture of its motion.
 
@@ -48,6 +42,7 @@ def save_motion_picture(
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         frames: poses to draw, at equal times from the beginning of the gait to its end; at least 2.
+        counted_steps: time steps by which the title counts the speed; None is the published convention.
 
     Returns:
         The result, with the frames recorded for the picture.
@@ -56,8 +51,10 @@ def save_motion_picture(
         ValueError: in one line, for a value that is not allowed.
     """
     frames = whole_number("frames", frames, 2)
-    every = max(play(design.schedule, actuation)[1] // ((frames - 1) * PATH_POINTS), 1)
+    every = max(steps_of(design, actuation) // ((frames - 1) * PATH_POINTS), 1)
     result = simulate(design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every)
+    if counted_steps is not None:
+        result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
     figure = motion_picture(result, design, terrain, actuation=actuation, frames=frames)
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return result
@@ -65,7 +62,7 @@ def save_motion_picture(
 
 def motion_picture(
     result: InflatableResult,
-    design: InflatableDesign,
+    design: GaitDesign,
     terrain: Terrain,
     *,
     actuation: InflatableActuation = ACTUATION,
@@ -82,8 +79,8 @@ def motion_picture(
         frames: poses to draw.
         robot: place in the batch.
     """
-    columns, steps = play(design.schedule, actuation)
-    edges = np.array([*(column.start for column in columns), steps]) * result.time_step
+    gait = played(design, actuation)
+    edges = gait.edges.astype(float) * result.time_step
     times = shape.recorded(result).times
     # A robot has no poses after its gait, which may be shorter than others of the batch, nor once it diverged.
     there = np.flatnonzero(np.isfinite(shape.path(result, robot)).all(axis=1))
@@ -92,7 +89,7 @@ def motion_picture(
     strip, chart = (figure.add_axes((0, 0, 1, 1), label=name) for name in ("strip", "chart"))
     figure.text(0, 0, _title(result, design, terrain, robot), va="top", fontsize=11, color=INK)
     if len(poses):
-        grips = [_gripping(design.schedule, edges, times[i]) for i in poses]
+        grips = [_gripping(gait, edges, times[i]) for i in poses]
         camera, ground = Camera(design.orientation, terrain.slope), not terrain.is_fluid
         draw_strip(strip, result, poses.tolist(), camera, grips, robot, ground)
     else:
@@ -116,14 +113,14 @@ def _arrange(figure: Figure) -> None:
     figure.texts[0].set_position((0.02, 1 - 0.14 / total))
 
 
-def _gripping(schedule: GaitSchedule, edges: Array, time: float) -> tuple[bool, bool]:
-    """Which feet the schedule has gripping at a time [s]; before the gait begins both do."""
+def _gripping(gait: PlayedGait, edges: Array, time: float) -> tuple[bool, bool]:
+    """Which feet the gait has gripping, rather than sliding, at a time [s]; before it begins both do."""
     column = int(np.searchsorted(edges[:-1], time)) - 1
-    first, second = schedule.played[BLADDERS:, column] if column >= 0 else (True, True)
-    return bool(first), bool(second)
+    first, second = gait.levels[BLADDERS:, column] if column >= 0 else (1.0, 1.0)
+    return bool(first >= 0.5), bool(second >= 0.5)
 
 
-def _title(result: InflatableResult, design: InflatableDesign, terrain: Terrain, robot: int) -> str:
+def _title(result: InflatableResult, design: GaitDesign, terrain: Terrain, robot: int) -> str:
     way = "up" if terrain.slope > 0 else "down"
     place = f"{way} a slope of {abs(terrain.slope):g}°" if terrain.slope else "on flat ground"
     place = "in water" if terrain.is_fluid else place

@@ -1,12 +1,10 @@
 """Motions of voxel robots: the inflatable robot, walkers."""
 
-from itertools import repeat
-
 import numpy as np
 
 from robots.cyclic import SEGMENTS
-from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableDesign, InflatableResult
-from robots.inflatable_actuation import play
+from robots.gaits import GaitDesign, PlayedGait, played
+from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableResult
 from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
@@ -23,7 +21,7 @@ from taichi_sim.lattice.faces import mean_of_face_corners, rotate
 
 def inflatable_motion(
     result: InflatableResult,
-    design: InflatableDesign,
+    design: GaitDesign,
     terrain: Terrain | None = None,
     *,
     actuation: InflatableActuation = ACTUATION,
@@ -50,13 +48,10 @@ def inflatable_motion(
     regions = np.asarray(result.body.regions)
     if regions.max() != REGION_COUNT - 1:
         raise ValueError(f"frames: they are of a body with {regions.max() + 1} regions; give the inflatable robot's")
-    columns, steps = play(design.schedule, actuation)
-    edges = np.array([*(column.start for column in columns), steps]) * result.time_step
-    switches = _schedule_channels(design.schedule, edges)
-    slope = (terrain or Terrain()).slope
+    gait, slope = played(design, actuation), (terrain or Terrain()).slope
     return _voxels(
         name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(regions)],
-        switches, [Channel("core pressure", "kPa", edges[[0, -1]], np.full(2, design.pressure / 1000), _colour(INK))],
+        _gait_channels(gait, result.time_step), [_core_channel(gait, result.time_step)],
         Ground(-0.5 * result.body.voxel_size, slope, design.orientation), design.pressure,
     )  # fmt: skip
 
@@ -174,12 +169,22 @@ def _voxels(
                   skin=Skin(knots(body), body.topology.faces), lattice=states)  # fmt: skip
 
 
-def _schedule_channels(schedule: GaitSchedule, edges: Floats) -> list[Channel]:
-    """Rows of a gait's matrix, as played."""
+def _gait_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
+    """What actuators are told, as played."""
     colours = [_colour(c) for c in (*BLADDERS, *FEET)]
-    names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in schedule.row_names]
-    values = np.concatenate([schedule.played, schedule.played[:, -1:]], axis=1).astype(float)
-    return [Channel(*row, switch=True) for row in zip(names, repeat(""), repeat(edges), values, colours)]
+    names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in GaitSchedule.row_names]
+    values, times = np.concatenate([gait.levels, gait.levels[:, -1:]], axis=1), gait.edges.astype(float) * time_step
+    rows = zip(names, values, colours, strict=True)
+    return [Channel(name, "", times, row, colour, switch=True) for name, row, colour in rows]
+
+
+def _core_channel(gait: PlayedGait, time_step: float) -> Channel:
+    """The core pressure, which changes until the motion of a column ends."""
+    steps, pascals = gait.edges[[0, -1]], gait.pressures[[0, -1]]
+    if np.ptp(gait.pressures) > 0:
+        steps = np.append(0, np.column_stack([gait.settles, gait.edges[1:]]))
+        pascals = np.append(gait.pressures[0], np.repeat(gait.pressures[1:], 2))
+    return Channel("core pressure", "kPa", steps.astype(float) * time_step, pascals / 1000, _colour(INK))
 
 
 def _inflatable_node(voxel: int, region: int) -> Node:

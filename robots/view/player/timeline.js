@@ -63,8 +63,11 @@ class Timeline {
     values.forEach((value, k) => {
       const from = this.#x(times[k]), to = this.#x(k < last ? times[k + 1] : end);
       if (to - from < 0.05) return;
-      pen.fillStyle = value ? css(channel.colour) : "#f3f1ec";
-      pen.fillRect(from, top + 1, Math.max(to - from - (to - from > 6 ? 1 : 0), 0.5), height - 2);
+      const width = Math.max(to - from - (to - from > 6 ? 1 : 0), 0.5), high = (height - 2) * value;
+      pen.fillStyle = "#f3f1ec";
+      pen.fillRect(from, top + 1, width, height - 2);
+      pen.fillStyle = css(channel.colour);
+      pen.fillRect(from, top + height - 1 - high, width, high);
     });
   }
 
@@ -107,7 +110,7 @@ class Timeline {
     for (const { channel, value } of this.rows) {
       const now = valueAt(channel, time);
       const told = channel.switch
-        ? `<i style="background:${now ? css(channel.colour) : "#e9e6df"}"></i>`
+        ? `<i style="background:linear-gradient(0deg, ${css(channel.colour)} ${100 * now}%, #e9e6df 0)"></i>`
         : `${textOf(channel, now)} <small>${channel.unit}</small>`;
       if (value.told !== told) value.innerHTML = value.told = told;
     }
