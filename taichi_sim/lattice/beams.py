@@ -166,12 +166,12 @@ def turned_forces(edge, stiff, minus, plus, pull, twist, turning, small, w, by, 
 
 @law
 def balanced(rx, ry, rz, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz):
-    """A link's (F, M, G, N) made to neither push nor turn its two voxels as a whole; any one frame.
+    """A link's (F, M, G, N), corrected so that they neither push nor turn its two voxels as a whole; in any one frame.
 
-    r is the offset of the "+" voxel, which gives up G and N. Their torque about the "-" voxel is M - N - r x G and their
-    force F - G; a beam at rest has neither (Cook et al., Concepts and Applications of Finite Element Analysis, 2002,
-    section 2.3). The law above leaves both: the one to second order in the strains, as its levers are rest lengths and
-    tension has none; the other where its ends are damped unlike. Each end bears half.
+    r is the offset of the "+" voxel, on which -G and -N act. A beam without mass is in equilibrium, as in Crisfield's
+    co-rotational beams (Comput. Methods Appl. Mech. Eng. 81(2), 1990): F = G, and about the "-" voxel M - N = r x G.
+    The published law breaks the first where the ends are damped unlike, the second to second order in the strains: its
+    levers are voxel edges, and tension has none. Each end bears half of what is missing.
     """
     fx, fy, fz = 0.5 * (fx + gx), 0.5 * (fy + gy), 0.5 * (fz + gz)
     tx, ty, tz = cross(rx, ry, rz, fx, fy, fz)

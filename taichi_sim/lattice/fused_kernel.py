@@ -284,7 +284,7 @@ def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.t
 
 @lru_cache
 def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
-    """The kernel for one kind of real, on the ground or in a fluid. Else what differs between bodies and runs is argument.
+    """The kernel for one kind of real, on the ground or in a fluid; all else that differs is an argument.
 
     With ``recording`` it keeps the state before every step from step ``first`` on, and the contacts of each.
     """

@@ -149,7 +149,7 @@ def gather_links(m: ti.template(), r, v, plan: ti.template(), voxel_table: ti.te
 
 @lru_cache
 def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
-    """Kernels for one precision, on the ground or in a fluid. Everything else that differs between bodies and runs is an argument."""
+    """Kernels for one precision, on the ground or in a fluid; all else that differs is an argument."""
     memory = ti.types.ndarray(dtype=real.scalar, ndim=2)
     ints1, ints2, ints3, ints4 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3, 4))
     scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
