@@ -2,13 +2,14 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
 from optim.cli import main
-from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
+from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, load_design, simulate
 from robots.inflatable_gradient import differentiate, simulate_relaxed
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.schedule import GaitSchedule
@@ -143,6 +144,15 @@ def test_a_picture_in_water_has_no_ground():
         figure = motion_picture(result, design, terrain, actuation=QUICK, frames=3)
         assert painted(figure.axes[0]) == (not terrain.is_fluid,) * 2
         assert figure.texts[0].get_text().partition(";")[0].endswith(terrain.spoken)
+
+
+@pytest.mark.parametrize("name", ["2-kpa", "10-kpa"])
+def test_the_page_describes_the_designs_beside_it(name):
+    docs = Path(__file__).parents[1] / "docs"
+    design = load_design(docs / f"data/swimming/{name}.json")
+    (row,) = (line for line in (docs / "swimming.md").read_text().splitlines() if line.startswith(f"| `docs/data/swimming/{name}"))
+    assert f"| {design.pressure / 1000:.0f} kPa | {design.orientation:.0f}° |" in row
+    assert (design.schedule.columns, design.schedule.repeats) == (3, 3)
 
 
 def test_the_command_takes_a_terrain_or_a_slope(capsys):
