@@ -150,7 +150,8 @@ def test_a_picture_in_water_has_no_ground():
 def test_the_page_describes_the_designs_beside_it(name):
     docs = Path(__file__).parents[1] / "docs"
     design = load_design(docs / f"data/swimming/{name}.json")
-    (row,) = (line for line in (docs / "swimming.md").read_text().splitlines() if line.startswith(f"| `docs/data/swimming/{name}"))
+    text = (docs / "swimming.md").read_text()
+    (row,) = (line for line in text.splitlines() if line.startswith(f"| `docs/data/swimming/{name}"))
     assert f"| {design.pressure / 1000:.0f} kPa | {design.orientation:.0f}° |" in row
     assert (design.schedule.columns, design.schedule.repeats) == (3, 3)
 
