@@ -81,8 +81,9 @@ def test_the_gradient_of_the_distance_in_water_agrees_with_differences():
 
     options |= {"ramp_steps": 100}
     slope = differentiate([design(3e3)], Terrain.water(), **options).pressure[0]
-    ends = simulate_relaxed([design(3e3 + 0.01), design(3e3 - 0.01)], Terrain.water(), **options).distance
-    assert slope == pytest.approx((ends[0] - ends[1]) / 0.02, rel=5e-3)
+    step = 1e-3  # Pa; larger ones cross jumps, where links change to large angles
+    ends = simulate_relaxed([design(3e3 + step), design(3e3 - step)], Terrain.water(), **options).distance
+    assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=2e-3)
 
 
 def test_a_walker_swims_and_in_vacuum_it_does_not():
