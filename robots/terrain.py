@@ -81,6 +81,14 @@ class Terrain:
         return f"{'in' if self.is_fluid else 'on'} {self.name}"
 
     @property
+    def spoken(self) -> str:
+        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°"`` or ``"in water"``."""
+        if self.is_fluid:
+            return self.where
+        way = "up" if self.slope > 0 else "down"
+        return f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
+
+    @property
     def resistance(self) -> tuple[float, float]:
         """Half the fluid's density times the coefficients of pressure drag and friction [kg/m^3]; zero without."""
         half = 0.5 * (self.fluid_density or 0.0)

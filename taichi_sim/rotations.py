@@ -96,6 +96,12 @@ def apply(a, b, c, d, e, f, g, h, i, x, y, z):
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
+@law
+def cross(ax, ay, az, bx, by, bz):
+    """a x b."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
 @ti.func
 def _horner(u, coefficients: ti.template()):
     result = u * coefficients[-1] + coefficients[-2]

@@ -160,10 +160,7 @@ def test_a_cube_at_pressure_swells_alike_on_all_sides():
 
 
 def test_pressure_does_not_move_a_free_body_without_symmetry():
-    """Its centre stays where it is, as with pressure on the faces of each voxel it would not.
-
-    Links themselves turn a strained body a little, so that torques are tested on the forces, above.
-    """
+    """Its centre stays where it is, as with pressure on the faces of each voxel it would not."""
     body = lopsided()
     state = inflated(body, 3000, 8e3)
     assert np.abs(state.positions[0] - body.start_positions).max() > 0.2 * EDGE

@@ -1,17 +1,24 @@
 """Robots in water: what floats stays, nothing travels in vacuum, gaits swim, and gradients know of it."""
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import PolyCollection
 
 from optim.cli import main
-from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
+from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, load_design, simulate
 from robots.inflatable_gradient import differentiate, simulate_relaxed
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
+from robots.view.film import strip_picture
 from robots.view.picture import motion_picture
+from robots.view.player import page
+from robots.view.soft_motion import inflatable_motion
+from robots.view.still import still_picture
 from robots.walker import ACTIVE, WalkerActuation, WalkerDesign
 from robots.walker import simulate as simulate_walker
 
@@ -32,12 +39,14 @@ def middle(result) -> np.ndarray:
     return result.frames.positions.mean(axis=2)
 
 
-def test_a_robot_that_does_nothing_neither_sinks_nor_moves():
+def test_a_robot_that_does_nothing_neither_sinks_nor_swims():
+    """It coasts on what its inflation left it, which quadratic drag hardly slows: never faster than at first."""
     still = GaitSchedule(np.zeros((10, 2), bool), 1)
     result = simulate(InflatableDesign(6e3, 45.0, still), Terrain.water(), record_every=100, **OPTIONS)
     places = middle(result)[:, 0]
-    assert result.status[0] == "ok" and abs(result.distance[0]) < 1e-4 * TINY.body_length
-    assert np.abs(places - places[0]).max() < 0.01 * TINY.voxel_size
+    assert result.status[0] == "ok" and abs(result.distance[0]) < 1e-3 * TINY.body_length
+    moves = np.linalg.norm(np.diff(places[:-1], axis=0), axis=1)
+    assert moves[-1] <= moves[0] < 0.02 * TINY.voxel_size
 
 
 def test_in_vacuum_no_gait_travels_at_any_pressure():
@@ -72,8 +81,9 @@ def test_the_gradient_of_the_distance_in_water_agrees_with_differences():
 
     options |= {"ramp_steps": 100}
     slope = differentiate([design(3e3)], Terrain.water(), **options).pressure[0]
-    ends = simulate_relaxed([design(3e3 + 0.01), design(3e3 - 0.01)], Terrain.water(), **options).distance
-    assert slope == pytest.approx((ends[0] - ends[1]) / 0.02, rel=5e-3)
+    step = 1e-3  # Pa; larger ones cross jumps, where links change to large angles
+    ends = simulate_relaxed([design(3e3 + step), design(3e3 - step)], Terrain.water(), **options).distance
+    assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=2e-3)
 
 
 def test_a_walker_swims_and_in_vacuum_it_does_not():
@@ -94,6 +104,8 @@ def test_water_has_a_name_and_what_it_needs():
     assert water.resistance == (600.0, 10.0) and Terrain().resistance == (0.0, 0.0)
     assert Terrain(fluid_density=800.0, pressure_drag=2.0, friction_drag=0.1).resistance == (800.0, 40.0)
     assert Terrain().where == "on flat" and not Terrain().is_fluid and VACUUM.is_fluid
+    assert [t.spoken for t in (water, Terrain(), Terrain(3.0), Terrain(-3.0))] == [
+        "in water", "on flat ground", "up a slope of 3°", "down a slope of 3°"]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -111,14 +123,38 @@ def test_terrains_that_contradict_themselves_are_refused_in_one_line(given, mess
         Terrain(**given)
 
 
+def painted(axes) -> tuple[bool, bool]:
+    """Whether a picture has a shadow and a ground: of one polygon."""
+    sizes = [len(c.get_paths()) for c in axes.collections if isinstance(c, PolyCollection)]
+    return 0 not in sizes, 1 in sizes
+
+
 def test_a_picture_in_water_has_no_ground():
     design = InflatableDesign(4e3, 45.0, gaits(1)[0])
     for terrain in (Terrain(), Terrain.water()):
         result = simulate(design, terrain, record_every=300, precision="f32", **OPTIONS)
+        motion = inflatable_motion(result, design, terrain, actuation=QUICK, name=f"robot {terrain.where}")
+        for drawn in (still_picture(motion), strip_picture(motion, frames=3)):
+            assert painted(drawn.axes[0]) == (not terrain.is_fluid,) * 2
+            assert terrain.where in drawn.texts[0].get_text()
+        about = re.search(r'<script id="about" type="application/json">(.*?)</script>', page(motion))
+        ground = json.loads(about[1])[0]["ground"]
+        assert ground["solid"] != terrain.is_fluid
+        lowest = motion.lattice.positions[..., 2].min()
+        assert (ground["level"] < lowest - 0.5 * TINY.voxel_size) == terrain.is_fluid
         figure = motion_picture(result, design, terrain, actuation=QUICK, frames=3)
-        empty = [c for c in figure.axes[0].collections if not len(c.get_paths())]
-        grounds = [c for c in figure.axes[0].collections if len(c.get_paths()) == 1]
-        assert ("in water" in figure.texts[0].get_text()) == bool(empty) == (not grounds)
+        assert painted(figure.axes[0]) == (not terrain.is_fluid,) * 2
+        assert figure.texts[0].get_text().partition(";")[0].endswith(terrain.spoken)
+
+
+@pytest.mark.parametrize("name", ["2-kpa", "10-kpa"])
+def test_the_page_describes_the_designs_beside_it(name):
+    docs = Path(__file__).parents[1] / "docs"
+    design = load_design(docs / f"data/swimming/{name}.json")
+    text = (docs / "swimming.md").read_text()
+    (row,) = (line for line in text.splitlines() if line.startswith(f"| `docs/data/swimming/{name}"))
+    assert f"| {design.pressure / 1000:.0f} kPa | {design.orientation:.0f}° |" in row
+    assert (design.schedule.columns, design.schedule.repeats) == (3, 3)
 
 
 def test_the_command_takes_a_terrain_or_a_slope(capsys):

@@ -53,6 +53,17 @@ def test_files_of_designs(morpholab, tmp_path):
     )
 
 
+def test_soft_robots_in_water(morpholab, tmp_path):
+    materials = np.full((2, 2, 2), PASSIVE)
+    materials[0] = ACTIVE
+    save_walker(WalkerDesign(materials), tmp_path / "walker.json")
+    code, out, _ = morpholab("view walker.json --terrain water --frames 20 --out page.html --threads 1 --quiet")
+    assert code == 0 and out.startswith("walker in water: 8 parts, ")
+    assert '"ground":{"solid":false,' in (tmp_path / "page.html").read_text()
+    code, _, error = morpholab("view walker.json --terrain water --slope 3 --out again.html --quiet")
+    assert code == 2 and "slope: 3 is not allowed beside --terrain water; give one of them" in error
+
+
 def test_the_best_of_a_run_of_gaits(morpholab, tmp_path):
     with pytest.MonkeyPatch.context() as patch:  # evaluated at once, viewed as it is
         patch.setattr("robots.view.picture.save_motion_picture", lambda design, terrain, path, **_: path.touch())

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from robots import checks
-from robots.terrain import Terrain
+from robots.terrain import STEEPEST, Terrain
 
 if TYPE_CHECKING:
     from robots.gaits import GaitDesign
@@ -49,6 +49,26 @@ def _value(text: str) -> float | str:
 
 
 terrain = checked(Terrain.parse)
+
+
+def add_terrain(parser: argparse.ArgumentParser, told: str) -> None:
+    """Options for one terrain, by its name or its slope; ``told`` says whose it is and the default."""
+    parser.add_argument("--terrain", type=terrain, metavar="TERRAIN", help=f"flat, hill:15 or water {told}")
+    slope = number(-STEEPEST, STEEPEST, "degrees")
+    parser.add_argument(
+        "--slope", type=slope, metavar="DEGREES", help="of the ground, uphill is positive; instead of --terrain"
+    )
+
+
+def chosen_terrain(args: argparse.Namespace) -> Terrain | None:
+    """What the options of :func:`add_terrain` say; None if none was given.
+
+    Raises:
+        ValueError: in one line, for both of them.
+    """
+    if args.terrain is not None and args.slope is not None:
+        raise ValueError(f"slope: {args.slope:g} is not allowed beside --terrain {args.terrain.name}; give one of them")
+    return args.terrain if args.slope is None else Terrain(args.slope)
 
 
 def add_robot(parser: argparse.ArgumentParser, precision: str, schedule: bool = True) -> None:

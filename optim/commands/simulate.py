@@ -10,7 +10,7 @@ import numpy as np
 
 from optim.commands import FAILED, Report, options
 from optim.commands.progress import shown_progress
-from robots.terrain import STEEPEST, Terrain
+from robots.terrain import Terrain
 
 if TYPE_CHECKING:
     from robots.gaits import GaitDesign
@@ -31,13 +31,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="of a gait table, what its rows play, by the inverse of its pressure map, not the design in its header",
     )
-    parser.add_argument(
-        "--terrain", type=options.terrain, metavar="TERRAIN", help="flat, hill:15 or water (default: flat)"
-    )
-    slope = options.number(-STEEPEST, STEEPEST, "degrees")
-    parser.add_argument(
-        "--slope", type=slope, metavar="DEGREES", help="of the ground, uphill is positive; instead of --terrain"
-    )
+    options.add_terrain(parser, "(default: flat)")
     parser.add_argument(
         "--pressure",
         type=options.number(0.0, unit="Pa"),
@@ -95,9 +89,7 @@ def run(args: argparse.Namespace) -> Report:
         design.orientation if args.orientation is None else args.orientation,
         options.cut(design.schedule, args.columns, args.repeats),
     )
-    if args.terrain is not None and args.slope is not None:
-        raise ValueError(f"slope: {args.slope:g} is not allowed beside --terrain {args.terrain.name}; give one of them")
-    terrain = args.terrain or Terrain(args.slope or 0.0)
+    terrain = options.chosen_terrain(args) or Terrain()
     robot, geometry, weight = _robot(args)
     title = f"{args.gait} {terrain.where}"
     with shown_progress(title, 1.0) as update:

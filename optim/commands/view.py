@@ -8,7 +8,6 @@ from typing import Any
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
 from optim.commands.view_files import add_outputs, check_outputs, write_outputs
-from robots.terrain import STEEPEST
 
 
 def add_parser(commands: Any) -> None:
@@ -30,10 +29,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--frames", type=options.whole(2), default=1000, metavar="N", help="at most, of each robot (default: 1000)"
     )
-    parser.add_argument(
-        "--slope", type=options.number(-STEEPEST, STEEPEST, "degrees"), metavar="DEGREES",
-        help="of soft robots' ground, uphill is positive (default: 0, of runs their own)",
-    )  # fmt: skip
+    options.add_terrain(parser, "around soft robots (default: flat, of runs their own)")
     parser.add_argument(
         "--member", type=options.whole(1), metavar="N", help="the Nth design that a run keeps (default: the best)"
     )

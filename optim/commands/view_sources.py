@@ -98,7 +98,7 @@ def _where(args: argparse.Namespace, precision: str = "f32") -> dict[str, Any]:
 
 
 def _terrain(args: argparse.Namespace, own: Terrain | None) -> Terrain:
-    return Terrain(args.slope) if args.slope is not None else own or Terrain()
+    return options.chosen_terrain(args) or own or Terrain()
 
 
 def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
@@ -112,7 +112,7 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
     steps = gaits.steps_of(design, actuation)
     result = gaits.simulate([design], terrain, geometry=geometry, actuation=actuation, **_where(args),
                                  record_every=-(-steps // (args.frames - 1)), progress=progress)  # fmt: skip
-    return inflatable_motion(result, design, terrain, actuation=actuation, name=f"{name} on {terrain.name}")
+    return inflatable_motion(result, design, terrain, actuation=actuation, name=f"{name} {terrain.where}")
 
 
 def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
@@ -126,7 +126,7 @@ def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress
     steps = seconds / drive.time_step(walker.WalkerTissue().on(terrain).time_step)
     result = walker.simulate(design, terrain, actuation=drive, **_where(args), progress=progress,
                              record_every=int(-(-steps // (args.frames - 1))))  # fmt: skip
-    return walker_motion(result, design, terrain, actuation=drive, name=f"{name} on {terrain.name}")
+    return walker_motion(result, design, terrain, actuation=drive, name=f"{name} {terrain.where}")
 
 
 def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain | None, progress: Progress) -> Motion:
@@ -139,7 +139,7 @@ def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain
                       progress=progress)  # fmt: skip
     if result.reason[0]:
         raise ValueError(f"source: {name} is no robot: {result.reason[0]}")
-    return lattice_robot_motion(result, robot, terrain, name=f"{name} on {terrain.name}")
+    return lattice_robot_motion(result, robot, terrain, name=f"{name} {terrain.where}")
 
 
 def _vehicle(body: Any, controller: NDArray[np.float64], task: Any, name: str, args: argparse.Namespace) -> Motion:

@@ -39,7 +39,7 @@ class GaitRun:
     @property
     def task(self) -> str:
         """Where the robot travels."""
-        return f"inflatable robot, {' and '.join(spoken(terrain) for terrain in self.problem.terrains)}"
+        return f"inflatable robot, {' and '.join(terrain.spoken for terrain in self.problem.terrains)}"
 
     @property
     def score(self) -> tuple[str, str]:
@@ -83,7 +83,7 @@ class GaitRun:
     def curves(self) -> Mapping[str, str]:
         """The speed on each terrain, of several."""
         terrains = self.problem.terrains
-        return {f"speed_{terrain.name}": spoken(terrain) for terrain in terrains} if len(terrains) > 1 else {}
+        return {f"speed_{terrain.name}": terrain.spoken for terrain in terrains} if len(terrains) > 1 else {}
 
     @property
     def _robot(self) -> dict[str, Any]:
@@ -105,7 +105,7 @@ class GaitRun:
                 progress=lambda part, n=n: progress((n + part) / len(problem.terrains)),
             )  # fmt: skip
             result = dataclasses.replace(result, speed=problem.speeds(result))
-            drive, name = self._robot["actuation"], spoken(terrain)
+            drive, name = self._robot["actuation"], terrain.spoken
             motion = inflatable_motion(result, design, terrain, actuation=drive, name=name)
             strip = motion_picture(result, design, terrain, actuation=drive)
             alt = f"Six poses of the best gait {name}, above the chart of its actuators"
@@ -122,7 +122,7 @@ class GaitRun:
             speed = finite(details.get(f"speed_{terrain.name}"))
             distance = None if speed is None else speed * self._metres_per_speed(design)
             again = replay.numbers[n] if n < len(replay.numbers) else None
-            rows.append([spoken(terrain), *map(number, (speed, distance, again)[: 3 if replay.numbers else 2])])
+            rows.append([terrain.spoken, *map(number, (speed, distance, again)[: 3 if replay.numbers else 2])])
             told.append({"terrain": terrain.name, "speed": speed, "distance": distance, "replayed": again})
         header = ["Terrain", f"Speed [{UNIT}]", "Distance [m]"]
         header += [f"Replayed here [{UNIT}]"] if replay.numbers else []
@@ -185,19 +185,17 @@ class GaitRun:
         options = " ".join(f"--{name} {getattr(problem, name)}" for name in named)
         return [
             ("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}"),
-            *((f"Simulate the best design {spoken(terrain)}",
-               f"morpholab simulate --gait {best} --slope {terrain.slope:g} {options}")
+            *((f"Simulate the best design {terrain.spoken}",
+               f"morpholab simulate --gait {best} {_where(terrain)} {options}")
               for terrain in problem.terrains),
             ("Watch it", f"morpholab view {where} --out best.html"),
             ("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"),
         ]  # fmt: skip
 
 
-def spoken(terrain: Terrain) -> str:
-    """A terrain after the name of a robot, such as "up a slope of 15°"."""
-    if not terrain.slope:
-        return "on flat ground"
-    return f"{'up' if terrain.slope > 0 else 'down'} a slope of {abs(terrain.slope):g}°"
+def _where(terrain: Terrain) -> str:
+    """A terrain as options of the command line."""
+    return f"--terrain {terrain.name}" if terrain.is_fluid else f"--slope {terrain.slope:g}"
 
 
 def _described(terrain: Terrain) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Self
 
 from optim.lattice_robot_problem import LatticeRobotProblem
-from optim.report.gait_run import spoken
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, table
 from optim.runs.loop import Generation
@@ -32,7 +31,7 @@ class RobotRun:
     @property
     def task(self) -> str:
         """Which robot moves where."""
-        return f"{self.problem.robot.name}, {spoken(self.problem.terrain)}"
+        return f"{self.problem.robot.name}, {self.problem.terrain.spoken}"
 
     @property
     def score(self) -> tuple[str, str]:
@@ -84,7 +83,7 @@ class RobotRun:
         free, found = self.problem.robot.free, self.problem.space.to_dict(point)
         values = [[name, f"{found[name]:.4g}", f"{free[name].low:g} to {free[name].high:g}"] for name in free]
         content = [
-            table("The best design", header, [[spoken(where), *row]]),
+            table("The best design", header, [[where.spoken, *row]]),
             table("What was free", ["Value", "Found", "Allowed"], values),
             facts("Its body", [("Voxels", str(self.problem.robot.body.voxel_count))]),
         ]

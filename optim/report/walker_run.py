@@ -9,7 +9,6 @@ from typing import Any, Self
 import numpy as np
 
 from optim.report.charts import chart
-from optim.report.gait_run import spoken
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, picture, table
 from optim.runs.loop import Generation
@@ -38,7 +37,7 @@ class WalkerRun:
     @property
     def task(self) -> str:
         """Where it walks."""
-        return f"voxel walker, {spoken(self.problem.terrain)}"
+        return f"voxel walker, {self.problem.terrain.spoken}"
 
     @property
     def score(self) -> tuple[str, str]:
@@ -75,7 +74,7 @@ class WalkerRun:
             design, problem.terrain, actuation=drive, precision=problem.precision, device=problem.device,
             threads=problem.threads, record_every=max(1, int(-(-steps // (frames - 1)))), progress=progress,
         )  # fmt: skip
-        name = f"best walker {spoken(problem.terrain)}"
+        name = f"best walker {problem.terrain.spoken}"
         return Replay([walker_motion(result, design, problem.terrain, actuation=drive, name=name)],
                       [finite(float(result.speed[0]))])  # fmt: skip
 
@@ -90,7 +89,7 @@ class WalkerRun:
         counts = np.bincount(design.materials.ravel(), minlength=len(KINDS))
         body = [(f"{kind.capitalize()} voxels", str(count)) for kind, count in zip(KINDS, counts, strict=True)]
         content = [
-            table("The best design", header, [[spoken(where), *row]]),
+            table("The best design", header, [[where.spoken, *row]]),
             facts("Its body", [*body, ("That walk, joined in one piece", str(details.get("voxels", "")))]),
             picture(
                 _layers(design), "Its layers from the lowest, on the left, to the highest; x to the right.", "narrow"

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 
 from robots.view.colouring import STRAINS
+from robots.view.drawing import Stretch
 from robots.view.lattice_states import LatticeStates
 from robots.view.motion import Floats
 from robots.view.scene import SHADOW, Camera, fallen
@@ -22,7 +23,7 @@ LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
 
 
 def draw_beams(
-    axes: "Axes", states: LatticeStates, frame: int, camera: Camera, level: float, limit: float, zorder: float = 1.0
+    axes: "Axes", states: LatticeStates, frame: int, stretch: Stretch, limit: float, zorder: float = 1.0
 ) -> None:
     """Draw links between voxel centres, and the forces of pressure as arrows.
 
@@ -32,17 +33,18 @@ def draw_beams(
         axes: to draw on, in metres on paper.
         states: of the lattice.
         frame: which of its frames.
-        camera: that looks at it.
-        level: z of the ground [m].
+        stretch: the ground, and who looks at it.
         limit: strain that has the last of the colours.
         zorder: of the drawing.
     """
+    camera = stretch.camera
     now = states.part(np.array([frame]))
     ends, strains = now.positions[0][states.body.topology.links], now.strains()[0]
     order = np.argsort(ends.mean(axis=1) @ camera.toward, kind="stable")
     ends, strains = ends[order], strains[order]
-    shadow = camera.project(fallen(ends, camera, level))
-    axes.add_collection(LineCollection(list(shadow), colors=[SHADOW], linewidths=0.8, zorder=zorder))
+    if stretch.solid:
+        shadow = camera.project(fallen(ends, camera, stretch.level))
+        axes.add_collection(LineCollection(list(shadow), colors=[SHADOW], linewidths=0.8, zorder=zorder))
     lines, colours = camera.project(ends), STRAINS(0.5 + 0.5 * strains / limit)
     axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.9, zorder=zorder + 1.5))
     _draw_arrows(axes, now, camera, zorder + 1)

@@ -31,6 +31,7 @@ class Stretch:
         across: from where to where to the left of the way [m], shape (2,).
         level: z of the ground [m].
         spacing: of the lines across the way [m].
+        solid: whether there is any ground; in a fluid only its extent matters.
     """
 
     camera: Camera
@@ -38,6 +39,7 @@ class Stretch:
     across: Array
     level: float
     spacing: float = LINES
+    solid: bool = True
 
     @property
     def rim(self) -> Array:
@@ -94,7 +96,9 @@ def draw_polygons(
 
 
 def draw_ground(axes: "Axes", stretch: Stretch, shift: Array = NO_SHIFT, zorder: float = 1.0) -> None:
-    """Draw a stretch of ground, shifted on paper [m]."""
+    """Draw a stretch of ground, shifted on paper [m]; nothing in a fluid."""
+    if not stretch.solid:
+        return
     rim, (first, last) = stretch.rim + shift, stretch.travel / stretch.spacing
     axes.add_collection(PolyCollection([rim], facecolors=[GROUND], edgecolors="none", zorder=zorder))
     marks = np.arange(np.ceil(first), np.floor(last) + 1) * stretch.spacing

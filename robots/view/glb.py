@@ -148,10 +148,11 @@ class _File:
 
     def content(self, ground: Ground) -> bytes:
         """The whole file."""
+        extras = {"ground_level": ground.level, "ground_colour": list(GROUND)}
         document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "morpholab"},
             "scene": 0,
-            "scenes": [{"nodes": [0], "extras": {"ground_level": ground.level, "ground_colour": list(GROUND)}}],
+            "scenes": [{"nodes": [0]} | ({"extras": extras} if ground.solid else {})],
             "nodes": self.nodes,
             "meshes": self._meshes,
             "materials": self._materials,

@@ -84,11 +84,13 @@ class Ground:
         level: its z [m].
         slope: [degrees], positive uphill.
         heading: the direction that is uphill [degrees] from x towards y.
+        solid: whether something stands on it; else, in a fluid, it is only where things are seen against.
     """
 
     level: float = 0.0
     slope: float = 0.0
     heading: float = 0.0
+    solid: bool = True
 
     @property
     def upright(self) -> Floats:

@@ -90,8 +90,8 @@ def motion_picture(
     figure.text(0, 0, _title(result, design, terrain, robot), va="top", fontsize=11, color=INK)
     if len(poses):
         grips = [_gripping(gait, edges, times[i]) for i in poses]
-        camera, ground = Camera(design.orientation, terrain.slope), not terrain.is_fluid
-        draw_strip(strip, result, poses.tolist(), camera, grips, robot, ground)
+        camera = Camera(design.orientation, terrain.slope)
+        draw_strip(strip, result, poses.tolist(), camera, grips, robot, not terrain.is_fluid)
     else:
         strip.set(xlim=(0, 1), ylim=(0, 0.01))
         strip.axis("off")
@@ -121,10 +121,7 @@ def _gripping(gait: PlayedGait, edges: Array, time: float) -> tuple[bool, bool]:
 
 
 def _title(result: InflatableResult, design: GaitDesign, terrain: Terrain, robot: int) -> str:
-    way = "up" if terrain.slope > 0 else "down"
-    place = f"{way} a slope of {abs(terrain.slope):g}°" if terrain.slope else "on flat ground"
-    place = "in water" if terrain.is_fluid else place
     body = f"core at {design.pressure / 1000:.3g} kPa, heading {design.orientation:.3g}°"
     ok = result.status[robot] == "ok"
     what = f"{result.speed[robot]:.4f} BL/s" if ok else f"{result.status[robot]}"
-    return f"{what} {place}; {body}".replace("-", "\N{MINUS SIGN}")
+    return f"{what} {terrain.spoken}; {body}".replace("-", "\N{MINUS SIGN}")

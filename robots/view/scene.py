@@ -1,6 +1,6 @@
 """From poses to coloured polygons on paper: camera, light and colours. Needs no matplotlib."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,6 +90,11 @@ class Polygons:
     corners: Array
     colours: Array
     shadow: Array
+
+    @property
+    def floating(self) -> "Polygons":
+        """The same where there is no ground to throw a shadow on."""
+        return replace(self, shadow=self.shadow[:0])
 
 
 def build(

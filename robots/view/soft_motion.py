@@ -48,11 +48,11 @@ def inflatable_motion(
     regions = np.asarray(result.body.regions)
     if regions.max() != REGION_COUNT - 1:
         raise ValueError(f"frames: they are of a body with {regions.max() + 1} regions; give the inflatable robot's")
-    gait, slope = played(design, actuation), (terrain or Terrain()).slope
+    gait = played(design, actuation)
     return _voxels(
         name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(regions)],
         _gait_channels(gait, result.time_step), [_core_channel(gait, result.time_step)],
-        Ground(-0.5 * result.body.voxel_size, slope, design.orientation), design.pressure,
+        terrain, design.orientation, design.pressure,
     )  # fmt: skip
 
 
@@ -98,8 +98,7 @@ def walker_motion(
     colours = {PASSIVE: _colour(SKIN_COLOUR), ACTIVE: driven[0].colour, ANTIPHASE: driven[1].colour}
     channels = {PASSIVE: None, ACTIVE: 0, ANTIPHASE: 1}
     nodes = [Node(f"voxel {v}", CUBE, colours[int(k)], channels[int(k)]) for v, k in enumerate(kinds)]
-    slope = (terrain or Terrain()).slope
-    return _voxels(name, frames, body, 0, nodes, driven, [], Ground(-0.5 * body.voxel_size, slope))
+    return _voxels(name, frames, body, 0, nodes, driven, [], terrain)
 
 
 def lattice_robot_motion(
@@ -134,8 +133,7 @@ def lattice_robot_motion(
         shown[np.isin(regions, drive.regions)] = number
     nodes = [Node(f"voxel {v}", CUBE, driven[c].colour if c >= 0 else _colour(SKIN_COLOUR), int(c) if c >= 0 else None)
              for v, c in enumerate(shown)]  # fmt: skip
-    ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, robot.heading)
-    return _voxels(name, frames, body, 0, nodes, driven, [], ground)
+    return _voxels(name, frames, body, 0, nodes, driven, [], terrain, robot.heading)
 
 
 def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
@@ -152,19 +150,22 @@ def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 def _voxels(
     name: str, frames: Frames, body: LatticeBody, robot: int, nodes: list[Node], driven: list[Channel],
-    more: list[Channel], ground: Ground, pressure: float = 0.0,
+    more: list[Channel], terrain: Terrain | None, direction: float = 0.0, pressure: float = 0.0,
 ) -> Motion:  # fmt: skip
     """Cubes that are as large as the voxels, and in the middle between their sides."""
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
     last = whole_frames(*poses)
     places, turns, extents, rest = (a[:last].astype(float) for a in poses)
     path, times = mean_of_face_corners(body, places, turns, extents), frames.times[:last]
-    heading = np.deg2rad(ground.heading)
+    heading = np.deg2rad(direction)
     middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
     way = path[:, :2] @ np.array([np.cos(heading), np.sin(heading)])
     channels = [*driven, *more, *speed_channels(times, way, _colour(INK))]
     sizes = extents[..., 1::2] + extents[..., 0::2]
     states = LatticeStates(body, places, turns, extents, rest, pressure)
+    ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, direction)
+    if terrain is not None and terrain.is_fluid:
+        ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, direction, solid=False)
     return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground,
                   skin=Skin(knots(body), body.topology.faces), lattice=states)  # fmt: skip
 

@@ -63,7 +63,8 @@ class Setting:
         for light in self.motion.lights[_within(self.stretch, self.motion.lights)]:
             ball = ball_at(light, self.motion.light_radius)
             quads, colours = np.concatenate([quads, ball]), np.concatenate([colours, [LIGHT_COLOUR] * len(ball)])
-        return paint(quads, colours, self.camera, self.stretch.level)
+        robot = paint(quads, colours, self.camera, self.stretch.level)
+        return robot if self.stretch.solid else robot.floating
 
 
 def setting(
@@ -107,11 +108,11 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
         frame: which of its frames.
         outlined: whether voxels have outlines.
     """
-    motion, camera, stretch = given.motion, given.camera, given.stretch
+    motion, stretch = given.motion, given.stretch
     draw_ground(axes, stretch)
     if given.colour == "beams":
         assert motion.lattice is not None
-        draw_beams(axes, motion.lattice, frame, camera, stretch.level, given.colouring.limit)
+        draw_beams(axes, motion.lattice, frame, stretch, given.colouring.limit)
     else:
         draw_polygons(axes, given.polygons(frame), outlined=outlined and motion.skin is not None)
         if given.colour == "contact":
@@ -256,7 +257,7 @@ def _stretch(motion: Motion, frames: Sequence[int], camera: Camera, reach: float
     room = MARGIN * length * np.array([-1, 1])
     travel, across = whole + room
     apart = LINES_APART[np.abs(np.log(LINES_APART / (np.ptp(travel) / 12))).argmin()]
-    return Stretch(camera, travel, across, motion.ground.level, float(apart))
+    return Stretch(camera, travel, across, motion.ground.level, float(apart), motion.ground.solid)
 
 
 def _way(given: Setting, frame: int) -> Floats:

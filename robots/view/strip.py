@@ -1,6 +1,5 @@
 """The film strip: poses of one gait on the same stretch of ground."""
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -46,12 +45,11 @@ def draw_strip(
     """
     length = float(np.ptp(result.body.voxels[:, 1]) + 1) * result.body.voxel_size
     robots = [scene.build(result, robot, i, camera, grip) for i, grip in zip(poses, grips, strict=True)]
-    if not ground:
-        robots = [replace(seen, shadow=seen.shadow[:0]) for seen in robots]
+    robots = robots if ground else [seen.floating for seen in robots]
     travel, across = footprint(result, camera, poses, robot) + ROOM * length * np.array([-1, 1])
-    stretch = Stretch(camera, travel, across, scene.ground_level(result))
+    stretch = Stretch(camera, travel, across, scene.ground_level(result), solid=ground)
     path = camera.project(shape.path(result, robot))
-    draw_robots(axes, robots, stretch, path, poses, shape.recorded(result).times[poses], length, ground=ground)
+    draw_robots(axes, robots, stretch, path, poses, shape.recorded(result).times[poses], length)
 
 
 def draw_robots(
@@ -63,7 +61,6 @@ def draw_robots(
     times: Array,
     length: float,
     outlined: bool = True,
-    ground: bool = True,
 ) -> None:
     """Draw a film strip of any robot, as :func:`draw_strip` does.
 
@@ -76,12 +73,11 @@ def draw_robots(
         times: of the poses [s].
         length: of the robot [m].
         outlined: whether faces have outlines.
-        ground: whether to draw any.
     """
     rim, together = stretch.rim, _apart(robots)
     shifts = np.zeros((len(poses), 2)) if together else _places(robots, rim, GAP * length)
     for k, (i, shift) in enumerate(zip(poses, shifts, strict=True)):
-        if ground and (k == 0 or not together):
+        if k == 0 or not together:
             draw_ground(axes, stretch, shift, 10.0 * k)
         draw_polygons(axes, robots[k], shift, 10.0 * k + 1, outlined)
         passed = path[poses[k - 1] if k and together else 0 : i + 1]

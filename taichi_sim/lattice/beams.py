@@ -7,7 +7,7 @@ Source: Hiller & Lipson 2014 (section "Beam model"), with the angle regimes and 
 """
 
 from taichi_sim.lanes import absolute, larger
-from taichi_sim.rotations import apply, matrix, multiply, multiply_conjugate, rotate_back, rotation_vector_factor
+from taichi_sim.rotations import apply, cross, matrix, multiply, multiply_conjugate, rotate_back, rotation_vector_factor
 from taichi_sim.runtime import ti
 from taichi_sim.tracing import law, select, sqrt
 
@@ -162,3 +162,20 @@ def turned_forces(edge, stiff, minus, plus, pull, twist, turning, small, w, by, 
     gx, gy, gz = rotate_back(w, zero, by, bz, gx, gy, gz)
     nx, ny, nz = rotate_back(w, zero, by, bz, nx, ny, nz)
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+
+
+@law
+def balanced(rx, ry, rz, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz):
+    """A link's (F, M, G, N), corrected so that they neither push nor turn its two voxels as a whole; in any one frame.
+
+    r is the offset of the "+" voxel, on which -G and -N act. A beam without mass is in equilibrium, as in Crisfield's
+    co-rotational beams (Comput. Methods Appl. Mech. Eng. 81(2), 1990): F = G, and about the "-" voxel M - N = r x G.
+    The published law breaks the first where the ends are damped unlike, the second to second order in the strains: its
+    levers are voxel edges, and tension has none. Each end bears half of what is missing.
+    """
+    fx, fy, fz = 0.5 * (fx + gx), 0.5 * (fy + gy), 0.5 * (fz + gz)
+    tx, ty, tz = cross(rx, ry, rz, fx, fy, fz)
+    sx, sy, sz = mx + nx, my + ny, mz + nz
+    mx, my, mz = 0.5 * (sx + tx), 0.5 * (sy + ty), 0.5 * (sz + tz)
+    nx, ny, nz = 0.5 * (sx - tx), 0.5 * (sy - ty), 0.5 * (sz - tz)
+    return fx, fy, fz, mx, my, mz, fx, fy, fz, nx, ny, nz

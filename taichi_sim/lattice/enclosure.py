@@ -14,15 +14,10 @@ from collections import defaultdict
 import numpy as np
 
 from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.rotations import cross
 from taichi_sim.tracing import law
 
 AXES = np.eye(3, dtype=np.int64)
-
-
-@law
-def cross(ax, ay, az, bx, by, bz):
-    """a x b."""
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @law

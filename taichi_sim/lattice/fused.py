@@ -233,7 +233,7 @@ class FusedRun:
         dt, edge, gravity = self.constants
         steps = max(STEPS_PER_LAUNCH // d.blocks, LEAST_STEPS)
         kept = record or self._no_record
-        kernel.fused_kernel(d.real, record is not None)(
+        kernel.fused_kernel(d.real, record is not None, t.fluid)(
             d.blocks, d.layout.slots, steps, until, dt, edge, gravity, contact.WATCH_RADIUS * edge,
             contact.REBUILD_DISTANCE * edge, d.real.reals(d._memory.reshape(-1, width)),
             d._memory.reshape(-1, width), d._parked.reshape(-1, width), d._plan, t.link, t.voxel, t.rest,

@@ -201,7 +201,7 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
          voxel_table: ti.template(), rest_table: ti.template(), square_table: ti.template(),
          corner_table: ti.template(), surface: ti.template(), start: ti.template(), touched: ti.template(),
          row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
-         recording: ti.template(), log: ti.template()):  # fmt: skip
+         recording: ti.template(), log: ti.template(), fluid: ti.template()):  # fmt: skip
     """One time step of a block: channels, contact, pressure on squares, then links and integration voxel by voxel."""
     stages.advance_channels(m, k, plan, edge, gravity)
     stages.update_rest_lengths(m, k, plan, rest_table)
@@ -216,7 +216,9 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
         here = plan[FORCE] + 6 * (v & plan[RING_MASK])
         entry = v * columns.VOXEL_COLUMNS
         for l in range(voxel_table[entry + columns.FIRST_LINK], voxel_table[entry + columns.END_LINK]):
-            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = link_stage(m, k, l, edge, plan, link_table, voxel_table)
+            fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = link_stage(
+                m, k, l, edge, plan, link_table, voxel_table, fluid
+            )
             link = l * columns.LINK_COLUMNS
             a = link_table[link + columns.LINK_ALONG]
             b = link_table[link + columns.LINK_SIDE_1]
@@ -281,8 +283,8 @@ def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.t
 
 
 @lru_cache
-def fused_kernel(real: Real, recording: bool = False) -> Any:
-    """The kernel for one kind of real. Everything that differs between bodies and runs is an argument.
+def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
+    """The kernel for one kind of real, on the ground or in a fluid; all else that differs is an argument.
 
     With ``recording`` it keeps the state before every step from step ``first`` on, and the contacts of each.
     """
@@ -327,7 +329,7 @@ def fused_kernel(real: Real, recording: bool = False) -> Any:
                     if info[block, INFO_STATE] == RUNNING:
                         step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table,
                              square_table, corner_table, surface, start, touched, row, partner, mask, info,
-                             recording, log)  # fmt: skip
+                             recording, log, fluid)  # fmt: skip
                         info[block, INFO_STEP] = t + 1
                         if ti.static(recording):
                             if t + 1 == until:

@@ -69,7 +69,7 @@ class FusedReverse:
         driver, t, width = self.driver, self.driver.tables, self.driver.real.width
         dt, edge, gravity = self.run.constants
         real = driver.real
-        kernel.reverse_kernel(real)(
+        kernel.reverse_kernel(real, t.fluid)(
             driver.blocks, self.layout.slots, high, low, record.first, record.room, dt, edge, gravity,
             real.reals(self._values.reshape(-1, width)), self._values.reshape(-1, width),
             real.reals(self._cotangents.reshape(-1, width)), self._cotangents.reshape(-1, width),

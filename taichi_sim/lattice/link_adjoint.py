@@ -27,7 +27,7 @@ from taichi_sim.tracing import law, pull_back, select
 @law
 def straight_link(
     x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2, m0, m1, m2, m3, m4, m5, rest, inverse_rest,
-    axial, transverse, stiff, minus, plus, twist, twist_root, squeeze, area, edge,
+    axial, transverse, stiff, minus, plus, twist, twist_root, squeeze, area, edge, fluid: ti.template(),
 ):  # fmt: skip
     """What the stage computes, as one law, for a link that is and was in the small-angle regime."""
     x, y, z, qw, qx, qy, qz = beams.relative_pose(x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2)
@@ -38,13 +38,16 @@ def straight_link(
         edge, stiff, minus, plus, pull, twist * d3, turning, 0.5 * (d0 - m0), d1, d2, 0.5 * (d1 - m1), 0.5 * (d2 - m2),
         0.0, 0.0, d4, d5, 0.0, 0.0, 0.5 * (d4 - m4), 0.5 * (d5 - m5), False,
     )  # fmt: skip
-    return to_world(w1, a1, b1, c1, *forces) + (d0, d1, d2, d3, d4, d5)
+    forces = to_world(w1, a1, b1, c1, *forces)
+    if ti.static(fluid):
+        forces = beams.balanced(x2 - x1, y2 - y1, z2 - z1, *forces)
+    return forces + (d0, d1, d2, d3, d4, d5)
 
 
 @law
 def turned_link(
     x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2, m0, m1, m2, m3, m4, m5, rest, inverse_rest,
-    axial, transverse, stiff, minus, plus, twist, twist_root, squeeze, area, edge, before,
+    axial, transverse, stiff, minus, plus, twist, twist_root, squeeze, area, edge, before, fluid: ti.template(),
 ):  # fmt: skip
     """The same for a link of any regime; ``before`` is its last one."""
     x, y, z, qw, qx, qy, qz = beams.relative_pose(x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2)
@@ -56,7 +59,10 @@ def turned_link(
         edge, stiff, minus, plus, pull, twist * d3, turning, small, w, by, bz, d1, d2, d4, d5,
         half * (d0 - m0), half * (d1 - m1), half * (d2 - m2), half * (d4 - m4), half * (d5 - m5),
     )  # fmt: skip
-    return to_world(w1, a1, b1, c1, *forces) + (d0, d1, d2, d3, d4, d5)
+    forces = to_world(w1, a1, b1, c1, *forces)
+    if ti.static(fluid):
+        forces = beams.balanced(x2 - x1, y2 - y1, z2 - z1, *forces)
+    return forces + (d0, d1, d2, d3, d4, d5)
 
 
 @law
@@ -108,7 +114,7 @@ def constant_slots(l, plan: ti.template(), link_table: ti.template()):
 @ti.func
 def link_adjoint(
     m: ti.template(), k, rec: ti.template(), kr, base, a: ti.template(), l, edge, plan: ti.template(),
-    link_table: ti.template(), voxel_table: ti.template(),
+    link_table: ti.template(), voxel_table: ti.template(), fluid: ti.template(),
 ):  # fmt: skip
     """Reverse link l: reads the cotangents of its voxels' forces (FORCE) and of its new memory (LINK)."""
     poses = load_all(rec, kr, pose_slots(base, l, plan, link_table))
@@ -124,11 +130,11 @@ def link_adjoint(
     before = load(rec, kr, base + plan[LINK] + l * LINK_WIDTH + REGIME)
     x, y, z, _, _, _, _ = relative_pose_of(poses)
     straight = is_straight(before, x, y, z, constants[0])
-    g = ti.static(pull_back(straight_link, inputs, (edge,), seeds))
+    g = ti.static(pull_back(straight_link, inputs, (edge, fluid), seeds))
     if all_lanes(straight):
         give(a, k, rec, kr, base, l, plan, link_table, voxel_table, g)
     else:  # the laws agree on straight links, but their reverses add in other orders: each lane must have its own
-        t = ti.static(pull_back(turned_link, inputs, (edge, before), seeds))
+        t = ti.static(pull_back(turned_link, inputs, (edge, before, fluid), seeds))
         give(a, k, rec, kr, base, l, plan, link_table, voxel_table, select_all(straight, g, t))
 
 

@@ -66,8 +66,9 @@ def stays_straight(before, x, y, z, rest):
 
 @ti.func
 def link_stage(
-    m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()
-):
+    m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
+    fluid: ti.template(),
+):  # fmt: skip
     """What link l adds to its "-" voxel, force F and moment M, and takes from its "+" voxel, G and N: (F, M, G, N).
 
     World frame, components along the link's axis first.
@@ -85,6 +86,10 @@ def link_stage(
         gx, gy, gz = fx, fy, fz
     else:
         gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
+    if ti.static(fluid):  # nothing else holds a floating body; on the ground all is as published
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.balanced(
+            x2 - x1, y2 - y1, z2 - z1, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+        )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 

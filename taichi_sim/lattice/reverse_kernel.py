@@ -40,7 +40,7 @@ NO_MARK = -1
 def undo_step(m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.template(), block, n, dt, edge, gravity,
               lane_bits, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
               rest_table: ti.template(), square_table: ti.template(), surface: ti.template(), log: ti.template(),
-              log_first: ti.template()):  # fmt: skip
+              log_first: ti.template(), fluid: ti.template()):  # fmt: skip
     """Reverse the step from the record at ``old`` to the one at ``new``."""
     adjoint.recall_channels(m, k, rec, kr, new, plan, rest_table, edge, gravity)
     for i in range(plan[VOXELS]):
@@ -50,7 +50,7 @@ def undo_step(m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.templ
             gauge_adjoint(m, k, rec, kr, new, a, v, plan, link_table, voxel_table)
         voxel_adjoint(m, k, rec, kr, old, new, a, v, dt, edge, plan, voxel_table)
         for l in range(voxel_table[entry + columns.FIRST_LINK], voxel_table[entry + columns.END_LINK]):
-            link_adjoint(m, k, rec, kr, old, a, l, edge, plan, link_table, voxel_table)
+            link_adjoint(m, k, rec, kr, old, a, l, edge, plan, link_table, voxel_table, fluid)
     for q in range(plan[SQUARES]):
         adjoint.square_adjoint(m, k, rec, kr, old, a, q, plan, square_table, voxel_table)
     for q in range(log_first[block, n], log_first[block, n + 1]):
@@ -123,8 +123,8 @@ def meet_marks(ms: ti.template(), asc: ti.template(), recs: ti.template(), block
 
 
 @lru_cache
-def reverse_kernel(real: Real) -> Any:
-    """The kernel for one kind of real."""
+def reverse_kernel(real: Real, fluid: bool) -> Any:
+    """The kernel for one kind of real, on the ground or in a fluid."""
     width = real.width
     reals = ti.types.ndarray(dtype=real.type, ndim=1)
     bits_type = ti.types.ndarray(dtype=ti.i32 if width == 1 else ti.types.vector(width, ti.i32), ndim=1)
@@ -149,7 +149,7 @@ def reverse_kernel(real: Real) -> Any:
                     if back > 0:
                         undo_step(m, k, rec, kr, base, base + plan[STATE_SLOTS], a, block, t - first, dt, edge,
                                   gravity, bits[0], plan, link_table, voxel_table, rest_table, square_table, surface,
-                                  log, log_first)  # fmt: skip
+                                  log, log_first, fluid)  # fmt: skip
                     if t == info[block]:
                         adjoint.recall_channels(m, k, rec, kr, base, plan, rest_table, edge, gravity)
                         upcoming = NO_MARK

@@ -116,7 +116,7 @@ class SteppedRun:
         slots, links = max(program.slots, 1), max(len(t.link_ends), 1)
         self.poses = self._put(np.full((driver.batch, slots, len(t.group), 7), np.nan, driver.real.numpy))
         self.strains = self._put(np.full((driver.batch, slots, links), np.nan, driver.real.numpy))
-        self._kernels, self.program = stepped_kernels(driver.real), program
+        self._kernels, self.program = stepped_kernels(driver.real, t.fluid), program
         self.constants = dt, edge, gravity
         self._link, self._voxel, self._rest = self._put(t.link), self._put(t.voxel), self._put(t.rest)
         self._square, self._corner = self._put(t.square), self._put(t.corner)

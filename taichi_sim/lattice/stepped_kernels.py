@@ -148,8 +148,8 @@ def gather_links(m: ti.template(), r, v, plan: ti.template(), voxel_table: ti.te
 
 
 @lru_cache
-def stepped_kernels(real: Real) -> SteppedKernels:
-    """Kernels for one precision. Everything that differs between bodies and runs is an argument."""
+def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
+    """Kernels for one precision, on the ground or in a fluid; all else that differs is an argument."""
     memory = ti.types.ndarray(dtype=real.scalar, ndim=2)
     ints1, ints2, ints3, ints4 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3, 4))
     scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
@@ -223,7 +223,7 @@ def stepped_kernels(real: Real) -> SteppedKernels:
                     store(m, r, plan[MONITOR] + MOVED, 0.0)
                 if l < plan[LINKS]:
                     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = link_stage(
-                        m, r, l, edge, plan, link_table, voxel_table
+                        m, r, l, edge, plan, link_table, voxel_table, fluid
                     )
                     slot = plan[FORCE] + 12 * l
                     a = slot + link_table[l * columns.LINK_COLUMNS + columns.LINK_ALONG]

@@ -37,8 +37,8 @@ class ReverseKernels:
 
 
 @lru_cache
-def reverse_kernels(real: Real) -> ReverseKernels:
-    """Kernels for one precision."""
+def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
+    """Kernels for one precision, on the ground or in a fluid."""
     reals = ti.types.ndarray(dtype=real.scalar, ndim=2)
     ints1, ints2, ints3, ints4 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3, 4))
     scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
@@ -68,7 +68,7 @@ def reverse_kernels(real: Real) -> ReverseKernels:
         """Beams."""
         for l, r in ti.ndrange(plan[LINKS], m.shape[1]):
             if lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
-                link_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, l, edge, plan, link_table, voxel_table)
+                link_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, l, edge, plan, link_table, voxel_table, fluid)
 
     @ti.kernel
     def squares(n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, square_table: ints1, voxel_table: ints1,
@@ -132,6 +132,7 @@ class SteppedReverse:
         given: list[np.ndarray] = [np.ascontiguousarray(x, real.numpy) for x in (poses, strains, finals)]
         self._seeds = [put(x if x.size else np.zeros((1,) * x.ndim, x.dtype)) for x in given]
         self._contacts = CONTACTS_PER_STEP
+        self._kernels = reverse_kernels(real, driver.tables.fluid)
 
     @property
     def events(self) -> np.ndarray:
@@ -158,7 +159,7 @@ class SteppedReverse:
             self.run.restore(start)
 
     def _undo_step(self, record: SteppedRecord, t: int) -> None:
-        k, run, n = reverse_kernels(self.driver.real), self.run, t - record.first
+        k, run, n = self._kernels, self.run, t - record.first
         dt, edge, gravity = run.constants
         m, rec, a, lanes, plan = self._values, record.states, self._cotangents, self._lanes, run._plan
         k.recall(n + 1, edge, gravity, m, rec, plan, run._rest)
@@ -175,7 +176,7 @@ class SteppedReverse:
         if t not in self._marks:
             return
         self._marks.remove(t)
-        k, run, n = reverse_kernels(self.driver.real), self.run, t - record.first
+        k, run, n = self._kernels, self.run, t - record.first
         _, edge, gravity = run.constants
         k.recall(n, edge, gravity, self._values, record.states, run._plan, run._rest)
         k.marks(n, t, self.layout.slots, self._values, record.states, self._cotangents, run._plan, run._link,

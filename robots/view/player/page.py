@@ -108,6 +108,7 @@ def _view(motion: Motion) -> dict[str, Any]:
         "size": size,
         "follow": bool(np.linalg.norm(motion.path - motion.path[0], axis=1).max() > FAR * size),
         "ground": {
+            "solid": motion.ground.solid,
             "level": motion.ground.level,
             "middle": ((first + last) / 2 @ frame).tolist(),
             "size": (last - first).tolist(),

@@ -58,7 +58,8 @@ class Stage {
     for (let y = -top; y <= top + 1e-9; y += ground.grid) points.push(-right, y, 0, right, y, 0);
     const lines = new THREE.BufferGeometry();
     lines.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
-    plate.add(sheet, new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0xd9d5cc })));
+    if (ground.solid) plate.add(sheet); // in a fluid the lines alone, to see the way against
+    plate.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0xd9d5cc })));
     this.world.add(plate);
   }
 
@@ -75,7 +76,7 @@ class Stage {
       : about.solids.map((solid, number) => new Solids(about, solid, number));
     for (const part of this.seen) {
       this.world.add(part.mesh);
-      flat.add(part.shadow(dark));
+      if (about.ground.solid) flat.add(part.shadow(dark));
     }
     this.world.add(flat);
     this.poses = new Poses(about, this.whole);
@@ -89,7 +90,7 @@ class Stage {
 
   #trail() {
     const { path, ground, size } = this.about, level = ground.level + 6e-4 * size;
-    const points = new Float32Array(path.flatMap(([x, y]) => [x, y, level]));
+    const points = new Float32Array(path.flatMap(([x, y, z]) => [x, y, ground.solid ? level : z]));
     const line = new THREE.BufferGeometry();
     line.setAttribute("position", new THREE.BufferAttribute(points, 3));
     this.trail = new THREE.Line(line, new THREE.LineBasicMaterial({ color: 0x33302b }));
