@@ -44,6 +44,7 @@ LATER_OPTIONS = {
 }
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
+HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
@@ -72,7 +73,8 @@ class GaitProblem:
         stages: equally long parts of a graded gait, of which the slowest tells the speed: a gait that goes on beats one
             that lurches once.
         hard: whether terrains count twice: as they are, and with ``HARD_FRICTION`` of sliding feet and bladders that
-            keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there.
+            keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there. A gait
+            that does not get ahead as it is counts so for both, and is not simulated again.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
         precision: ``"f32"`` or ``"f64"``.
@@ -142,7 +144,8 @@ class GaitProblem:
         """The mean speed, or that on each terrain."""
         if self.objectives == "mean":
             return ("speed",)
-        return tuple(name for name, _, _ in self._conditions)
+        names = [f"speed_{terrain.name}" for terrain in self.terrains]
+        return tuple(name + more for name in names for more in (("", HARD) if self.hard else ("",)))
 
     @cached_property
     def space(self) -> Space:
@@ -192,7 +195,7 @@ class GaitProblem:
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judgement(self._on_terrains(gaits.simulate, designs, **self._stages))
+        return self._judged(_Batch(gaits.simulate, designs), self._stages)
 
     @property
     def _stages(self) -> dict[str, int]:
@@ -211,10 +214,8 @@ class GaitProblem:
         designs = [self.relaxed_design(point, sharpness) for point in points]
         way = {"ramp_steps": self._relaxed_ramp, **self._stages}
         if not gradients:
-            return self._judgement(self._on_terrains(simulate_relaxed, designs, **way))
-        runs = self._on_terrains(differentiate, designs, **way)
-        slopes = np.mean([self._slopes(run, points, sharpness) for run in runs], axis=0)
-        return self._judgement([run.result for run in runs], slopes)
+            return self._judged(_Batch(simulate_relaxed, designs), way)
+        return self._judged(_Batch(differentiate, designs, points, sharpness), way)
 
     @property
     def _relaxed_ramp(self) -> int | None:
@@ -264,53 +265,65 @@ class GaitProblem:
     def _actuation(self) -> InflatableActuation:
         return InflatableActuation(weight=self.weight)
 
-    @property
-    def _conditions(self) -> list[tuple[str, Terrain, InflatableActuation]]:
-        """Name of the speed, terrain and actuation of every simulation of a design."""
-        found = [(f"speed_{terrain.name}", terrain, self._actuation) for terrain in self.terrains]
-        if self.hard:
-            heavy = InflatableActuation(weight="physical")
-            slow = [dataclasses.replace(terrain, low_friction=HARD_FRICTION) for terrain in self.terrains]
-            found += [(f"{name}_hard", hard, heavy) for (name, _, _), hard in zip(found, slow, strict=True)]
-        return found
+    def _judged(self, batch: "_Batch", more: Mapping[str, Any]) -> Evaluation:
+        """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
+        found: dict[str, _Outcome] = {}
+        for number, terrain in enumerate(self.terrains):
+            name, part = f"speed_{terrain.name}", number * (1 + self.hard)
+            usual = found[name] = self._outcome(batch, terrain, self._actuation, more, part)
+            if self.hard:
+                ahead = np.flatnonzero((usual.speeds > 0) & (usual.status == OK))
+                slow = dataclasses.replace(terrain, low_friction=HARD_FRICTION)
+                heavy = InflatableActuation(weight="physical")
+                again = self._outcome(batch.part(ahead), slow, heavy, more, part + 1) if ahead.size else None
+                found[name + HARD] = usual.replaced(ahead, again)
+        each = np.stack([outcome.speeds for outcome in found.values()], axis=1)
+        status = np.full(len(each), OK, dtype=object)
+        for outcome in found.values():
+            status = np.where(status == OK, outcome.status, status)
+        slopes = [outcome.slopes for outcome in found.values() if outcome.slopes is not None]
+        return Evaluation(
+            each if self.objectives == "terrains" else each.mean(axis=1), status,
+            {name: outcome.speeds for name, outcome in found.items()}, np.mean(slopes, axis=0) if slopes else None,
+        )  # fmt: skip
 
-    def _on_terrains(self, run: Callable[..., Any], designs: Sequence[Any], **more: Any) -> list[Any]:
-        """What ``run`` makes of all designs, one batch per simulation of a design."""
+    def _outcome(
+        self, batch: "_Batch", terrain: Terrain, actuation: InflatableActuation, more: Mapping[str, Any], part: int
+    ) -> "_Outcome":
+        """Of one simulation of a batch, the ``part``-th of all."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
-        where["geometry"] = NAMED_GEOMETRIES[self.geometry]
-        return [
-            run(designs, terrain, actuation=actuation, **where, **more, progress=self._progress_on(number))
-            for number, (_, terrain, actuation) in enumerate(self._conditions)
-        ]
+        run = batch.run(
+            batch.designs, terrain, geometry=NAMED_GEOMETRIES[self.geometry], actuation=actuation, **where, **more,
+            progress=self._progress_on(part),
+        )  # fmt: skip
+        if batch.points is None:
+            return _Outcome(self.speeds(run), np.asarray(run.status, object), None)
+        slopes = self._slopes(run, batch.points, batch.sharpness)
+        return _Outcome(self.speeds(run.result), np.asarray(run.result.status, object), slopes)
 
-    def _judgement(
-        self, results: Sequence[InflatableResult], gradients: NDArray[np.float64] | None = None
-    ) -> Evaluation:
-        """Speeds on all terrains, or their mean; the first failure is the status."""
-        names = [name for name, _, _ in self._conditions]
-        speeds = {name: self.speeds(r) for name, r in zip(names, results, strict=True)}
-        each = np.stack(list(speeds.values()), axis=1)
-        status = np.full(len(results[0].status), OK, dtype=object)
-        for result in results:
-            status = np.where(status == OK, result.status, status)
-        objectives = each if self.objectives == "terrains" else each.mean(axis=1)
-        return Evaluation(objectives, status, speeds, gradients)
-
-    def _progress_on(self, number: int) -> Callable[[float], None] | None:
-        """Turns the progress on one terrain into that of the evaluation."""
+    def _progress_on(self, part: int) -> Callable[[float], None] | None:
+        """Turns the progress of one simulation into that of the evaluation."""
         if (report := self.progress) is None:
             return None
-        return lambda fraction: report((number + fraction) / len(self._conditions))
+        return lambda fraction: report((part + fraction) / (len(self.terrains) * (1 + self.hard)))
 
-    def robot_steps(self, points: ArrayLike, *, relaxed: bool = False, sharpness: float = 0.0) -> NDArray[np.int64]:
-        """Time steps that judging each of some points takes, over all simulations of it, shape (N,); cheap."""
+    def robot_steps(
+        self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
+    ) -> NDArray[np.int64]:
+        """Time steps that judging each of some points took, over all simulations of it, shape (N,); cheap.
+
+        Args:
+            points: shape (N, D).
+            judged: what they were judged.
+            relaxed: whether as relaxed points.
+            sharpness: of these.
+        """
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
-        ramp_steps = self._relaxed_ramp if relaxed else None
-        drives = [actuation for *_, actuation in self._conditions]
-        return np.array(
-            [sum(a.initial_steps(d.pressure, ramp_steps) + gaits.steps_of(d, a) for a in drives) for d in designs]
-        )
+        ramp_steps, drive = self._relaxed_ramp if relaxed else None, self._actuation
+        each = np.array([drive.initial_steps(d.pressure, ramp_steps) + gaits.steps_of(d, drive) for d in designs])
+        ahead = [judged.details[f"speed_{terrain.name}"] > 0 for terrain in self.terrains]
+        return each * (len(self.terrains) + self.hard * np.sum(ahead, axis=0))
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of a point as JSON, for ``robots.gaits.load_gait``."""
@@ -357,3 +370,38 @@ class GaitProblem:
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Designs to be simulated by ``run``; with their points, to be differentiated."""
+
+    run: Callable[..., Any]
+    designs: Sequence[Any]
+    points: NDArray[np.float64] | None = None
+    sharpness: float = 0.0
+
+    def part(self, chosen: NDArray[np.intp]) -> "_Batch":
+        """Some of them."""
+        points = None if self.points is None else self.points[chosen]
+        return dataclasses.replace(self, designs=[self.designs[i] for i in chosen], points=points)
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """Speeds, shape (N,), status, shape (N,), and slopes of speeds, shape (N, D) or None, of a simulation."""
+
+    speeds: NDArray[np.float64]
+    status: NDArray[Any]
+    slopes: NDArray[np.float64] | None
+
+    def replaced(self, chosen: NDArray[np.intp], other: "_Outcome | None") -> "_Outcome":
+        """The same with what another simulation said of some robots."""
+        if other is None:
+            return self
+        speeds, status, slopes = self.speeds.copy(), self.status.copy(), self.slopes
+        speeds[chosen], status[chosen] = other.speeds, other.status
+        if slopes is not None and other.slopes is not None:
+            slopes = slopes.copy()
+            slopes[chosen] = other.slopes
+        return _Outcome(speeds, status, slopes)

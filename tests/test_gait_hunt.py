@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from optim.gait_problem import GaitProblem
+from optim.problem import Evaluation
 from optim.runs.requests import Request
 from optim.studies.gait_hunt import judging, searches, spending
 from optim.studies.gait_hunt import study as hunting
@@ -72,12 +73,28 @@ def test_a_search_ends_when_its_budget_is_spent(hill, tmp_path):
 
 
 def test_what_a_generation_costs_is_what_is_simulated():
+    """The harder conditions for gaits alone that get ahead."""
     problem = GaitProblem(HILL, **SMALL)
-    points = problem.space.sample(np.random.default_rng(0), 3)
-    usual = sum(2 * (gaits_initial(d.pressure) + steps_of(d)) for d in map(problem.design, points))
-    assert cost(problem, Request(points)) == usual
+    points, speeds = problem.space.sample(np.random.default_rng(0), 3), np.array([0.1, -0.1, 0.0])
+    judged = Evaluation(speeds, details={"speed_hill:15": speeds})
+    each = [gaits_initial(d.pressure) + steps_of(d) for d in map(problem.design, points)]
+    assert cost(problem, Request(points), judged) == 2 * each[0] + each[1] + each[2]
     relaxed = Request(points, "relaxed", 2.0)
-    assert cost(problem, dataclasses.replace(relaxed, wants="gradients")) == GRADIENT_COST * cost(problem, relaxed)
+    slopes = dataclasses.replace(relaxed, wants="gradients")
+    assert cost(problem, slopes, judged) == GRADIENT_COST * cost(problem, relaxed, judged)
+
+
+def test_gaits_that_get_ahead_are_simulated_again_under_harder_conditions(hill):
+    """The stand-in climbs where its first bladders move; the harder conditions take 0.03 from it."""
+    problem = GaitProblem(HILL, **SMALL)
+    points = problem.space.sample(np.random.default_rng(1), 6)
+    points[:3, [problem.space.names.index(f"bladder{b}_{c}") for b in (1, 2) for c in (1, 2)]] = 0.5
+    found = problem.evaluate(points)
+    usual, hard = found.details["speed_hill:15"], found.details["speed_hill:15_hard"]
+    assert np.all(usual[:3] == 0) and np.all(usual[3:] > 0)
+    np.testing.assert_array_equal(hard[:3], usual[:3])
+    assert np.all(hard[3:] < usual[3:])
+    np.testing.assert_allclose(found.objectives[:, 0], (usual + hard) / 2)
 
 
 def gaits_initial(pressure):

@@ -59,7 +59,7 @@ def search_within(
             if sum(spent) >= budget:
                 raise BudgetSpent
             found = judge(problem, request)
-            spent.append(cost(problem, request))
+            spent.append(cost(problem, request, found))
             write_text(folder / SPENT, json.dumps(spent) + "\n")
             if progress:
                 progress(min(sum(spent) / budget, 1.0))
@@ -76,7 +76,8 @@ def read_spent(folder: Path) -> list[float]:
     return list(json.loads(path.read_text())) if path.exists() else []
 
 
-def cost(problem: GaitProblem, request: Request) -> float:
-    """Time steps of all robots that judge a request; a gradient counts as ``GRADIENT_COST`` simulations."""
-    each = problem.robot_steps(request.points, relaxed=request.wants != "points", sharpness=request.sharpness)
+def cost(problem: GaitProblem, request: Request, judged: Evaluation) -> float:
+    """Time steps of all robots that judged a request; a gradient counts as ``GRADIENT_COST`` simulations."""
+    relaxed = request.wants != "points"
+    each = problem.robot_steps(request.points, judged, relaxed=relaxed, sharpness=request.sharpness)
     return float(each.sum()) * (GRADIENT_COST if request.wants == "gradients" else 1.0)

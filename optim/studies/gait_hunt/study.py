@@ -113,6 +113,8 @@ def study(folder: Path, hunt: Hunt, progress: Progress = None, **where: Any) -> 
     for number, (name, seed) in enumerate(parts):
         found.append(_hunt(folder, hunt, name, seed, part_of(progress, number, len(parts)), where))
         report(folder, hunt, found)  # what there is so far is of use
+    if progress:
+        progress(1.0)
 
 
 def _hunt(folder: Path, hunt: Hunt, name: str, seed: int, progress: Progress, where: dict[str, Any]) -> Found:
