@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -331,7 +332,10 @@ class Counted:
         steps = np.array([gait_steps(d.schedule) for d in designs])
         nominal = np.array([gaits.counted_steps(d) for d in designs])
         metre = np.ones(len(designs)) / self.geometry.body_length / self.geometry.time_step
-        return type("Result", (), {"speed": metre / nominal, "steps": steps, "status": np.full(len(steps), "ok")})
+        return SimpleNamespace(
+            speed=metre / nominal, steps=steps, status=np.full(len(steps), "ok"), stages=np.ones((len(steps), 1)),
+            time_step=self.geometry.time_step,
+        )  # fmt: skip
 
 
 @pytest.mark.parametrize("steps", [None, 20_000, 400_000])

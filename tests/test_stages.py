@@ -1,0 +1,152 @@
+"""Parts of gaits that count: after a warm-up, stage by stage; slip of feet; whether a gait walks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from graded import QUICK, TINY, settling
+
+from robots import gaits, judgement
+from robots.gaits import PlayedGait
+from robots.inflatable import INCHING, Frames, InflatableResult
+from robots.inflatable_body import FOOT_1, FOOT_2
+from robots.inflatable_gradient import differentiate, simulate_relaxed
+from robots.judgement import GaitJudgement, judge_gait
+from robots.relaxed_schedule import RelaxedDesign
+from robots.slip import slip_under_load
+from robots.terrain import Terrain
+
+ROBOT = {"geometry": TINY, "actuation": QUICK, "precision": "f64"}
+
+
+def gait(seed: int = 0, repeats: int = 2) -> RelaxedDesign:
+    levels = np.random.default_rng(seed).uniform(0.1, 0.9, (10, 2))
+    return RelaxedDesign(2e3, 40.0, settling(levels, [60, 40], repeats, [90, 90]))
+
+
+def test_stages_add_up_to_the_distance_and_what_warms_up_does_not_count():
+    whole = simulate_relaxed([gait(), gait(1)], **ROBOT)
+    staged = simulate_relaxed([gait(), gait(1)], stages=4, **ROBOT)
+    assert staged.stages.shape == (2, 4) and whole.stages.shape == (2, 1)
+    np.testing.assert_allclose(staged.stages.sum(axis=1), whole.distance, atol=1e-15)
+    np.testing.assert_array_equal(staged.distance, whole.distance)
+    warm = int(gaits.steps_of(gait(), QUICK)) // 2
+    later = simulate_relaxed([gait(), gait(1)], warm_up=warm, **ROBOT)
+    np.testing.assert_allclose(later.distance, staged.stages[:, 2:].sum(axis=1), atol=1e-15)
+    assert later.steps.tolist() == [warm, warm]
+
+
+def test_frames_are_the_same_with_stages():
+    plain = simulate_relaxed(gait(), record_every=50, **ROBOT).frames
+    staged = simulate_relaxed(gait(), record_every=50, stages=3, **ROBOT).frames
+    np.testing.assert_array_equal(plain.positions, staged.positions)
+    np.testing.assert_array_equal(plain.times, staged.times)
+
+
+def test_the_gradient_is_that_of_the_worst_stage_times_their_number():
+    design, count, h = gait(2), 3, 1e-6
+    found = differentiate(design, stages=count, warm_up=50, **ROBOT)
+    sides = []
+    for step in (h, -h):
+        levels = design.schedule.inflation.copy()
+        levels[2, 1] += step
+        moved = dataclasses.replace(design, schedule=dataclasses.replace(design.schedule, inflation=levels))
+        sides.append(simulate_relaxed(moved, stages=count, warm_up=50, **ROBOT).stages.min() * count)
+    assert found.inflation[0, 2, 1] == pytest.approx((sides[0] - sides[1]) / (2 * h), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"warm_up": -1}, r"^warm_up: -1 is not allowed; "),
+        ({"warm_up": 10**6}, r"^warm_up: 1000000 is not allowed; a gait takes \d+ steps$"),
+        ({"stages": 0}, r"^stages: 0 is not allowed; "),
+    ],
+)
+def test_bad_parts_are_refused_in_one_line(options, message):
+    with pytest.raises(ValueError, match=message):
+        simulate_relaxed(gait(), **options, **ROBOT)
+
+
+def slid(way: np.ndarray, depth: float, feet: tuple[int, ...]) -> InflatableResult:
+    """Frames in which the voxels of some feet, so deep in the floor, move along x."""
+    body = TINY.body
+    places = np.repeat(body.start_positions[None, None].astype(float), len(way), axis=0)
+    places[..., 2] = 1.0  # in the air
+    mine = np.isin(body.regions, [(FOOT_1, FOOT_2)[foot] for foot in feet])
+    places[:, 0, mine, 2] = -depth
+    places[:, 0, mine, 0] += np.asarray(way)[:, None]
+    sizes = np.full((*places.shape[:3], 3), TINY.voxel_size)
+    frames = Frames(places, np.zeros((*places.shape[:3], 4)), 0.1 * np.arange(len(way)), np.zeros(1), sizes)
+    one = np.ones(1)
+    return InflatableResult(one, one, one, np.array(["ok"]), one[:, None], np.array([9]), 1e-3, frames, body)
+
+
+@pytest.mark.parametrize(("told", "expected"), [(1.0, 0.05), (0.0, 0.02)])
+def test_slip_counts_while_a_foot_grips(monkeypatch, told, expected):
+    """The foot slides by 10 mm in each of five steps; it is told something in the first three, and settles then."""
+    levels = np.full((10, 1), told)
+    played = PlayedGait(np.array([0, 500]), np.array([300]), levels, np.zeros(2))
+    monkeypatch.setattr("robots.slip.played", lambda *_: played)
+    slip = slip_under_load(slid(0.01 * np.arange(6), 1e-4, (0,)), INCHING)
+    assert slip == pytest.approx([expected, 0.0])
+
+
+def test_a_foot_in_the_air_does_not_slip(monkeypatch):
+    played = PlayedGait(np.array([0, 500]), np.array([300]), np.ones((10, 1)), np.zeros(2))
+    monkeypatch.setattr("robots.slip.played", lambda *_: played)
+    assert slip_under_load(slid(0.01 * np.arange(6), -1e-4, (0, 1)), INCHING).tolist() == [0.0, 0.0]
+
+
+def test_slip_is_that_of_the_load(monkeypatch):
+    """Half of the foot's voxels bear three times as much and stay; a quarter of the load slides."""
+    played = PlayedGait(np.array([0, 500]), np.array([300]), np.ones((10, 1)), np.zeros(2))
+    monkeypatch.setattr("robots.slip.played", lambda *_: played)
+    result = slid(0.01 * np.arange(6), 1e-4, (1,))
+    mine = np.flatnonzero(TINY.body.regions == FOOT_2)
+    heavy = mine[: len(mine) // 2]
+    result.frames.positions[:, 0, heavy] = result.frames.positions[:1, 0, heavy]
+    result.frames.positions[:, 0, heavy, 2] = -3e-4
+    light = len(mine) - len(heavy)
+    expected = 0.05 * light / (light + 3 * len(heavy))
+    assert slip_under_load(result, INCHING) == pytest.approx([0.0, expected])
+
+
+def test_slip_needs_frames():
+    result = dataclasses.replace(slid(np.zeros(3), 1e-4, (0,)), frames=None)
+    with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
+        slip_under_load(result, INCHING)
+
+
+def judged(**changes) -> GaitJudgement:
+    usual = {"speeds": np.full(8, 0.03), "hard_speeds": np.zeros(8), "slip": np.array([0.05, 0.01]), "distance": 0.1,
+             "steps": 180_000}  # fmt: skip
+    return GaitJudgement(**usual | changes)
+
+
+def test_a_gait_that_slides_for_its_living_is_not_physical():
+    assert judged().physical and judged().slip_ratio == pytest.approx(0.3)
+    for changes, fault in (
+        ({"slip": np.array([0.1, 0.1])}, "feet slip 1.00 of the way while they grip, more than 0.75"),
+        ({"hard_speeds": np.full(8, -0.02)}, "-0.0200 BL/s remain with friction 0.2 of sliding feet"),
+        ({"steps": 186_720}, "takes 186,720 steps, more than 186,719"),
+        ({"speeds": np.array([np.nan, 0.1])}, "a run diverged"),
+    ):
+        (found,) = judged(**changes).faults
+        assert found.startswith(fault)
+    assert judged(speeds=np.array([np.nan, 0.1])).to_document()["speed"] is None
+
+
+def test_a_judgement_simulates_under_both_conditions(monkeypatch):
+    """Of a small robot: noisy runs with and without weight, and one that is watched."""
+    monkeypatch.setattr(judgement, "RECORD_EVERY", 50)
+    short = INCHING.schedule.cut(1, 1)
+    design = dataclasses.replace(INCHING, schedule=short)
+    quick = {"inflation_rate": 0.03, "pressure_ramp": 50.0, "hold_steps": 200, "settle_steps": 100}
+    usual = judgement.InflatableActuation
+    monkeypatch.setattr(judgement, "InflatableActuation", lambda **given: usual(**quick | given))
+    parts = []
+    found = judge_gait(design, Terrain(5.0), geometry=TINY, runs=2, precision="f32", progress=parts.append)
+    assert found.speeds.shape == found.hard_speeds.shape == (2,) and found.slip.shape == (2,)
+    assert not np.array_equal(found.speeds, found.hard_speeds)
+    assert parts == sorted(parts) and parts[-1] == pytest.approx(1.0)
