@@ -5,7 +5,7 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,15 +15,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
+from optim.gait_outcomes import Batch, Outcome, effort
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Variable, Vector
 from robots import gaits
-from robots.checks import whole_number
+from robots.checks import number, whole_number
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
 from robots.judgement import HARD_FRICTION
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
+from robots.schedule import FEET
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -41,6 +43,7 @@ LATER_OPTIONS = {
     "warm_up": 0,
     "stages": 1,
     "hard": False,
+    "effort": 0.0,
 }
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
@@ -75,6 +78,8 @@ class GaitProblem:
         hard: whether terrains count twice: as they are, and with ``HARD_FRICTION`` of sliding feet and bladders that
             keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
+        effort: what moving the bladders costs [body lengths/s], subtracted from the mean of the speeds: so much where
+            every one makes a full stroke in every column, see ``optim.gait_outcomes.effort``. Gaits become cleaner.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
         precision: ``"f32"`` or ``"f64"``.
@@ -96,6 +101,7 @@ class GaitProblem:
     warm_up: int = 0
     stages: int = 1
     hard: bool = False
+    effort: float = 0.0
     geometry: str = "published"
     weight: str = "published"
     precision: str = "f32"
@@ -128,6 +134,9 @@ class GaitProblem:
             whole_number("steps", self.steps, 1)
         if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
+        object.__setattr__(self, "effort", number("effort", self.effort, 0.0))
+        if self.effort and self.objectives != "mean":
+            raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
         if self.ramp_steps is not None:
             whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation.
@@ -195,7 +204,7 @@ class GaitProblem:
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judged(_Batch(gaits.simulate, designs), self._stages)
+        return self._judged(Batch(gaits.simulate, designs), self._stages)
 
     @property
     def _stages(self) -> dict[str, int]:
@@ -214,8 +223,8 @@ class GaitProblem:
         designs = [self.relaxed_design(point, sharpness) for point in points]
         way = {"ramp_steps": self._relaxed_ramp, **self._stages}
         if not gradients:
-            return self._judged(_Batch(simulate_relaxed, designs), way)
-        return self._judged(_Batch(differentiate, designs, points, sharpness), way)
+            return self._judged(Batch(simulate_relaxed, designs), way)
+        return self._judged(Batch(differentiate, designs, points, sharpness), way)
 
     @property
     def _relaxed_ramp(self) -> int | None:
@@ -265,11 +274,11 @@ class GaitProblem:
     def _actuation(self) -> InflatableActuation:
         return InflatableActuation(weight=self.weight)
 
-    def _judged(self, batch: "_Batch", more: Mapping[str, Any]) -> Evaluation:
+    def _judged(self, batch: Batch, more: Mapping[str, Any]) -> Evaluation:
         """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
-        found: dict[str, _Outcome] = {}
-        for number, terrain in enumerate(self.terrains):
-            name, part = f"speed_{terrain.name}", number * (1 + self.hard)
+        found: dict[str, Outcome] = {}
+        for place, terrain in enumerate(self.terrains):
+            name, part = f"speed_{terrain.name}", place * (1 + self.hard)
             usual = found[name] = self._outcome(batch, terrain, self._actuation, more, part)
             if self.hard:
                 ahead = np.flatnonzero((usual.speeds > 0) & (usual.status == OK))
@@ -282,14 +291,28 @@ class GaitProblem:
         for outcome in found.values():
             status = np.where(status == OK, outcome.status, status)
         slopes = [outcome.slopes for outcome in found.values() if outcome.slopes is not None]
-        return Evaluation(
-            each if self.objectives == "terrains" else each.mean(axis=1), status,
-            {name: outcome.speeds for name, outcome in found.items()}, np.mean(slopes, axis=0) if slopes else None,
-        )  # fmt: skip
+        objectives = each if self.objectives == "terrains" else each.mean(axis=1)
+        gradients: NDArray[np.float64] | None = np.mean(slopes, axis=0) if slopes else None
+        details = {name: outcome.speeds for name, outcome in found.items()}
+        if self.effort:
+            details["effort"], by_effort = self._efforts(batch)
+            objectives = objectives - self.effort * details["effort"]
+            gradients = None if gradients is None else gradients - self.effort * by_effort
+        return Evaluation(objectives, status, details, gradients)
+
+    def _efforts(self, batch: Batch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Efforts of a batch, shape (N,), and their derivatives by the points, shape (N, D), if it has some."""
+        each = [effort(design, self.counted_steps(design), self._actuation) for design in batch.designs]
+        slopes = np.zeros((len(each), self.space.size))
+        for row, (_, by_level), point in zip(slopes, each, () if batch.points is None else batch.points, strict=False):
+            genes = self._genes(point)
+            levels = np.concatenate([by_level, np.zeros((FEET, by_level.shape[1]))])
+            row[len(point) - len(genes) :] = self._control.slopes(genes, batch.sharpness, levels)
+        return np.array([used for used, _ in each]), slopes
 
     def _outcome(
-        self, batch: "_Batch", terrain: Terrain, actuation: InflatableActuation, more: Mapping[str, Any], part: int
-    ) -> "_Outcome":
+        self, batch: Batch, terrain: Terrain, actuation: InflatableActuation, more: Mapping[str, Any], part: int
+    ) -> Outcome:
         """Of one simulation of a batch, the ``part``-th of all."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
         run = batch.run(
@@ -297,9 +320,9 @@ class GaitProblem:
             progress=self._progress_on(part),
         )  # fmt: skip
         if batch.points is None:
-            return _Outcome(self.speeds(run), np.asarray(run.status, object), None)
+            return Outcome(self.speeds(run), np.asarray(run.status, object), None)
         slopes = self._slopes(run, batch.points, batch.sharpness)
-        return _Outcome(self.speeds(run.result), np.asarray(run.result.status, object), slopes)
+        return Outcome(self.speeds(run.result), np.asarray(run.result.status, object), slopes)
 
     def _progress_on(self, part: int) -> Callable[[float], None] | None:
         """Turns the progress of one simulation into that of the evaluation."""
@@ -370,38 +393,3 @@ class GaitProblem:
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-@dataclass(frozen=True, eq=False)
-class _Batch:
-    """Designs to be simulated by ``run``; with their points, to be differentiated."""
-
-    run: Callable[..., Any]
-    designs: Sequence[Any]
-    points: NDArray[np.float64] | None = None
-    sharpness: float = 0.0
-
-    def part(self, chosen: NDArray[np.intp]) -> "_Batch":
-        """Some of them."""
-        points = None if self.points is None else self.points[chosen]
-        return dataclasses.replace(self, designs=[self.designs[i] for i in chosen], points=points)
-
-
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    """Speeds, shape (N,), status, shape (N,), and slopes of speeds, shape (N, D) or None, of a simulation."""
-
-    speeds: NDArray[np.float64]
-    status: NDArray[Any]
-    slopes: NDArray[np.float64] | None
-
-    def replaced(self, chosen: NDArray[np.intp], other: "_Outcome | None") -> "_Outcome":
-        """The same with what another simulation said of some robots."""
-        if other is None:
-            return self
-        speeds, status, slopes = self.speeds.copy(), self.status.copy(), self.slopes
-        speeds[chosen], status[chosen] = other.speeds, other.status
-        if slopes is not None and other.slopes is not None:
-            slopes = slopes.copy()
-            slopes[chosen] = other.slopes
-        return _Outcome(speeds, status, slopes)

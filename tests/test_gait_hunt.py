@@ -6,7 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from optim.gait_outcomes import effort
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
 from optim.runs.requests import Request
@@ -16,7 +19,9 @@ from optim.studies.gait_hunt.judging import Finalist, best_of, last_bests
 from optim.studies.gait_hunt.spending import GRADIENT_COST, cost, read_spent, search_within
 from robots import gaits, inflatable_gradient
 from robots.gaits import as_graded, load_gait, steps_of
-from robots.inflatable import INCHING
+from robots.inflatable import ACTUATION, INCHING, InflatableDesign
+from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
 HILL = (Terrain(15),)
@@ -207,3 +212,39 @@ def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
         found = kept_finalists(tmp_path / "f.json", history, problem, HILL[0], 2, 2, None)
         np.testing.assert_array_equal(found[0].speeds, [np.nan, 0.1])
     assert judging.best_of(found) is None
+
+
+def test_effort_counts_strokes():
+    """A full stroke of every bladder in every published column is 1; a bladder that is told the same costs nothing."""
+    every = GaitSchedule(np.tile([[1, 0]], (10, 4)))
+    assert effort(InflatableDesign(0.0, 90.0, every), 186_719, ACTUATION)[0] == 1.0
+    assert effort(INCHING, 186_719, ACTUATION)[0] == 0.5
+    still = GaitSchedule(np.ones((10, 8)))
+    assert effort(InflatableDesign(0.0, 90.0, still), 186_719, ACTUATION)[0] == 8 / 128  # filled once
+    assert effort(INCHING, 2 * 186_719, ACTUATION)[0] == 0.25
+
+
+@given(st.integers(0, 1000))
+def test_slopes_of_effort_agree_with_differences(seed):
+    generator = np.random.default_rng(seed)
+    levels, h = generator.uniform(0.05, 0.95, (8, 3)), 1e-6
+
+    def used(table):
+        gait = RelaxedSchedule(table, np.ones((2, 3)), 2, None, np.zeros(3), np.zeros(3))
+        return effort(RelaxedDesign(0.0, 90.0, gait), 1000, ACTUATION)
+
+    direction = generator.normal(size=levels.shape)
+    change = (used(levels + h * direction)[0] - used(levels - h * direction)[0]) / (2 * h)
+    assert (used(levels)[1] * direction).sum() == pytest.approx(change, rel=1e-5, abs=1e-7)
+
+
+def test_effort_is_subtracted_from_speed_and_its_slope_from_that_of_speed(hill):
+    plain, dear = (GaitProblem(HILL, **SMALL, effort=cost) for cost in (0.0, 0.1))
+    points = plain.space.sample(np.random.default_rng(2), 4)
+    free, paid = (p.evaluate_relaxed(points, 1.0, gradients=True) for p in (plain, dear))
+    np.testing.assert_allclose(paid.objectives[:, 0], free.objectives[:, 0] - 0.1 * paid.details["effort"])
+    assert not np.allclose(paid.gradients, free.gradients)
+    assert GaitProblem.from_description(dear.describe()).describe() == dear.describe()
+    np.testing.assert_array_equal(paid.objectives, dear.evaluate(points).objectives)
+    with pytest.raises(ValueError, match=r"^effort: 0.1 is not allowed with objectives, terrains; choose mean$"):
+        GaitProblem((*HILL, Terrain()), objectives="terrains", effort=0.1)

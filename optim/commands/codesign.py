@@ -110,6 +110,27 @@ def _add_design(design: Any) -> None:
         help="time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719)",
     )
     design.add_argument(
+        "--warm-up", type=options.whole(0), metavar="N", help="first time steps of a graded gait, which do not count"
+    )
+    design.add_argument(
+        "--stages",
+        type=options.whole(1),
+        metavar="N",
+        help="equally long parts of a graded gait, of which the slowest tells its speed (default: 1)",
+    )
+    design.add_argument(
+        "--hard",
+        action="store_true",
+        default=None,
+        help="judge gaits that get ahead also with friction 0.2 of sliding feet and bladders that keep their weight",
+    )
+    design.add_argument(
+        "--effort",
+        type=options.number(0.0),
+        metavar="SPEED",
+        help="what it costs to move every bladder in every column, in body lengths a second (default: 0)",
+    )
+    design.add_argument(
         "--gait",
         metavar="GAIT",
         help="inching, rolling or the file of a design: gives what is not free (default: rolling, with "

@@ -59,6 +59,12 @@ def add_parser(commands: Any) -> None:
         help="with --out: write the pose at every so many steps to frames.npz",
     )
     parser.add_argument(
+        "--judge",
+        action="store_true",
+        help="tell what the gait is worth: mean speed of eight runs from starts that differ by 10 nm, what remains of "
+        "it under harder conditions, and how far feet slip while they grip",
+    )
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
@@ -91,6 +97,8 @@ def run(args: argparse.Namespace) -> Report:
     )
     terrain = options.chosen_terrain(args) or Terrain()
     robot, geometry, weight = _robot(args)
+    if args.judge:
+        return _judge(args, design, terrain, robot)
     title = f"{args.gait} {terrain.where}"
     with shown_progress(title, 1.0) as update:
         result = gaits.simulate(
@@ -130,6 +138,27 @@ def run(args: argparse.Namespace) -> Report:
             f"(published convention; {numbers['speed_simulated']:.4f} in the time simulated)"
         )
     return Report(document, text, FAILED if failed else 0)
+
+
+def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, robot: dict[str, Any]) -> Report:
+    """What the gait is worth, see ``robots.judgement``."""
+    from robots.judgement import judge_gait
+
+    for name in ("out", "calibration", "weight", "perturbation"):
+        if value := getattr(args, name):
+            raise ValueError(f"{name}: {value} is not allowed with --judge, which plays the published robot with noise")
+    title = f"{args.gait} {terrain.where}"
+    with shown_progress(f"{title}, judged", 1.0) as update:
+        found = judge_gait(
+            design, terrain, geometry=robot["geometry"], seed=args.seed, precision=args.precision or "f64",
+            device=args.device or "cpu", threads=args.threads, progress=lambda fraction: update(fraction, None),
+        )  # fmt: skip
+    document = {"gait": args.gait, "terrain": terrain.name, **found.to_document()}
+    speeds = (f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds))
+    text = f"{title}: {next(speeds)}, {len(found.speeds)} runs\nharder conditions: {next(speeds)}"
+    text += f"\nfeet slip {found.slip_ratio:.2f} of the way while they grip; {found.steps:,} steps\n"
+    text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
+    return Report(document, text)
 
 
 def _robot(args: argparse.Namespace) -> tuple[dict[str, Any], str, str]:

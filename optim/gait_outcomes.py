@@ -1,0 +1,68 @@
+"""Batches of gaits that are simulated, what comes out, and what their strokes cost."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.gaits import GaitDesign, played
+from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
+from robots.schedule import BLADDERS
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Designs to be simulated by ``run``; with their points, shape (N, D), to be differentiated."""
+
+    run: Callable[..., Any]
+    designs: Sequence[Any]
+    points: NDArray[np.float64] | None = None
+    sharpness: float = 0.0
+
+    def part(self, chosen: NDArray[np.intp]) -> "Batch":
+        """Some of them."""
+        points = None if self.points is None else self.points[chosen]
+        return dataclasses.replace(self, designs=[self.designs[i] for i in chosen], points=points)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Speeds, shape (N,), status, shape (N,), and slopes of speeds, shape (N, D) or None, of a simulation."""
+
+    speeds: NDArray[np.float64]
+    status: NDArray[Any]
+    slopes: NDArray[np.float64] | None
+
+    def replaced(self, chosen: NDArray[np.intp], other: "Outcome | None") -> "Outcome":
+        """The same with what another simulation said of some robots."""
+        if other is None:
+            return self
+        speeds, status, slopes = self.speeds.copy(), self.status.copy(), self.slopes
+        speeds[chosen], status[chosen] = other.speeds, other.status
+        if slopes is not None and other.slopes is not None:
+            slopes = slopes.copy()
+            slopes[chosen] = other.slopes
+        return Outcome(speeds, status, slopes)
+
+
+def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, NDArray[np.float64]]:
+    """How much the bladders are moved, and its derivative by what they are told in each column, shape (8, T).
+
+    The effort is 1 where every bladder makes a full stroke in every column of a published gait: the mean over the
+    bladders of their strokes, whole or in parts, in the time of 16 such columns.
+
+    Args:
+        design: the gait.
+        steps: by which its speed is counted.
+        actuation: how it is driven.
+    """
+    levels = played(design, actuation).levels[:BLADDERS]
+    strokes = np.diff(levels, axis=1, prepend=0.0)  # bladders begin empty
+    unit = BLADDERS * PUBLISHED_COLUMNS * steps / PUBLISHED_STEPS
+    way = np.sign(strokes)
+    slope = way - np.append(way[:, 1:], np.zeros((BLADDERS, 1)), axis=1)
+    columns = design.schedule.columns
+    return float(np.abs(strokes).sum() / unit), slope.reshape(BLADDERS, -1, columns).sum(axis=1) / unit
