@@ -128,6 +128,12 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "shape_change.study",
             ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", "runs"),
         ),
+        "gait-hunt": Item(
+            "chapter 5, discussion: why the search did not find inching on the hill",
+            "evolution as published, on cycles, along gradients and both: gaits that climb 15 degrees, at equal cost",
+            "gait_hunt.study",
+            ("table.md", "table.csv", "hunt.png", "summary.json", "runs", "gaits"),
+        ),
         "friction-sweeps": Item(
             "chapter 5, figure of friction, d and e",
             "inching on flat ground with other friction of sliding and gripping feet",
