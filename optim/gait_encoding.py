@@ -18,6 +18,7 @@ from robots.schedule import BLADDERS, ROWS, GaitSchedule
 if TYPE_CHECKING:
     from robots.relaxed_schedule import RelaxedSchedule, Schedule
 
+LEAST_MOTION = 100  # time steps of a graded column; valves switch no faster
 LEVEL_STEP = 0.2  # of a graded level, from -0.5 to 1.5
 SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
@@ -124,9 +125,9 @@ class BitwiseGait(GaitEncoding):
 class GradedGait(GaitEncoding):
     """How far every bladder inflates in every column, whether feet grip, and how long the robot settles after each.
 
-    Columns last as long as their slowest bladder moves. The cycle is played as often as ``steps`` allow, see
-    ``most_repeats``; ``repeats`` say nothing. Genes beyond empty and full, or of less than no time, are cut: so a
-    search stays there easily.
+    Columns last as long as their slowest bladder moves, and ``LEAST_MOTION`` at least. The cycle is played as often as
+    ``steps`` allow, see ``most_repeats``; ``repeats`` say nothing. Genes beyond empty and full, or of less than no
+    time, are cut: so a search stays there easily.
 
     Attributes:
         steps: time steps that a gait may take; it is played once in any case.
@@ -171,10 +172,16 @@ class GradedGait(GaitEncoding):
         Raises:
             ValueError: in one line, for what they cannot say: times of motion, and core pressures of columns.
         """
+        from robots.relaxed_motion import relaxed_columns
+
         if schedule.pressure is not None:
             raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
-        if schedule.motion_steps is None or schedule.settle_steps is None or schedule.motion_steps.any():
-            raise ValueError("motion_steps: graded genes move as fast as bladders do; give 0, and settle_steps")
+        same = dataclasses.replace(schedule, motion_steps=np.full(schedule.columns, LEAST_MOTION))
+        moves = [[column.motion_steps for column in relaxed_columns(gait)[0]] for gait in (schedule, same)]
+        if schedule.settle_steps is None or moves[0] != moves[1]:
+            raise ValueError(
+                f"motion_steps: graded genes move as fast as bladders do; give at most {LEAST_MOTION}, and settle_steps"
+            )
         return np.tile(np.vstack([schedule.levels, schedule.settle_steps]), schedule.repeats).ravel()
 
     def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
@@ -186,7 +193,7 @@ class GradedGait(GaitEncoding):
         from robots.relaxed_schedule import RelaxedSchedule
 
         inflation, grip, settle = self._tables(values)
-        steps = {"motion_steps": np.zeros(self.columns), "settle_steps": np.rint(np.maximum(settle, 0.0))}
+        steps = {"motion_steps": np.full(self.columns, LEAST_MOTION), "settle_steps": np.rint(np.maximum(settle, 0.0))}
         return RelaxedSchedule(np.clip(inflation, 0.0, 1.0), grip, repeats, **steps)
 
     def _played(self, values: Vector, sharpness: float) -> "RelaxedSchedule":

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from robots import gaits
-from robots.inflatable import ACTUATION
+from robots.inflatable import ACTUATION, PUBLISHED
 from robots.terrain import one_each
 
 
@@ -40,6 +40,8 @@ class Simulator:
             speed=speed,
             speed_simulated=speed * 2,
             status=status,
+            stages=speed[:, None] * 4,
+            time_step=PUBLISHED.time_step,
             steps=steps,
             frames=frames,
         )

@@ -57,10 +57,13 @@ FAR = (0.0103, 0.004, -0.003, 0.98, 0.1, -0.1, 0.1)
 MEMORY = (2e-4, 3e-4, -1e-4, 0.05, 0.01, -0.02)
 BEAM = (0.0101, 1 / 0.0101, 40.0, 5.0, 3000.0, 50.0, 40.0, 0.03, 4e-3, 0.01, 1.02)
 LAWS = {
-    "straight link": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE,), 18),
-    "large link": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE), 18),
-    "small link in a mixed block": (link_adjoint.turned_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL), 18),
-    "link that switches": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL), 18),
+    "straight link": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, False), 18),
+    "large link": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, False), 18),
+    "small link in a mixed block": (link_adjoint.turned_link, (*POSE, *NEXT, *MEMORY, *BEAM),
+                                    (EDGE, beams.SMALL, False), 18),
+    "link that switches": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL, False), 18),
+    "straight link in a fluid": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, True), 18),
+    "large link in a fluid": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, True), 18),
     "placing": (voxel_adjoint.placed, (*NEXT, 0.1, -0.2, 0.3, 1e-4, 2e-4, -1e-4, 300.0, 2e7), (DT,), 7),
     "pressure": (voxel_adjoint.pressed, (*POSE[3:], 0.1, -0.05, 0.2, 0.01, 0.011, 0.009, 500.0),
                  (1.0, 0.5, 1.0, 0.0, 0.0, 1.0), 3),
@@ -76,8 +79,8 @@ LAWS = {
 }  # fmt: skip
 
 
-def our_kernel(function, inputs: int, constants: int, results: int, real: Real):
-    """The reverse pass that the law writes itself."""
+def our_kernel(function, inputs: int, constants: int, flags: list[bool], results: int, real: Real):
+    """The reverse pass that the law writes itself; flags are known when it is compiled."""
     reals = ti.types.ndarray(dtype=real.type, ndim=1)
 
     @ti.kernel
@@ -85,7 +88,7 @@ def our_kernel(function, inputs: int, constants: int, results: int, real: Real):
         for once in range(1):
             if once == 0:
                 given_x = ti.static(tuple([x[i] for i in range(inputs)]))
-                given_c = ti.static(tuple([c[i] for i in range(constants)]))
+                given_c = ti.static(tuple([c[i] for i in range(constants)] + flags))
                 given_s = ti.static(tuple([seeds[i] for i in range(results)]))
                 cotangents = ti.static(pull_back(function, given_x, given_c, given_s))
                 for i in ti.static(range(inputs)):
@@ -94,7 +97,7 @@ def our_kernel(function, inputs: int, constants: int, results: int, real: Real):
     return ours
 
 
-def taichis(function, inputs, constants, seeds) -> np.ndarray:
+def taichis(function, inputs, constants, flags, seeds) -> np.ndarray:
     """What Taichi's reverse mode makes of the law."""
     x = ti.field(ti.f64, len(inputs), needs_grad=True)
     c = ti.field(ti.f64, max(len(constants), 1))
@@ -105,7 +108,7 @@ def taichis(function, inputs, constants, seeds) -> np.ndarray:
     @ti.kernel
     def weighted():
         for _ in range(1):
-            given = ti.static([x[i] for i in range(count)] + [c[i] for i in range(behind)])
+            given = ti.static([x[i] for i in range(count)] + [c[i] for i in range(behind)] + flags)
             values = function(*given)
             total = 0.0
             for i in ti.static(range(results)):
@@ -124,12 +127,13 @@ def taichis(function, inputs, constants, seeds) -> np.ndarray:
 @pytest.mark.parametrize("name", LAWS)
 def test_against_taichis_reverse_mode(name, width):
     """Every law, with random cotangents."""
-    function, inputs, constants, results = LAWS[name]
+    function, inputs, given, results = LAWS[name]
+    constants, flags = [c for c in given if not isinstance(c, bool)], [c for c in given if isinstance(c, bool)]
     runtime.start("cpu", "f64", 1)
     seeds = np.random.default_rng(0).normal(size=results)
-    expected = taichis(function, inputs, constants, seeds)
+    expected = taichis(function, inputs, constants, flags, seeds)
     real = Real("f64", width)
-    ours = our_kernel(function, len(inputs), len(constants), results, real)
+    ours = our_kernel(function, len(inputs), len(constants), flags, results, real)
     columns = [real.array((max(len(v), 1),)) for v in (inputs, constants, seeds, inputs)]
     for column, values in zip(columns, (inputs, constants, seeds), strict=False):
         column[: len(values)] = np.asarray(values)[:, None]

@@ -38,10 +38,8 @@ def straight_link(
         edge, stiff, minus, plus, pull, twist * d3, turning, 0.5 * (d0 - m0), d1, d2, 0.5 * (d1 - m1), 0.5 * (d2 - m2),
         0.0, 0.0, d4, d5, 0.0, 0.0, 0.5 * (d4 - m4), 0.5 * (d5 - m5), False,
     )  # fmt: skip
-    forces = to_world(w1, a1, b1, c1, *forces)
-    if ti.static(fluid):
-        forces = beams.balanced(x2 - x1, y2 - y1, z2 - z1, *forces)
-    return forces + (d0, d1, d2, d3, d4, d5)
+    ends = to_world(w1, a1, b1, c1, x2 - x1, y2 - y1, z2 - z1, fluid, *forces)
+    return ends + (d0, d1, d2, d3, d4, d5)
 
 
 @law
@@ -59,20 +57,24 @@ def turned_link(
         edge, stiff, minus, plus, pull, twist * d3, turning, small, w, by, bz, d1, d2, d4, d5,
         half * (d0 - m0), half * (d1 - m1), half * (d2 - m2), half * (d4 - m4), half * (d5 - m5),
     )  # fmt: skip
-    forces = to_world(w1, a1, b1, c1, *forces)
-    if ti.static(fluid):
-        forces = beams.balanced(x2 - x1, y2 - y1, z2 - z1, *forces)
-    return forces + (d0, d1, d2, d3, d4, d5)
+    ends = to_world(w1, a1, b1, c1, x2 - x1, y2 - y1, z2 - z1, fluid, *forces)
+    return ends + (d0, d1, d2, d3, d4, d5)
 
 
 @law
-def to_world(w, a, b, c, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz):
-    """F, M, G and N turned from the frame of the "-" voxel."""
+def to_world(
+    w, a, b, c, dx, dy, dz, fluid: ti.template(), fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+):  # fmt: skip
+    """F, M, G and N turned from the frame of the "-" voxel; in a fluid balanced, the other end being d away."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, a, b, c)
     fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
     mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
     gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
     nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
+    if ti.static(fluid):
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.balanced(
+            dx, dy, dz, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+        )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
