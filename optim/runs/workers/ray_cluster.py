@@ -19,8 +19,8 @@ from optim.runs.requests import Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 
-NOTE_AFTER = 10.0  # seconds in which actors should have found a place
-GIVE_UP_AFTER = 60.0
+NOTE_AFTER = 30.0  # seconds in which actors should have found a place
+GIVE_UP_AFTER = 120.0
 _REACH_TIMEOUT = 5.0  # seconds for a TCP connection
 _ADDRESS = re.compile(r"(?:ray://)?(?:\[(?P<ipv6>[0-9a-fA-F:]+)\]|(?P<host>[\w.-]+)):(?P<port>[0-9]{1,5})")
 # Read by Ray when it is imported. What its own messages say is said in the errors and notes of this module.
