@@ -154,14 +154,17 @@ class GradedGait(GaitEncoding):
         return self.relaxed(values, 0.0)
 
     def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
-        """With feet that grip a little, sharpened."""
-        return self._played(values, sharpness)
+        """With feet that grip a little, sharpened; as often as the steps allow."""
+        from robots.relaxed_motion import most_repeats
+
+        gait = self._graded(values)
+        return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=most_repeats(gait, self.steps))
 
     def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
         """By levels that are not cut, and by grip, through the sharpening; zero by times."""
         inflation = self._tables(values)[0]
         free = (inflation > 0) & (inflation < 1)
-        sharpening = self._graded(values, 1).sharpening_slope(sharpness)[BLADDERS:]
+        sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
         return np.concatenate([(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(),
                                np.zeros(self.columns)])  # fmt: skip
 
@@ -189,20 +192,13 @@ class GradedGait(GaitEncoding):
         table = np.asarray(values, float).reshape(-1, self.columns)
         return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
 
-    def _graded(self, values: Vector, repeats: int) -> "RelaxedSchedule":
+    def _graded(self, values: Vector) -> "RelaxedSchedule":
+        """Played once, its feet as the genes have them."""
         from robots.relaxed_schedule import RelaxedSchedule
 
         inflation, grip, settle = self._tables(values)
         steps = {"motion_steps": np.full(self.columns, LEAST_MOTION), "settle_steps": np.rint(np.maximum(settle, 0.0))}
-        return RelaxedSchedule(np.clip(inflation, 0.0, 1.0), grip, repeats, **steps)
-
-    def _played(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
-        """Sharpened in its feet, as often as the steps allow."""
-        from robots.relaxed_motion import most_repeats
-
-        gait = self._graded(values, 1)
-        grip = gait.sharpened(sharpness).grip
-        return dataclasses.replace(gait, grip=grip, repeats=most_repeats(gait, self.steps))
+        return RelaxedSchedule(np.clip(inflation, 0.0, 1.0), grip, 1, **steps)
 
 
 # Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.

@@ -23,7 +23,7 @@ from robots.checks import number, whole_number
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
-from robots.judgement import HARD_FRICTION
+from robots.judgement import harder
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
 from robots.schedule import FEET
 from robots.terrain import Terrain
@@ -75,8 +75,8 @@ class GaitProblem:
         warm_up: time steps of a graded gait that do not count: what a robot does while it finds its stride.
         stages: equally long parts of a graded gait, of which the slowest tells the speed: a gait that goes on beats one
             that lurches once.
-        hard: whether terrains count twice: as they are, and with ``HARD_FRICTION`` of sliding feet and bladders that
-            keep their weight, where gaits fail that slide for their living; details end with ``_hard`` there. A gait
+        hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
+            gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
         effort: what moving the bladders costs [body lengths/s], subtracted from the mean of the speeds: so much where
             every one makes a full stroke in every column, see ``optim.gait_outcomes.effort``. Gaits become cleaner.
@@ -134,6 +134,8 @@ class GaitProblem:
             whole_number("steps", self.steps, 1)
         if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
+        for terrain in self.terrains if self.hard else ():
+            harder(terrain)  # refuses what has no harder conditions
         object.__setattr__(self, "effort", number("effort", self.effort, 0.0))
         if self.effort and self.objectives != "mean":
             raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
@@ -282,9 +284,7 @@ class GaitProblem:
             usual = found[name] = self._outcome(batch, terrain, self._actuation, more, part)
             if self.hard:
                 ahead = np.flatnonzero((usual.speeds > 0) & (usual.status == OK))
-                slow = dataclasses.replace(terrain, low_friction=HARD_FRICTION)
-                heavy = InflatableActuation(weight="physical")
-                again = self._outcome(batch.part(ahead), slow, heavy, more, part + 1) if ahead.size else None
+                again = self._outcome(batch.part(ahead), *harder(terrain), more, part + 1) if ahead.size else None
                 found[name + HARD] = usual.replaced(ahead, again)
         each = np.stack([outcome.speeds for outcome in found.values()], axis=1)
         status = np.full(len(each), OK, dtype=object)

@@ -7,7 +7,7 @@ grip, tell gaits that push off the ground from those that slide. The dissertatio
 ch. 5, "Results").
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -118,15 +118,47 @@ def judge_gait(
     """
     terrain = terrain or Terrain()
     options: dict[str, Any] = {"geometry": geometry, "precision": precision, "device": device, "threads": threads}
-    noise = {"perturbation": NOISE, "seed": seed}
     report = progress or (lambda fraction: None)
-    copies = [design] * runs
-    usual = gaits.simulate(copies, terrain, **options, **noise, progress=lambda f: report(0.45 * f))
-    hard = gaits.simulate(
-        copies, replace(terrain, low_friction=HARD_FRICTION), actuation=InflatableActuation(weight="physical"),
-        **options, **noise, progress=lambda f: report(0.45 + 0.45 * f),
-    )  # fmt: skip
+    speeds, hard_speeds = play_with_noise([design], terrain, runs, seed=seed, **options,
+                                          progress=lambda f: report(0.9 * f))  # fmt: skip
     watched = gaits.simulate(design, terrain, **options, record_every=RECORD_EVERY,
                              progress=lambda f: report(0.9 + 0.1 * f))  # fmt: skip
-    return GaitJudgement(usual.speed, hard.speed, slip_under_load(watched, design), float(watched.distance[0]),
-                         steps_of(design))  # fmt: skip
+    slip = slip_under_load(watched, design)
+    return GaitJudgement(speeds[0], hard_speeds[0], slip, float(watched.distance[0]), steps_of(design))
+
+
+def harder(terrain: Terrain) -> tuple[Terrain, InflatableActuation]:
+    """The harder conditions on a terrain: ``HARD_FRICTION`` of sliding feet, and bladders that keep their weight.
+
+    Raises:
+        ValueError: in one line, for a fluid, and friction of gripping feet below that.
+    """
+    return replace(terrain, low_friction=HARD_FRICTION), InflatableActuation(weight="physical")
+
+
+def play_with_noise(
+    designs: Sequence[GaitDesign], terrain: Terrain, runs: int, *, seed: int = 0,
+    progress: Callable[[float], None] | None = None, **options: Any,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Speeds of designs of one kind, as usual and under the harder conditions, shape (N, R) each.
+
+    Args:
+        designs: N of them.
+        terrain: see :func:`judge_gait`, as for the others.
+        runs: R, of each design under either condition, as two batches.
+        seed: see there.
+        progress: see there.
+        options: of ``robots.gaits.simulate``.
+
+    Raises:
+        ValueError: in one line, for what is not allowed.
+    """
+    conditions = ((terrain, InflatableActuation()), harder(terrain))
+    report = progress or (lambda fraction: None)
+    copies = [design for design in designs for _ in range(runs)]
+    usual, hard = (
+        gaits.simulate(copies, where, actuation=drive, **options, perturbation=NOISE, seed=seed,
+                       progress=lambda f, half=half: report(0.5 * (half + f)))
+        for half, (where, drive) in enumerate(conditions)
+    )  # fmt: skip
+    return usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)

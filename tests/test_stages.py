@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from graded import QUICK, TINY, settling
 
+from optim.gait_problem import GaitProblem
 from robots import gaits, judgement
 from robots.gaits import PlayedGait
 from robots.inflatable import INCHING, Frames, InflatableResult
@@ -150,3 +151,13 @@ def test_a_judgement_simulates_under_both_conditions(monkeypatch):
     assert found.speeds.shape == found.hard_speeds.shape == (2,) and found.slip.shape == (2,)
     assert not np.array_equal(found.speeds, found.hard_speeds)
     assert parts == sorted(parts) and parts[-1] == pytest.approx(1.0)
+
+
+def test_there_are_no_harder_conditions_in_water_and_that_is_said_before_any_simulation(monkeypatch):
+    monkeypatch.setattr("robots.gaits.simulate", None)
+    for refused in (
+        lambda: judge_gait(INCHING, Terrain.water(), geometry=TINY, runs=2),
+        lambda: GaitProblem((Terrain.water(),), encoding="graded", columns=2, hard=True),
+    ):
+        with pytest.raises(ValueError, match=r"^low_friction: 0.2 is not allowed in a fluid, which has no ground"):
+            refused()

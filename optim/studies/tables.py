@@ -4,7 +4,7 @@ import csv
 import gzip
 import io
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,11 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]
     writer.writerows(rows)
     content = text.getvalue().encode()
     write_bytes(path, gzip.compress(content, mtime=0) if path.suffix == ".gz" else content)
+
+
+def write_records(path: Path, header: Sequence[str], records: Iterable[Mapping[str, Any]]) -> None:
+    """The same of records by name: what the header names of each."""
+    write_table(path, header, [tuple(record[name] for name in header) for record in records])
 
 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:

@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robots.calibration.laboratory import Array, Laboratory, Trial
-from robots.inflatable import scattered
 from robots.inflatable_body import FIRST_BLADDER, SKIN_REGIONS
 from robots.inflatable_program import EVERYWHERE, initialise, weights
 from robots.rest_sizes import rest_sizes
 from robots.terrain import Terrain
-from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder, Quantity
+from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents
 
 SIDES = {"width": 0, "height": 2}  # axis of each
@@ -50,14 +49,7 @@ class Diameter:
 
     def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
         """Extents of the skin at rest [m], shape (T, N)."""
-        bodies = [trial.properties.body_of(laboratory.geometry).body for trial in trials]
-        body = bodies[0]
-        engine = LatticeEngine(
-            bodies, time_step=laboratory.time_step, floor=True, precision=laboratory.precision,
-            threads=laboratory.threads,
-        )  # fmt: skip
-        replicas = [trial.replica for trial in trials]
-        engine.set_positions(scattered(body, laboratory.perturbation, laboratory.seed, replicas))
+        body, engine = laboratory.engine(trials, Terrain())
         levels, place = np.unique(self.at, return_inverse=True)
         program = self._program(trials, laboratory, levels)
         run = engine.run(program)

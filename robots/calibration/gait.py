@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robots.calibration.laboratory import Array, Laboratory, Trial
-from robots.inflatable import InflatableDesign, scattered, travel_directions
+from robots.inflatable import InflatableDesign, travel_directions
 from robots.inflatable_actuation import play
 from robots.inflatable_program import weights, write_robot
 from robots.rest_sizes import rest_sizes
 from robots.terrain import Terrain
-from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder
+from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 
@@ -56,14 +56,7 @@ class Gait:
 
     def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
         """Displacements of the middle of the robot [m], or mean speeds [m/s], shape (T, N)."""
-        bodies = [trial.properties.body_of(laboratory.geometry).body for trial in trials]
-        body = bodies[0]
-        engine = LatticeEngine(
-            bodies, time_step=laboratory.time_step, **self.terrain.medium, precision=laboratory.precision,
-            threads=laboratory.threads,
-        )  # fmt: skip
-        replicas = [trial.replica for trial in trials]
-        engine.set_positions(scattered(body, laboratory.perturbation, laboratory.seed, replicas))
+        body, engine = laboratory.engine(trials, self.terrain)
         times, place = np.unique(self.at, return_inverse=True)
         program = self._program(trials, laboratory, times)
         run = engine.run(program)

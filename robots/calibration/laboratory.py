@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.calibration.properties import BOUNDS, Properties
+from robots.inflatable import scattered
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
+from robots.terrain import Terrain
+from taichi_sim.lattice import LatticeBody, LatticeEngine
 
 Array = NDArray[np.float64]
 
@@ -60,6 +63,16 @@ class Laboratory:
     def drive(self, properties: Properties) -> InflatableActuation:
         """How a robot of these properties is driven."""
         return properties.drive_of(self.actuation, self.geometry.time_step, self.time_step)
+
+    def engine(self, trials: Sequence[Trial], terrain: Terrain) -> tuple[LatticeBody, LatticeEngine]:
+        """A body of the robots of some trials (alike but for the material) and their engine, with noise on starts."""
+        bodies = [trial.properties.body_of(self.geometry).body for trial in trials]
+        engine = LatticeEngine(
+            bodies, time_step=self.time_step, **terrain.medium, precision=self.precision, threads=self.threads
+        )
+        replicas = [trial.replica for trial in trials]
+        engine.set_positions(scattered(bodies[0], self.perturbation, self.seed, replicas))
+        return bodies[0], engine
 
 
 class Experiment(Protocol):

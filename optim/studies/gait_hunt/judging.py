@@ -8,11 +8,9 @@ import numpy as np
 
 from optim.gait_problem import GaitProblem
 from optim.runs.history import History
-from robots import gaits
 from robots.dual import Array
 from robots.gaits import GaitDesign
-from robots.inflatable import InflatableActuation
-from robots.judgement import HARD_FRICTION, LEAST_HARD_SPEED, NOISE
+from robots.judgement import LEAST_HARD_SPEED, play_with_noise
 from robots.terrain import Terrain
 
 
@@ -71,15 +69,7 @@ def judge_finalists(
     """Play designs of one kind on a terrain, each ``runs`` times under either condition, as two batches."""
     if not found:
         return []
-    copies = [design for design, _ in found for _ in range(runs)]
-    noise = {"perturbation": NOISE, "seed": 0}
-    report = progress or (lambda fraction: None)
-    usual = gaits.simulate(copies, terrain, **where, **noise, progress=lambda f: report(0.5 * f))
-    hard = gaits.simulate(
-        copies, replace(terrain, low_friction=HARD_FRICTION), actuation=InflatableActuation(weight="physical"),
-        **where, **noise, progress=lambda f: report(0.5 + 0.5 * f),
-    )  # fmt: skip
-    rows = usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)
+    rows = play_with_noise([design for design, _ in found], terrain, runs, progress=progress, **where)
     return [Finalist(*one, *speeds) for one, *speeds in zip(found, *rows, strict=True)]
 
 

@@ -14,7 +14,7 @@ from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.studies.results import Budget, Progress, scale_of, write_json
 from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
 from optim.studies.shape_change.published import FRICTION
-from optim.studies.tables import write_table
+from optim.studies.tables import write_records
 from robots.files import write_text
 from robots.inflatable import INCHING
 from robots.results_folder import ResultsFolder
@@ -88,7 +88,7 @@ def study(
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
     speeds = speeds_in_parts(settings.robot, cases, ResultsFolder(folder, KIND, about), threads, progress)
     rows = rows_of(settings, speeds)
-    write_table(folder / "friction.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
+    write_records(folder / "friction.csv", HEADER, rows)
     write_text(folder / "friction.md", page(rows))
     summary = {"largest_deviation": largest_deviation(rows), "tolerance": TOLERANCE, "rows": rows}
     write_json(folder / "summary.json", summary)

@@ -19,7 +19,7 @@ from optim.search.method import check_whole
 from optim.studies.results import Budget, Progress, kept, part_of, scale_of, write_json
 from optim.studies.shape_change.gaits import Case, Floats, Robot
 from optim.studies.shape_change.metrics_figure import draw
-from optim.studies.tables import write_table
+from optim.studies.tables import write_records
 from robots.checks import number
 from robots.inflatable import InflatableDesign
 from robots.results_folder import ResultsFolder
@@ -114,7 +114,7 @@ def study(
         compute = lambda body=body, report=report: {"speeds": speeds_of(settings, body, threads, report)}  # noqa: E731
         found.append(kept(parts, f"body_{body[0]:g}_{body[1]:g}", compute)["speeds"])
     rows = rows_of(settings.bodies, np.array(found))
-    write_table(folder / "metrics.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
+    write_records(folder / "metrics.csv", HEADER, rows)
     summary = {
         **about,
         "thresholds": {name: list(least) for name, least in THRESHOLDS.items()},

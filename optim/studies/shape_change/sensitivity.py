@@ -18,7 +18,7 @@ from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.studies.results import Budget, Progress, kept, part_of, scale_of, write_json
 from optim.studies.shape_change.gaits import Case, Floats, Robot, repeated, shown, spread
 from optim.studies.shape_change.variations import VARIATIONS, Variant
-from optim.studies.tables import write_table
+from optim.studies.tables import write_records
 from robots.checks import number
 from robots.files import write_text
 from robots.inflatable import INCHING, ROLLING
@@ -124,7 +124,7 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
         compute = lambda variant=variant, report=report: {"lengths": travelled(settings, variant, threads, report)}  # noqa: E731
         found[name, factor] = kept(parts, re.sub(r"\W+", "_", f"{name} {factor:.6g}"), compute)["lengths"]
     rows = rows_of(found, tuple(settings.behaviours))
-    write_table(folder / "sensitivity.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
+    write_records(folder / "sensitivity.csv", HEADER, rows)
     write_text(folder / "sensitivity.md", page(rows))
     summary = {**about, "survives_from": SURVIVES, "rows": rows}
     write_json(folder / "summary.json", summary)

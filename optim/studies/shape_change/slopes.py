@@ -17,7 +17,7 @@ from optim.plots import draw_band
 from optim.studies.figures import COLOURS, COLUMN, figure, legend_above
 from optim.studies.results import Budget, Progress, scale_of, write_json
 from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
-from optim.studies.tables import write_table
+from optim.studies.tables import write_records
 from robots.files import write_text
 from robots.inflatable import INCHING, ROLLING
 from robots.results_folder import ResultsFolder
@@ -80,7 +80,7 @@ def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads
     ]
     place = transition(settings.slopes, speeds[:, 0], speeds[:, 1])
     summary = {"transition": place, "rows": rows}
-    write_table(folder / "slopes.csv", HEADER, [tuple(row[name] for name in HEADER) for row in rows])
+    write_records(folder / "slopes.csv", HEADER, rows)
     write_text(folder / "slopes.md", page(settings, summary))
     write_json(folder / "summary.json", summary)
     draw(settings.slopes, speeds, place, folder / "slopes.png")
