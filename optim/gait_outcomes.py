@@ -1,16 +1,40 @@
-"""Batches of gaits that are simulated, what comes out, and what their strokes cost."""
+"""Batches of gaits, the conditions under which they are simulated, what comes out, and what their strokes cost."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optim.problem import OK
 from robots.gaits import GaitDesign, played
 from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
 from robots.schedule import BLADDERS
+from robots.terrain import Terrain
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Where and how gaits are simulated.
+
+    Attributes:
+        name: of the speed here in the details of evaluations.
+        terrain: where.
+        actuation: how the robot is driven.
+        follows: name of the condition under which a gait has to get ahead to be simulated here; one that does not
+            counts here as it did there.
+    """
+
+    name: str
+    terrain: Terrain
+    actuation: InflatableActuation
+    follows: str | None = None
+
+    def simulated(self, speeds: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+        """Which gaits are simulated here, by their speeds under all conditions, shape (N,)."""
+        return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +70,28 @@ class Outcome:
             slopes = slopes.copy()
             slopes[chosen] = other.slopes
         return Outcome(speeds, status, slopes)
+
+
+def outcomes(
+    conditions: Sequence[Condition], count: int, simulate: Callable[[int, Condition, NDArray[np.intp]], Outcome]
+) -> dict[str, Outcome]:
+    """Of a batch of so many gaits under some conditions, one after the other, by their names.
+
+    Args:
+        conditions: those that others follow come first; the first follows none.
+        count: N.
+        simulate: some gaits, by their places, under the condition of that number.
+    """
+    found: dict[str, Outcome] = {}
+    for number, condition in enumerate(conditions):
+        before = found.get(condition.follows or "")
+        if before is None:
+            found[condition.name] = simulate(number, condition, np.arange(count))
+            continue
+        ahead = np.flatnonzero((before.speeds > 0) & (before.status == OK))
+        again = simulate(number, condition, ahead) if ahead.size else None
+        found[condition.name] = before.replaced(ahead, again)
+    return found
 
 
 def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, NDArray[np.float64]]:

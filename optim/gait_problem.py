@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
-from optim.gait_outcomes import Batch, Outcome, effort
+from optim.gait_outcomes import Batch, Condition, Outcome, effort, outcomes
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Variable, Vector
 from robots import gaits
@@ -42,11 +42,13 @@ LATER_OPTIONS = {
     "steps": None,
     "warm_up": 0,
     "stages": 1,
+    "ladder": False,
     "hard": False,
     "effort": 0.0,
 }
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
+EMPTY_CORE = -4000.0  # the least pressure that graded gaits may ask for [Pa]; below zero the core is empty
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -56,7 +58,8 @@ class GaitProblem:
     """Objective: the speed [body lengths/s], by the published convention; mean over the terrains, or one each.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
-    ``pressure`` 0 to 12,000 Pa, and the genes of the schedule, see ``optim.gait_encoding``.
+    ``pressure`` 0 to 12,000 Pa, and the genes of the schedule, see ``optim.gait_encoding``. Beside graded genes
+    the pressure begins at ``EMPTY_CORE``, and is cut as they are: the flat robot is found, and kept, easily.
 
     Attributes:
         terrains: where the robot travels, one simulation each.
@@ -75,6 +78,8 @@ class GaitProblem:
         warm_up: time steps of a graded gait that do not count: what a robot does while it finds its stride.
         stages: equally long parts of a graded gait, of which the slowest tells the speed: a gait that goes on beats one
             that lurches once.
+        ladder: whether a terrain is for those gaits alone that get ahead on the one before; the others count there as
+            they did before, and are not simulated. So gaits are led from easy ground to hard.
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
@@ -100,6 +105,7 @@ class GaitProblem:
     steps: int | None = None
     warm_up: int = 0
     stages: int = 1
+    ladder: bool = False
     hard: bool = False
     effort: float = 0.0
     geometry: str = "published"
@@ -134,8 +140,9 @@ class GaitProblem:
             whole_number("steps", self.steps, 1)
         if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
-        for terrain in self.terrains if self.hard else ():
-            harder(terrain)  # refuses what has no harder conditions
+        if self.ladder and len(self.terrains) < 2:
+            raise ValueError("ladder: one terrain is not allowed; give several, the easiest first")
+        _ = self.conditions  # refuses terrains that have no harder ones
         object.__setattr__(self, "effort", number("effort", self.effort, 0.0))
         if self.effort and self.objectives != "mean":
             raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
@@ -155,8 +162,20 @@ class GaitProblem:
         """The mean speed, or that on each terrain."""
         if self.objectives == "mean":
             return ("speed",)
-        names = [f"speed_{terrain.name}" for terrain in self.terrains]
-        return tuple(name + more for name in names for more in (("", HARD) if self.hard else ("",)))
+        return tuple(condition.name for condition in self.conditions)
+
+    @cached_property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Under which gaits are simulated."""
+        found: list[Condition] = []
+        below = None
+        for terrain in self.terrains:
+            usual = Condition(f"speed_{terrain.name}", terrain, self._actuation, below)
+            found.append(usual)
+            if self.hard:
+                found.append(Condition(usual.name + HARD, *harder(terrain), usual.name))
+            below = usual.name if self.ladder else None
+        return tuple(found)
 
     @cached_property
     def space(self) -> Space:
@@ -165,7 +184,8 @@ class GaitProblem:
         if self.orientation is None:
             variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
         if self.pressure is None:
-            variables.append(Variable("pressure", 0.0, 12_000.0, step=1200.0))
+            least = EMPTY_CORE if self.encoding == "graded" else 0.0
+            variables.append(Variable("pressure", least, 12_000.0, step=1200.0))
         variables.extend(self._control.variables())
         return Space(tuple(variables))
 
@@ -183,7 +203,7 @@ class GaitProblem:
         """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
         values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
         return (
-            values["pressure"] if self.pressure is None else self.pressure,
+            max(values["pressure"], 0.0) if self.pressure is None else self.pressure,
             values["orientation"] if self.orientation is None else self.orientation,
         )
 
@@ -241,7 +261,8 @@ class GaitProblem:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
         slopes = [run.orientation[:, None]] if self.orientation is None else []
         if self.pressure is None:
-            slopes.append(run.pressure[:, None])
+            inflated = points[:, self.space.names.index("pressure")] > 0
+            slopes.append((run.pressure * inflated)[:, None])
         levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
             self._control.slopes(self._genes(point), sharpness, slope)
@@ -278,14 +299,10 @@ class GaitProblem:
 
     def _judged(self, batch: Batch, more: Mapping[str, Any]) -> Evaluation:
         """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
-        found: dict[str, Outcome] = {}
-        for place, terrain in enumerate(self.terrains):
-            name, part = f"speed_{terrain.name}", place * (1 + self.hard)
-            usual = found[name] = self._outcome(batch, terrain, self._actuation, more, part)
-            if self.hard:
-                ahead = np.flatnonzero((usual.speeds > 0) & (usual.status == OK))
-                again = self._outcome(batch.part(ahead), *harder(terrain), more, part + 1) if ahead.size else None
-                found[name + HARD] = usual.replaced(ahead, again)
+        found = outcomes(
+            self.conditions, len(batch.designs),
+            lambda number, condition, chosen: self._outcome(batch.part(chosen), condition, more, number),
+        )  # fmt: skip
         each = np.stack([outcome.speeds for outcome in found.values()], axis=1)
         status = np.full(len(each), OK, dtype=object)
         for outcome in found.values():
@@ -310,25 +327,23 @@ class GaitProblem:
             row[len(point) - len(genes) :] = self._control.slopes(genes, batch.sharpness, levels)
         return np.array([used for used, _ in each]), slopes
 
-    def _outcome(
-        self, batch: Batch, terrain: Terrain, actuation: InflatableActuation, more: Mapping[str, Any], part: int
-    ) -> Outcome:
-        """Of one simulation of a batch, the ``part``-th of all."""
+    def _outcome(self, batch: Batch, condition: Condition, more: Mapping[str, Any], number: int) -> Outcome:
+        """Of one simulation of a batch, under the condition of that number."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
         run = batch.run(
-            batch.designs, terrain, geometry=NAMED_GEOMETRIES[self.geometry], actuation=actuation, **where, **more,
-            progress=self._progress_on(part),
+            batch.designs, condition.terrain, geometry=NAMED_GEOMETRIES[self.geometry],
+            actuation=condition.actuation, **where, **more, progress=self._progress_on(number),
         )  # fmt: skip
         if batch.points is None:
             return Outcome(self.speeds(run), np.asarray(run.status, object), None)
         slopes = self._slopes(run, batch.points, batch.sharpness)
         return Outcome(self.speeds(run.result), np.asarray(run.result.status, object), slopes)
 
-    def _progress_on(self, part: int) -> Callable[[float], None] | None:
-        """Turns the progress of one simulation into that of the evaluation."""
+    def _progress_on(self, number: int) -> Callable[[float], None] | None:
+        """Turns the progress under one condition into that of the evaluation."""
         if (report := self.progress) is None:
             return None
-        return lambda fraction: report((part + fraction) / (len(self.terrains) * (1 + self.hard)))
+        return lambda fraction: report((number + fraction) / len(self.conditions))
 
     def robot_steps(
         self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
@@ -345,8 +360,7 @@ class GaitProblem:
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
         ramp_steps, drive = self._relaxed_ramp if relaxed else None, self._actuation
         each = np.array([drive.initial_steps(d.pressure, ramp_steps) + gaits.steps_of(d, drive) for d in designs])
-        ahead = [judged.details[f"speed_{terrain.name}"] > 0 for terrain in self.terrains]
-        return each * (len(self.terrains) + self.hard * np.sum(ahead, axis=0))
+        return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of a point as JSON, for ``robots.gaits.load_gait``."""

@@ -102,6 +102,40 @@ def test_gaits_that_get_ahead_are_simulated_again_under_harder_conditions(hill):
     np.testing.assert_allclose(found.objectives[:, 0], (usual + hard) / 2)
 
 
+def test_gaits_climb_a_ladder_as_far_as_they_get_ahead(hill):
+    """Steeper ground is for those that got ahead before; the others count there as they did."""
+    terrains = (Terrain(5.0), Terrain(10.0), Terrain(15.0))
+    problem = GaitProblem(terrains, **{**SMALL, "hard": False}, ladder=True)
+    points = problem.space.sample(np.random.default_rng(1), 6)
+    points[:3, [problem.space.names.index(f"bladder{b}_{c}") for b in (1, 2) for c in (1, 2)]] = 0.5
+    found = problem.evaluate(points)
+    each = [found.details[f"speed_hill:{slope}"] for slope in (5, 10, 15)]
+    assert np.all(each[0][:3] == 0) and np.all(each[0][3:] > 0)
+    np.testing.assert_array_equal(each[2][:3], each[0][:3])
+    np.testing.assert_allclose(found.objectives[:, 0], np.mean(each, axis=0))
+    alone = GaitProblem(terrains[:1], **{**SMALL, "hard": False}).evaluate(points)
+    np.testing.assert_array_equal(alone.details["speed_hill:5"], each[0])
+    simulations = problem.robot_steps(points, found) / [gaits_initial(d.pressure) + steps_of(d)
+                                                        for d in map(problem.design, points)]  # fmt: skip
+    assert simulations.tolist() == [1 + (each[0][i] > 0) + (each[1][i] > 0) for i in range(6)]
+
+
+def test_a_ladder_has_several_rungs():
+    with pytest.raises(ValueError, match=r"^ladder: one terrain is not allowed; give several, the easiest first$"):
+        GaitProblem(HILL, **SMALL, ladder=True)
+
+
+def test_a_graded_search_may_ask_for_less_than_no_pressure():
+    """A quarter of the range is the flat robot; it has no slope there."""
+    problem = GaitProblem(HILL, **SMALL)
+    place = problem.space.names.index("pressure")
+    point = problem.space.low.copy()
+    assert point[place] == -4000 and problem.design(point).pressure == 0.0
+    point[place] = 300.0
+    assert problem.design(point).pressure == 300.0
+    assert GaitProblem(HILL).space.low[place] == 0.0
+
+
 def gaits_initial(pressure):
     return int(np.floor(pressure / 0.5)) + 1 + 2000
 

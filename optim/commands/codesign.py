@@ -119,6 +119,12 @@ def _add_design(design: Any) -> None:
         help="equally long parts of a graded gait, of which the slowest tells its speed (default: 1)",
     )
     design.add_argument(
+        "--ladder",
+        action="store_true",
+        default=None,
+        help="of several terrains, the easiest first, a gait is tried on the next if it gets ahead on the one before",
+    )
+    design.add_argument(
         "--hard",
         action="store_true",
         default=None,
