@@ -146,8 +146,13 @@ class GradedGait(GaitEncoding):
         return [
             *(Variable(f"{row}_{column}", -0.5, 1.5, step=LEVEL_STEP) for row in bladders for column in columns),
             *(Variable(f"{row}_{column}", 0, 1, "binary", step=BIT_STEP) for row in feet for column in columns),
-            *(Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns),
+            *self._times(),
         ]
+
+    def _times(self) -> list[Variable]:
+        """How long the robot settles after each column."""
+        columns = range(1, self.columns + 1)
+        return [Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns]
 
     def schedule(self, values: Vector) -> "RelaxedSchedule":
         """With feet that grip or slide."""
@@ -225,12 +230,38 @@ class PatternGait(GaitEncoding):
 
     def schedule(self, values: Vector) -> GaitSchedule:
         """The sign of the network's output."""
-        column = np.arange(self.columns)
-        phase = 2 * np.pi * column / self.columns
-        times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / self.columns - 1], axis=1)
-        coordinates = np.hstack([np.repeat(ACTUATORS, self.columns, axis=0), np.tile(times, (ROWS, 1))])
-        on = pattern_network(GAIT_WIRING, values)(coordinates) > 0
-        return GaitSchedule(on.reshape(ROWS, self.columns), self.repeats)
+        return GaitSchedule(_pattern(values, self.columns) > 0, self.repeats)
+
+
+class GradedPatternGait(GradedGait):
+    """A network says of every actuator in every column how far it is on; how long the robot settles is said as it is.
+
+    A bladder inflates by 1/2 more than the output of the network, cut at empty and full; a foot grips where the output
+    is positive. What lies alike is told alike, so whole gaits are tried where single levels would have to meet.
+    """
+
+    def variables(self) -> list[Variable]:
+        """The genome of the network, then ``settle_1`` and on."""
+        return [*pattern_variables(GAIT_WIRING), *self._times()]
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """Zero: networks are searched without gradients."""
+        return np.zeros(len(values))
+
+    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+        """What the network says, and settling."""
+        values = np.asarray(values, float)
+        output = _pattern(values[: -self.columns], self.columns)
+        return output[:BLADDERS] + 0.5, (output[BLADDERS:] > 0).astype(float), values[-self.columns :]
+
+
+def _pattern(values: Vector, columns: int) -> NDArray[np.float64]:
+    """What a network of such genes says of all actuators and columns, shape (10, T)."""
+    column = np.arange(columns)
+    phase = 2 * np.pi * column / columns
+    times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / columns - 1], axis=1)
+    coordinates = np.hstack([np.repeat(ACTUATORS, columns, axis=0), np.tile(times, (ROWS, 1))])
+    return np.asarray(pattern_network(GAIT_WIRING, values)(coordinates)).reshape(ROWS, columns)
 
 
 ENCODINGS: dict[str, type[GaitEncoding]] = {
@@ -238,4 +269,5 @@ ENCODINGS: dict[str, type[GaitEncoding]] = {
     "bits": BitwiseGait,
     "pattern": PatternGait,
     "graded": GradedGait,
+    "graded-pattern": GradedPatternGait,
 }

@@ -68,8 +68,8 @@ class GaitProblem:
         schedule: the control, of either kind, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
-        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``; only
-            bits and graded levels can be relaxed.
+        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``,
+            ``"graded-pattern"``; only bits and graded levels have gradients.
         objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
@@ -133,7 +133,7 @@ class GaitProblem:
             raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
         whole_number("stages", self.stages, 1)
         for name in GRADED_OPTIONS:
-            if (value := getattr(self, name)) != LATER_OPTIONS[name] and self.encoding != "graded":
+            if (value := getattr(self, name)) != LATER_OPTIONS[name] and not self.graded:
                 what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
                 raise ValueError(f"{name}: {value} is not allowed with {what}; they are of a free graded gait")
         if self.steps is not None:
@@ -156,6 +156,11 @@ class GaitProblem:
     def free(self) -> tuple[str, ...]:
         """Which of ``PARTS`` are free to change."""
         return tuple(part for part, attribute in PARTS.items() if getattr(self, attribute) is None)
+
+    @property
+    def graded(self) -> bool:
+        """Whether a schedule is searched that may be graded, and has times of its own."""
+        return self.schedule is None and issubclass(ENCODINGS[self.encoding], GradedGait)
 
     @property
     def objective_names(self) -> tuple[str, ...]:
@@ -184,7 +189,7 @@ class GaitProblem:
         if self.orientation is None:
             variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
         if self.pressure is None:
-            least = EMPTY_CORE if self.encoding == "graded" else 0.0
+            least = EMPTY_CORE if self.graded else 0.0
             variables.append(Variable("pressure", least, 12_000.0, step=1200.0))
         variables.extend(self._control.variables())
         return Space(tuple(variables))
@@ -216,9 +221,10 @@ class GaitProblem:
         """Of the schedule."""
         if self.schedule is not None:
             return FixedGait(self.columns, self.repeats, self.schedule)
-        if self.encoding == "graded":
-            return GradedGait(self.columns, self.repeats, self.steps or PUBLISHED_STEPS)
-        return ENCODINGS[self.encoding](self.columns, self.repeats)
+        encoding = ENCODINGS[self.encoding]
+        if issubclass(encoding, GradedGait):
+            return encoding(self.columns, self.repeats, self.steps or PUBLISHED_STEPS)
+        return encoding(self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate all points, shape (N, D), as one batch per terrain.
@@ -231,7 +237,7 @@ class GaitProblem:
     @property
     def _stages(self) -> dict[str, int]:
         """Arguments that only graded gaits have."""
-        return {"warm_up": self.warm_up, "stages": self.stages} if self.encoding == "graded" else {}
+        return {"warm_up": self.warm_up, "stages": self.stages} if self.graded else {}
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
@@ -284,7 +290,7 @@ class GaitProblem:
         """Whether gaits have times of their own."""
         if self.schedule is not None:
             return isinstance(self.schedule, RelaxedSchedule) and self.schedule.timed
-        return self.encoding == "graded"
+        return self.graded
 
     def speeds(self, result: InflatableResult) -> NDArray[np.float64]:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""

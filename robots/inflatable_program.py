@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.dual import Array, Real, cosine, sine
 from robots.inflatable_actuation import ACTUATION, Column, InflatableActuation, play
 from robots.inflatable_body import (
+    BLADDER_COUNT,
     BLADDER_REGIONS,
     FIRST_BLADDER,
     FOOT_REGIONS,
@@ -176,6 +177,18 @@ def initialise(builder: Builder, robot: int, pressure: Scalar, own: tuple[Vector
     builder.set(Quantity.GLOBAL_DAMPING, 0.0, regions=EVERYWHERE, robots=robot)
 
 
+def stand_on(builder: Builder, robot: int, tilted: Vector, carried: Array, step: int, a: InflatableActuation) -> None:
+    """Change the ground under a robot at a step: weights of skin and bladders, and the friction of both.
+
+    Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
+    """
+    set_weight(builder, robot, tilted, SKIN_REGIONS, step)
+    share = np.ones(BLADDER_COUNT) if a.weight == "physical" else carried
+    set_weight(builder, robot, _times(share, tilted), BLADDER_REGIONS, step)
+    _set_friction(builder, robot, a.high_friction, SKIN_REGIONS, step)
+    _set_friction(builder, robot, a.high_friction / 3, BLADDER_REGIONS, step)
+
+
 def _set_surroundings(
     builder: Builder, robot: int, column: Column, step: int, first: bool, a: InflatableActuation
 ) -> None:
@@ -250,7 +263,7 @@ def _set_bladder_weights(builder: Builder, robot: int, column: Column, step: int
     set_weight(builder, robot, _times(carried, tilted), regions, done)
 
 
-def _times(factor: Real, vector: Vector) -> Vector:
+def _times(factor: Real | Array, vector: Vector) -> Vector:
     return factor * vector[0], factor * vector[1], factor * vector[2]
 
 

@@ -79,8 +79,9 @@ def _strokes(levels: Array, told: Array, a: InflatableActuation) -> NDArray[np.b
 
 
 def play_relaxed(
-    inflation: Dual, grip: Dual, pressures: Dual | None, pressure: Dual, gait: RelaxedSchedule, a: InflatableActuation
-) -> tuple[list[Column], int]:
+    inflation: Dual, grip: Dual, pressures: Dual | None, pressure: Dual, gait: RelaxedSchedule, a: InflatableActuation,
+    levels: Real | None = None,
+) -> tuple[list[Column], int]:  # fmt: skip
     """The columns of a relaxed gait in the order played, and the steps of the whole gait.
 
     Args:
@@ -90,9 +91,10 @@ def play_relaxed(
         pressure: of the core before the gait [Pa], shape ().
         gait: says how long columns last.
         a: rates and times.
+        levels: thickness of the bladders before the gait, shape (8,); those of a new robot by default.
     """
     columns, step = [], 0
-    levels: Real = np.full(BLADDER_COUNT, a.deflated)
+    levels = np.full(BLADDER_COUNT, a.deflated) if levels is None else levels
     for number, (least, settle) in enumerate(durations(gait, a)):
         t = number % gait.columns
         motion = approach(levels, inflation[:, t], a)

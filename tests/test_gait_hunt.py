@@ -120,6 +120,22 @@ def test_gaits_climb_a_ladder_as_far_as_they_get_ahead(hill):
     assert simulations.tolist() == [1 + (each[0][i] > 0) + (each[1][i] > 0) for i in range(6)]
 
 
+def test_a_graded_pattern_tells_alike_what_lies_alike():
+    """Networks that know only the side of a bladder and the time treat the four of a side alike; times are genes."""
+    problem = GaitProblem(HILL, **{**SMALL, "encoding": "graded-pattern"})
+    names, point = problem.space.names, problem.space.sample(np.random.default_rng(2), 1)[0]
+    for place, name in enumerate(names):
+        if name.startswith("weight_hidden") and name.endswith(("_x", "_y")):
+            point[place] = 0.0
+    gait = problem.design(point).schedule
+    assert np.all(gait.inflation[:4] == gait.inflation[0]) and np.all(gait.inflation[4:] == gait.inflation[4])
+    assert np.all((gait.grip == 0) | (gait.grip == 1)) and gait.timed
+    point[names.index("settle_1")], point[names.index("settle_2")] = 1234.4, -5.0
+    assert problem.design(point).schedule.settle_steps.tolist() == [1234, 0]
+    assert steps_of(problem.design(point)) <= 62_240
+    assert GaitProblem.from_description(problem.describe()).describe() == problem.describe()
+
+
 def test_a_ladder_has_several_rungs():
     with pytest.raises(ValueError, match=r"^ladder: one terrain is not allowed; give several, the easiest first$"):
         GaitProblem(HILL, **SMALL, ladder=True)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 METHOD = "hill-climb"
 GENERATIONS = 200
+RELAXED = ("bits", "graded")  # encodings with gradients
 # Options that are settings of the method by the same name, where they are given.
 SETTINGS = ("climbers", "population", "seed", "rule", "learning_rate", "gradient", "samples", "smoothing")
 
@@ -110,9 +111,11 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
         raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
     if settings["schedule"] is not None:
         settings["schedule"] = options.cut(settings["schedule"], args.columns, args.repeats)
-    if method == "gradient" and not known and settings["schedule"] is None and settings["encoding"] == "codes":
-        raise ValueError("encoding: 'codes' has no gradient; method gradient needs bits")
-    if settings["schedule"] is None and settings["encoding"] == "graded" and args.repeats is not None:
+    if method == "gradient" and settings["schedule"] is None and settings["encoding"] not in RELAXED:
+        raise ValueError(
+            f"encoding: {settings['encoding']!r} has no gradient; method gradient needs {' or '.join(RELAXED)}"
+        )
+    if settings["schedule"] is None and settings["encoding"].startswith("graded") and args.repeats is not None:
         raise ValueError(f"repeats: {args.repeats} is not allowed; graded gaits are played as often as --steps allow")
     by_default = taken and not args.gait
     note = f"note: {', '.join(taken)} neither free nor given: as in {gait}" if by_default else ""

@@ -75,7 +75,7 @@ class GaitRun:
     @property
     def _often(self) -> str:
         """How often gaits are played."""
-        if self.problem.encoding != "graded":
+        if not self.problem.graded:
             return _times(self.problem.repeats)
         return f"as often as {self.problem.steps or PUBLISHED_STEPS:,} time steps allow"
 
