@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from robots.dual import Array
-from robots.gaits import GaitDesign
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
 from robots.relaxed_motion import full_stroke_steps

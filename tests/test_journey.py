@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from graded import QUICK, TINY, settling
 
-from robots.inflatable import INCHING, ROLLING
 from robots.inflatable_gradient import simulate_relaxed
 from robots.journey import Leg, simulate_journey
-from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.relaxed_schedule import RelaxedDesign
 from robots.terrain import Terrain
 
 HILL = Terrain(10.0)
