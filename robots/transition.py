@@ -1,7 +1,7 @@
 """Changes of shape between two gaits: what the core does, and whether the robot comes through it well.
 
 The core of the physical robot takes 11.5 s from flat to round at 50 kPa and 4.7 s back at -80 kPa (Powers 2021, ch. 5;
-Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021); less of a change takes less in proportion.
+Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021); smaller changes are given as long.
 """
 
 from dataclasses import dataclass
@@ -18,8 +18,7 @@ from robots.schedule import BLADDERS, FEET
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.topology import build_topology
 
-ROUND = 12e3  # simulated pressure of the round core [Pa]
-INFLATION_TIME, VACUUM_TIME = 11.5, 4.7  # from flat to round and back [s]
+INFLATION_TIME, VACUUM_TIME = 11.5, 4.7  # of the core, from flat to round and back [s]
 SETTLING_TIME = 1.0  # after the change of pressure [s]
 REACH = 0.625  # of the sum of two voxels' mean sizes: where contact begins, see taichi_sim.lattice.contact
 # Limits of a change of shape that went well.
@@ -28,15 +27,10 @@ FURTHEST = 0.5  # body lengths
 DEEPEST = 0.75  # of a voxel
 
 
-def pressure_steps(before: float, after: float, time_step: float) -> int:
-    """Time steps in which the core goes from a pressure to another [Pa], at the measured rates."""
-    seconds = INFLATION_TIME if after > before else VACUUM_TIME
-    return max(round(abs(after - before) / ROUND * seconds / time_step), 1)
-
-
 def change_of_shape(
     before: float, after: float, orientation: float, *, grip: float = 1.0, together: bool = False,
-    geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION,
+    times: tuple[float, float] = (INFLATION_TIME, VACUUM_TIME), geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
 ) -> RelaxedDesign:  # fmt: skip
     """A gait of which the shape is the purpose: all bladders are emptied, the core goes from a pressure to another.
 
@@ -46,10 +40,11 @@ def change_of_shape(
         orientation: heading [degrees], by which its way is measured.
         grip: of both feet, 0 (slide) to 1 (grip).
         together: whether bladders empty while the pressure changes, instead of before it.
+        times: of the core, up and down [s].
         geometry: its time step says how many steps the measured times are.
         actuation: its rates say how long bladders take to empty.
     """
-    change = pressure_steps(before, after, geometry.time_step)
+    change = round(times[0 if after > before else 1] / geometry.time_step)
     settle = round(SETTLING_TIME / geometry.time_step)
     emptying = full_stroke_steps(actuation) + 1
     motion, core, settling = [emptying, change], [before, after], [actuation.settle_steps, settle]

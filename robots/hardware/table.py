@@ -141,19 +141,33 @@ class GaitTable:
         gait = RelaxedSchedule(levels[:BLADDERS], levels[BLADDERS:], repeats, core_pressure)
         if not given.timed:
             return gait
-        return replace(gait, motion_steps=np.zeros(gait.columns, int), settle_steps=self._settled())
+        moved = np.zeros(gait.columns, int) if core_pressure is None else self._core_steps()
+        return replace(gait, motion_steps=moved, settle_steps=self._settled())
+
+    def _core_steps(self) -> NDArray[np.int64]:
+        """Time steps that the core takes to its pressure in each column, shape (T,)."""
+        times = self._arrivals(slice(0, 1))
+        return np.round([(arrival - begin) / TIME_STEP for begin, arrival, _ in times]).astype(int)
 
     def _settled(self) -> NDArray[np.int64]:
-        """Time steps for which the states of the main last after all lines have arrived, shape (T,)."""
-        columns, pressures = self.design.schedule.columns, self.pressures * KPA_PER_UNIT[self.units]
-        found = []
-        for state in range(columns + 1, 2 * columns + 1):
+        """Time steps for which states last after all lines have arrived, shape (T,)."""
+        times = self._arrivals(slice(None))
+        return np.round([(end - arrival) / TIME_STEP for _, arrival, end in times]).astype(int)
+
+    def _arrivals(self, lines: slice) -> list[tuple[float, float, float]]:
+        """When each column begins, when some lines have arrived, and when it ends [s].
+
+        As the main has it, but where that is not played, the prefix.
+        """
+        pressures, found = self.pressures[:, lines] * KPA_PER_UNIT[self.units], []
+        columns = self.design.schedule.columns
+        for state in np.arange(1, columns + 1) + (columns if self.loops else 0):
             place = np.flatnonzero(self.states == state)
             begin, end = place[0] - 1, place[-1]
             on_the_way = np.flatnonzero((np.abs(pressures[begin:end] - pressures[end]) > ARRIVED).any(axis=1))
             arrival = begin + (on_the_way[-1] + 1 if on_the_way.size else 0)
-            found.append((self.times[end] - self.times[arrival]) / TIME_STEP)
-        return np.round(found).astype(int)
+            found.append((float(self.times[begin]), float(self.times[arrival]), float(self.times[end])))
+        return found
 
 
 def design_hash(design: Design) -> str:
