@@ -23,14 +23,15 @@ class Condition:
         name: of the speed here in the details of evaluations.
         terrain: where.
         actuation: how the robot is driven.
-        follows: name of the condition under which a gait has to get ahead to be simulated here; one that does not
-            counts here as it did there.
+        follows: name of the condition under which a gait has to get ahead to be simulated here.
+        carries: whether one that does not counts here as it did there; else it counts nothing, a speed of 0.
     """
 
     name: str
     terrain: Terrain
     actuation: InflatableActuation
     follows: str | None = None
+    carries: bool = True
 
     def simulated(self, speeds: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
         """Which gaits are simulated here, by their speeds under all conditions, shape (N,)."""
@@ -59,6 +60,12 @@ class Outcome:
     speeds: NDArray[np.float64]
     status: NDArray[Any]
     slopes: NDArray[np.float64] | None
+
+    @property
+    def nothing(self) -> "Outcome":
+        """Speeds of 0 that nothing changes, and the same status."""
+        slopes = None if self.slopes is None else np.zeros_like(self.slopes)
+        return Outcome(np.zeros_like(self.speeds), self.status, slopes)
 
     def replaced(self, chosen: NDArray[np.intp], other: "Outcome | None") -> "Outcome":
         """The same with what another simulation said of some robots."""
@@ -90,7 +97,7 @@ def outcomes(
             continue
         ahead = np.flatnonzero((before.speeds > 0) & (before.status == OK))
         again = simulate(number, condition, ahead) if ahead.size else None
-        found[condition.name] = before.replaced(ahead, again)
+        found[condition.name] = (before if condition.carries else before.nothing).replaced(ahead, again)
     return found
 
 

@@ -78,8 +78,8 @@ class GaitProblem:
         warm_up: time steps of a graded gait that do not count: what a robot does while it finds its stride.
         stages: equally long parts of a graded gait, of which the slowest tells the speed: a gait that goes on beats one
             that lurches once.
-        ladder: whether a terrain is for those gaits alone that get ahead on the one before; the others count there as
-            they did before, and are not simulated. So gaits are led from easy ground to hard.
+        ladder: whether a terrain is for those gaits alone that get ahead on the one before; for the others it counts
+            nothing, a speed of 0, and they are not simulated there. So gaits are led from easy ground to hard.
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
@@ -175,7 +175,7 @@ class GaitProblem:
         found: list[Condition] = []
         below = None
         for terrain in self.terrains:
-            usual = Condition(f"speed_{terrain.name}", terrain, self._actuation, below)
+            usual = Condition(f"speed_{terrain.name}", terrain, self._actuation, below, carries=False)
             found.append(usual)
             if self.hard:
                 found.append(Condition(usual.name + HARD, *harder(terrain), usual.name))
@@ -197,6 +197,10 @@ class GaitProblem:
     def design(self, point: ArrayLike) -> GaitDesign:
         """The design of a point, shape (D,)."""
         return design_of(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+
+    def in_full(self) -> "GaitProblem":
+        """The same with gaits of the full length."""
+        return dataclasses.replace(self, steps=None, warm_up=0, stages=1)
 
     def counted_steps(self, design: GaitDesign) -> int:
         """Time steps by which the speed of a design is counted."""

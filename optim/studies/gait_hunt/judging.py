@@ -1,7 +1,7 @@
 """What the bests of a search are worth: played in full, with noise, under both conditions."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,13 +53,8 @@ def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple
     for generation in history.generations:
         if generation.best_point is not None and generation.best_point != before:
             before = generation.best_point
-            found.append((in_full(problem).design(problem.space.from_dict(before)), generation.generation))
+            found.append((problem.in_full().design(problem.space.from_dict(before)), generation.generation))
     return found[-count:]
-
-
-def in_full(problem: GaitProblem) -> GaitProblem:
-    """The problem with gaits of the full length."""
-    return replace(problem, steps=None, warm_up=0, stages=1)
 
 
 def judge_finalists(

@@ -1,0 +1,1 @@
+"""From terrains to a package for the machine: shapes, gaits, changes of shape, tables, and when to do what."""

@@ -1,0 +1,70 @@
+"""Which gait on which terrain: by how fast a robot gets over all of them, changes of shape included."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from robots.gaits import GaitDesign
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A gait for each terrain.
+
+    Attributes:
+        gaits: names of gaits, one per terrain, in the order of the terrains.
+        speed: over the terrains one after the other and back to the first, see :func:`route_speed` [body lengths/s].
+    """
+
+    gaits: tuple[str, ...]
+    speed: float
+
+
+def route_speed(speeds: Sequence[float], changes: Sequence[float], stretch: float) -> float:
+    """Mean speed over stretches of equal length at some speeds, with times of changes in between [body lengths/s].
+
+    Args:
+        speeds: on each terrain [body lengths/s], positive.
+        changes: time of each change of shape, the one back to the first among them [s].
+        stretch: length of a stretch [body lengths].
+    """
+    return len(speeds) * stretch / (sum(stretch / speed for speed in speeds) + sum(changes))
+
+
+def rank_plans(
+    designs: Mapping[str, GaitDesign], speeds: Mapping[str, Sequence[float]], stretch: float, least: float,
+    times: tuple[float, float],
+) -> list[Plan]:  # fmt: skip
+    """All plans whose gaits work on their terrains, the fastest first.
+
+    Args:
+        designs: gaits by name.
+        speeds: of each gait on each terrain [body lengths/s].
+        stretch: see :func:`route_speed`.
+        least: speed of a gait that works [body lengths/s].
+        times: that the core takes up and down [s].
+    """
+    terrains = len(next(iter(speeds.values())))
+    able = [[name for name, each in speeds.items() if each[place] >= least] for place in range(terrains)]
+    plans = []
+    for names in itertools.product(*able):
+        pressures = [designs[name].pressure for name in names]
+        changes = [change_time(a, b, times) for a, b in zip(pressures, [*pressures[1:], pressures[0]], strict=True)]
+        speed = route_speed([speeds[name][place] for place, name in enumerate(names)], changes, stretch)
+        plans.append(Plan(names, speed))
+    return sorted(plans, key=lambda plan: (-plan.speed, plan.gaits))
+
+
+def change_time(before: float, after: float, times: tuple[float, float]) -> float:
+    """Time of the core from a pressure to another [s]."""
+    return 0.0 if before == after else times[0] if after > before else times[1]
+
+
+def best_of_one_gait(plans: Sequence[Plan]) -> Plan | None:
+    """The fastest plan with the same gait everywhere."""
+    return next((plan for plan in plans if len(set(plan.gaits)) == 1), None)
+
+
+def best_of_one_shape(plans: Sequence[Plan], designs: Mapping[str, GaitDesign]) -> Plan | None:
+    """The fastest plan with the same core pressure everywhere."""
+    return next((plan for plan in plans if len({designs[name].pressure for name in plan.gaits}) == 1), None)

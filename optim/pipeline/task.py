@@ -1,0 +1,195 @@
+"""What is asked of the pipeline: a TOML file, checked before anything is simulated."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from optim.gait_problem import GaitProblem
+from optim.hints import nearest
+from optim.search import METHODS, build_method, default_settings
+from robots.checks import number, whole_number
+from robots.gaits import GaitDesign, load_gait
+from robots.hardware import PneumaticRig
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.inflatable_actuation import PUBLISHED_STEPS
+from robots.terrain import Terrain
+
+BY_HAND = {"inching": INCHING, "rolling": ROLLING}
+LEAST_RUNS = 2
+PROBLEM = ("encoding", "columns", "repeats", "steps", "warm_up", "stages", "effort")  # keys of [search] about gaits
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a gait and a change of shape must keep to.
+
+    Attributes:
+        least_speed: of a gait that works on a terrain [body lengths/s].
+        most_steps: time steps that a gait may take.
+        shape_error: distance from the shape that a change may end with [m].
+        moved: how far the robot may move during a change [body lengths].
+        next_speed: part of its speed that the next gait must reach from there.
+    """
+
+    least_speed: float = 0.005
+    most_steps: int = PUBLISHED_STEPS
+    shape_error: float = 5e-3
+    moved: float = 0.5
+    next_speed: float = 0.95
+
+    def __post_init__(self) -> None:
+        for name in ("least_speed", "shape_error", "moved"):
+            if not number(f"limits.{name}", getattr(self, name), 0.0):
+                raise ValueError(f"limits.{name}: 0 is not allowed; give a positive number")
+        number("limits.next_speed", self.next_speed, 0.0, 1.0)
+        whole_number("limits.most_steps", self.most_steps, 1)
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How gaits are searched on each terrain, beside those that are given.
+
+    Attributes:
+        method: name in ``METHODS``.
+        generations: of each search.
+        settings: of the method, without its seed.
+        problem: options of ``GaitProblem``.
+    """
+
+    method: str
+    generations: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    problem: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PipelineTask:
+    """A task.
+
+    Attributes:
+        terrains: where the robot shall go, at least one.
+        gaits: that are tried on every terrain, by name.
+        search: of more gaits; None for none.
+        geometry: name of the robot's geometry.
+        runs: noisy runs that a speed is the mean of.
+        stretch: way on a terrain before the next one comes [body lengths].
+        seed: of noise and searches.
+        precision: of all simulations.
+        limits: see there.
+        rig: that plays the package.
+    """
+
+    terrains: tuple[Terrain, ...]
+    gaits: Mapping[str, GaitDesign]
+    search: SearchSettings | None = None
+    geometry: str = "published"
+    runs: int = 4
+    stretch: float = 20.0
+    seed: int = 0
+    precision: str = "f64"
+    limits: Limits = field(default_factory=Limits)
+    rig: PneumaticRig = field(default_factory=PneumaticRig)
+
+    def __post_init__(self) -> None:
+        names = [terrain.name for terrain in self.terrains]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
+        if not self.gaits and self.search is None:
+            raise ValueError("gaits: none given, and no search; give gaits to try, or [search]")
+        if self.geometry not in NAMED_GEOMETRIES:
+            raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        if self.precision not in ("f32", "f64"):
+            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
+        whole_number("runs", self.runs, LEAST_RUNS)
+        whole_number("seed", self.seed, 0)
+        if not number("stretch", self.stretch, 0.0):
+            raise ValueError("stretch: 0 is not allowed; give a positive number of body lengths")
+        if self.search is not None:
+            problem = self.problem(self.terrains[0])
+            build_method(self.search.method, problem.space, self.method_settings(self.search))
+
+    def problem(self, terrain: Terrain, **where: Any) -> GaitProblem:
+        """What is searched on a terrain: orientation, shape and control."""
+        assert self.search is not None
+        given = {"geometry": self.geometry, "precision": self.precision, **self.search.problem, **where}
+        return GaitProblem((terrain,), **given)
+
+    def method_settings(self, search: SearchSettings) -> dict[str, Any]:
+        """Of the search method, with the task's seed."""
+        return {**default_settings(search.method), **search.settings, "seed": self.seed}
+
+
+def read_task(path: Path) -> PipelineTask:
+    """Read a task.
+
+    Raises:
+        ValueError: in one line, for a file that cannot be read, unknown keys (with the nearest known) and values that
+            are not allowed.
+    """
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"task: {path} cannot be read ({' '.join(str(error).split())})") from None
+    known = [each.name for each in fields(PipelineTask)]
+    _check_keys(path, "", given, known)
+    if "terrains" not in given:
+        raise ValueError(f"task: {path} has no terrains; give some, such as terrains = ['flat', 'hill:15']")
+    plain = {name: given[name] for name in ("geometry", "runs", "stretch", "seed", "precision") if name in given}
+    terrains = given["terrains"]
+    if not isinstance(terrains, list) or not all(isinstance(name, str) for name in terrains):
+        raise ValueError(f"terrains: {terrains!r} is not allowed; give names, such as ['flat', 'hill:15']")
+    return PipelineTask(
+        tuple(map(Terrain.parse, terrains)), _gaits(path, given.get("gaits", [])), _search(path, given.get("search")),
+        limits=_limits(path, given.get("limits", {})), rig=_rig(path, given.get("rig")), **plain,
+    )  # fmt: skip
+
+
+def _check_keys(path: Path, table: str, given: Any, known: list[str]) -> None:
+    where = f" in [{table}]" if table else ""
+    if not isinstance(given, dict):
+        raise ValueError(f"task: {path} has {table} = {given!r}; give a table [{table}]")
+    for key in given:
+        if key not in known:
+            raise ValueError(f"task: {path} has an unknown key {key!r}{where}{nearest(key, known)}")
+
+
+def _gaits(path: Path, names: Any) -> dict[str, GaitDesign]:
+    """Gaits of the robot by name: those made by hand, and files, relative to the task."""
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"gaits: {names!r} is not allowed; give names or files, such as ['rolling', 'climb.json']")
+    found: dict[str, GaitDesign] = {}
+    for name in names:
+        label = Path(name).stem
+        if label in found:
+            raise ValueError(f"gaits: {label!r} is given twice; give files of different names")
+        found[label] = BY_HAND[name] if name in BY_HAND else load_gait(path.parent / name)
+    return found
+
+
+def _search(path: Path, given: Any) -> SearchSettings | None:
+    if given is None:
+        return None
+    method = given.get("method", "genetic") if isinstance(given, dict) else ""
+    if isinstance(given, dict) and method not in METHODS:
+        raise ValueError(f"search.method: {method!r} is unknown; choose one of {', '.join(METHODS)}")
+    own = [name for name in default_settings(method) if name != "seed"] if method in METHODS else []
+    _check_keys(path, "search", given, ["method", "generations", *PROBLEM, *own])
+    generations = whole_number("search.generations", given.get("generations", 20), 0)
+    problem = {name: given[name] for name in PROBLEM if name in given}
+    return SearchSettings(method, generations, {name: given[name] for name in own if name in given}, problem)
+
+
+def _limits(path: Path, given: Any) -> Limits:
+    _check_keys(path, "limits", given, [each.name for each in fields(Limits)])
+    return Limits(**given)
+
+
+def _rig(path: Path, given: Any) -> PneumaticRig:
+    if given is None:
+        return PneumaticRig()
+    if not isinstance(given, str):
+        raise ValueError(f"rig: {given!r} is not allowed; give the name of a rig, or its file")
+    beside = path.parent / given
+    return PneumaticRig.load(str(beside) if beside.is_file() else given)
