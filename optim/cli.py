@@ -20,6 +20,7 @@ from optim.commands import (
     export,
     gradient_check,
     interference,
+    pipeline,
     report,
     reproduce,
     simulate,
@@ -43,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="morpholab", description="Simulate soft and rigid robots, and design bodies and behaviours.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for command in (simulate, view, codesign, status, compare, report, gradient_check, export, sweep, train,
-                    interference, reproduce, calibrate, bench):  # fmt: skip
+                    interference, reproduce, pipeline, calibrate, bench):  # fmt: skip
         command.add_parser(commands)
     return parser
 

@@ -16,7 +16,6 @@ from robots.relaxed_motion import full_stroke_steps
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.schedule import BLADDERS, FEET
 from taichi_sim.lattice import LatticeBody
-from taichi_sim.lattice.topology import build_topology
 
 INFLATION_TIME, VACUUM_TIME = 11.5, 4.7  # of the core, from flat to round and back [s]
 SETTLING_TIME = 1.0  # after the change of pressure [s]
@@ -95,7 +94,7 @@ def deepest_contact(body: LatticeBody, positions: Array, sizes: Array) -> float:
         positions: of its voxels [m], shape (V, 3).
         sizes: rest sizes of the voxels [m], shape (V, 3).
     """
-    topology = build_topology(body.voxels, body.cut_links)
+    topology = body.topology
     surface = topology.surface
     places, mean = positions[surface], sizes[surface].mean(axis=1)
     pairs = cKDTree(places).query_pairs(REACH * 2 * float(mean.max()), output_type="ndarray")
@@ -125,16 +124,20 @@ class TransitionJudgement:
     deepest: float
     diverged: bool
 
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """What speaks against it, a line each; none if it went well."""
+    def faults(self, shape_error: float = SHAPE_ERROR, furthest: float = FURTHEST) -> tuple[str, ...]:
+        """What speaks against it, a line each; none if it went well.
+
+        Args:
+            shape_error: limit of it [m].
+            furthest: that the robot may move [body lengths].
+        """
         if self.diverged:
             return ("the simulation diverged",)
         found = []
-        if not self.shape_error <= SHAPE_ERROR:
-            found.append(f"ends {1e3 * self.shape_error:.1f} mm from the shape, more than {1e3 * SHAPE_ERROR:g}")
-        if not self.moved <= FURTHEST:
-            found.append(f"the robot moves away by {self.moved:.2f} body lengths, more than {FURTHEST:g}")
+        if not self.shape_error <= shape_error:
+            found.append(f"ends {1e3 * self.shape_error:.1f} mm from the shape, more than {1e3 * shape_error:g}")
+        if not self.moved <= furthest:
+            found.append(f"the robot moves away by {self.moved:.2f} body lengths, more than {furthest:g}")
         if not self.deepest <= DEEPEST:
             found.append(f"voxels are {self.deepest:.2f} of their size in each other, more than {DEEPEST:g}")
         return tuple(found)

@@ -1,11 +1,14 @@
 """Motions of voxel robots: the inflatable robot, walkers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robots.cyclic import SEGMENTS
 from robots.gaits import GaitDesign, PlayedGait, played
 from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableResult
 from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.journey import JourneyResult, Leg
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
 from robots.schedule import GaitSchedule
@@ -53,6 +56,35 @@ def inflatable_motion(
         name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(regions)],
         _gait_channels(gait, result.time_step), [_core_channel(gait, result.time_step)],
         terrain, design.orientation, design.pressure,
+    )  # fmt: skip
+
+
+def journey_motion(result: JourneyResult, legs: Sequence[Leg], *, robot: int = 0, name: str = "journey") -> Motion:
+    """The motion of a robot over several terrains, as of :func:`inflatable_motion`; drawn on level ground.
+
+    Args:
+        result: of ``simulate_journey``, with frames.
+        legs: of the journey.
+        robot: place in the batch.
+        name: of the motion.
+
+    Raises:
+        ValueError: in one line, for results without frames.
+    """
+    frames = _recorded(result.frames, result.body, robot)
+    parts, starts = [played(leg.design) for leg in legs], np.append(0, np.cumsum(result.steps))
+    gait = PlayedGait(
+        edges=np.concatenate([*(part.edges[:-1] + start for part, start in zip(parts, starts, strict=False)),
+                              starts[-1:]]),
+        settles=np.concatenate([part.settles + start for part, start in zip(parts, starts, strict=False)]),
+        levels=np.concatenate([part.levels for part in parts], axis=1),
+        pressures=np.concatenate([parts[0].pressures[:1], *(part.pressures[1:] for part in parts)]),
+    )  # fmt: skip
+    nodes = [_inflatable_node(v, int(r)) for v, r in enumerate(np.asarray(result.body.regions))]
+    fluid = legs[0].terrain if legs[0].terrain.is_fluid else None
+    return _voxels(
+        name, frames, result.body, robot, nodes, _gait_channels(gait, result.time_step),
+        [_core_channel(gait, result.time_step)], fluid, legs[0].design.orientation, legs[0].design.pressure,
     )  # fmt: skip
 
 

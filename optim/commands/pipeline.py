@@ -1,0 +1,81 @@
+"""``morpholab pipeline``: from terrains to a hardware package."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from optim.commands import FAILED, Report, options, stopped_by
+from optim.commands.progress import shown_progress
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "pipeline",
+        help="from terrains to a hardware package",
+        description="Find a shape and a gait for each terrain, and the changes of shape between them, and write what a "
+        "machine needs: tables, a state machine, pictures, a report; see docs/pipeline.md. The same command goes on "
+        "where an earlier one was.",
+    )
+    parser.add_argument("task", nargs="?", type=Path, metavar="TASK", help="file of the task (TOML)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results; the package is in DIR/package")
+    parser.add_argument(
+        "--replay",
+        type=Path,
+        metavar="PACKAGE",
+        help="play a package by its tables alone instead, and compare",
+    )
+    parser.add_argument("--threads", type=options.whole(1), metavar="N", help="CPU threads (default: all)")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    options.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Make a package, or play one."""
+    if (args.task is None) == (args.replay is None):
+        raise ValueError("task: give either the file of a task, or --replay PACKAGE to play one")
+    if args.replay is not None:
+        if args.out is not None:
+            raise ValueError("out: is not allowed with --replay, which writes nothing")
+        return _replay(args)
+    if args.out is None:
+        raise ValueError("out: none given; name a folder for the results")
+    return _make(args)
+
+
+def _make(args: argparse.Namespace) -> Report:
+    from optim.pipeline.candidates import NoWorkingGait
+    from optim.pipeline.package import write_package
+    from optim.pipeline.run import PACKAGE, run_pipeline
+    from optim.pipeline.task import read_task
+
+    task = read_task(args.task)
+    try:
+        with shown_progress("pipeline", 1.0, args.quiet) as update:
+            found = run_pipeline(task, args.out, lambda done: update(done, None), args.threads)
+            files = write_package(found, args.out / PACKAGE)
+    except NoWorkingGait as error:
+        return Report({"folder": str(args.out), "failed": str(error)}, f"failed: {error}", FAILED)
+    except KeyboardInterrupt as interrupt:
+        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
+        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+    faults = [fault for change in found.changes.values() if change for fault in change.faults]
+    lines = [f"{state.terrain.name}: {state.gait}, {state.speed:.4f} BL/s" for state in found.states]
+    lines += [f"change of shape: {fault}" for fault in faults]
+    document = {"folder": str(args.out), "files": files, "faults": faults, **found.numbers()}
+    return Report(document, "\n".join([*lines, f"{args.out / PACKAGE}: {len(files)} files"]), FAILED if faults else 0)
+
+
+def _replay(args: argparse.Namespace) -> Report:
+    from optim.pipeline.replay import replay_package
+
+    with shown_progress("replay", 1.0, args.quiet) as update:
+        found = replay_package(args.replay, lambda done: update(done, None), args.threads)
+    lines = [
+        f"{one.name}: {one.replayed:.4f} BL/s from its table, designed {one.designed:.4f}"
+        f" ({'holds' if one.holds else 'differs by more than 5 %'})"
+        for one in found
+    ]
+    document = {"package": str(args.replay), "states": [{**vars(one), "holds": one.holds} for one in found]}
+    return Report(document, "\n".join(lines), 0 if all(one.holds for one in found) else FAILED)

@@ -1,0 +1,77 @@
+"""From one terrain to the next in one simulation: with the state machine, and with the best single gait."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from optim.pipeline.changes import Change
+from optim.pipeline.machine import State
+from optim.pipeline.task import PipelineTask
+from optim.studies.results import Progress, part_of
+from robots.gaits import GaitDesign
+from robots.inflatable import NAMED_GEOMETRIES
+from robots.journey import JourneyResult, Leg, simulate_journey
+from robots.judgement import NOISE
+
+FRAMES = 600  # of the journey that is shown
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A change of terrain mid-way.
+
+    Attributes:
+        legs: what the state machine has the robot do.
+        shown: one run of it, with frames.
+        machine: speeds on the first terrain and the second [body lengths/s], shape (R, 2).
+        single: the same of the best single gait, shape (R, 2).
+        gait: name of that gait.
+    """
+
+    legs: Sequence[Leg]
+    shown: JourneyResult
+    machine: np.ndarray
+    single: np.ndarray
+    gait: str
+
+    @property
+    def survived(self) -> tuple[bool, bool]:
+        """Whether the robot gets ahead on both terrains: with the state machine, with the single gait."""
+        return bool((self.machine.mean(axis=0) > 0).all()), bool((self.single.mean(axis=0) > 0).all())
+
+
+def cross(
+    states: tuple[State, State], change: Change | None, single: tuple[str, GaitDesign], task: PipelineTask,
+    progress: Progress = None, threads: int | None = None,
+) -> Crossing:  # fmt: skip
+    """Simulate a change of terrain; both terrains are ground, or both fluids.
+
+    Args:
+        states: on the first terrain and the second.
+        change: of shape between them; None where it stays.
+        single: name and design of the gait to compare with.
+        task: what it is for.
+        progress: called with the fraction done.
+        threads: CPU threads.
+    """
+    first, second = states
+    between = [] if change is None else [Leg(change.design, change.terrain, "change of shape")]
+    legs = [Leg(first.design, first.terrain, first.name), *between, Leg(second.design, second.terrain, second.name)]
+    alone = [Leg(single[1], state.terrain, state.name) for state in states]
+    where = {"geometry": NAMED_GEOMETRIES[task.geometry], "precision": task.precision, "threads": threads}
+    noise = {"runs": task.runs, "perturbation": NOISE, "seed": task.seed}
+    machine = simulate_journey(legs, **where, **noise, progress=part_of(progress, 0, 3))  # type: ignore[arg-type]
+    steps = int(machine.steps.sum())
+    lone = simulate_journey(alone, **where, **noise, progress=part_of(progress, 1, 3))  # type: ignore[arg-type]
+    shown = simulate_journey(
+        legs, **{**where, "precision": "f32"}, record_every=-(-steps // FRAMES),  # type: ignore[arg-type]
+        progress=part_of(progress, 2, 3),
+    )  # fmt: skip
+    return Crossing(legs, shown, machine.speeds[:, [0, -1]], lone.speeds, single[0])
+
+
+def best_single_gait(speeds: Mapping[str, np.ndarray]) -> str:
+    """The gait that is fastest on its worst terrain; speeds as of ``speeds_of``."""
+    worst = {name: float(np.nan_to_num(each.mean(axis=1), nan=-np.inf).min()) for name, each in speeds.items()}
+    return max(worst, key=lambda name: worst[name])

@@ -1,0 +1,126 @@
+"""The state machine of shapes and terrains: what a controller does where, as JSON, and back."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from optim.pipeline.candidates import slug
+from optim.pipeline.changes import Change
+from optim.pipeline.task import PipelineTask
+from robots.files import read_text, write_text
+from robots.gaits import GaitDesign
+from robots.terrain import Terrain
+
+FORMAT = "morpholab-state-machine-1"
+MACHINE = "machine.json"
+RULES = (
+    "Begin in the initial state: play the prefix of its table, then its main again and again.",
+    "When the terrain becomes that of another state, finish the main, go on to where 'on' says, and play the prefix of "
+    "the change's table without its state 0, which shapes the body; then the prefix of the next state's table without "
+    "its state 0, and its main again and again.",
+    "A change without a table needs none: the shape stays.",
+    "To stop, finish the main and play the suffix.",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A terrain and what the robot does there.
+
+    Attributes:
+        terrain: where.
+        gait: name of the gait among the candidates.
+        design: the gait.
+        speeds: with noise [body lengths/s], shape (R,).
+    """
+
+    terrain: Terrain
+    gait: str
+    design: GaitDesign
+    speeds: Sequence[float]
+
+    @property
+    def name(self) -> str:
+        """Of the state and its files."""
+        return slug(self.terrain)
+
+    @property
+    def speed(self) -> float:
+        """Mean [body lengths/s]."""
+        return float(sum(self.speeds) / len(self.speeds))
+
+
+def machine_document(
+    states: Sequence[State], changes: Mapping[tuple[str, str], Change | None], task: PipelineTask
+) -> dict[str, Any]:
+    """The state machine as JSON.
+
+    Args:
+        states: one per terrain; the first is the initial one.
+        changes: of shape from state to state; None where the shape stays.
+        task: what it was made for.
+    """
+    simulated = {"geometry": task.geometry, "precision": task.precision, "runs": task.runs, "seed": task.seed}
+    return {
+        "format": FORMAT,
+        "initial": states[0].name,
+        "simulated": simulated,
+        "states": [
+            {
+                "name": state.name,
+                "terrain": asdict(state.terrain),
+                "gait": f"gaits/{state.name}.json",
+                "table": f"tables/{state.name}.csv",
+                "pressure_pa": state.design.pressure,
+                "orientation_deg": state.design.orientation,
+                "speed_bl_per_s": state.speed,
+            }
+            for state in states
+        ],
+        "changes": [_change(pair, change) for pair, change in changes.items()],
+        "rules": list(RULES),
+    }
+
+
+def change_name(pair: tuple[str, str]) -> str:
+    """The name of the files of a change from a state to another."""
+    return f"{pair[0]}-to-{pair[1]}"
+
+
+def _change(pair: tuple[str, str], change: Change | None) -> dict[str, Any]:
+    own: dict[str, Any] = {"from": pair[0], "to": pair[1], "on": None, "gait": None, "table": None}
+    if change is None:
+        return own
+    return own | {
+        "on": slug(change.terrain),
+        "gait": f"gaits/{change_name(pair)}.json",
+        "table": f"tables/{change_name(pair)}.csv",
+        "way": change.way,
+        **asdict(change.judgement),
+        "next_speed": change.next_speed,
+        "faults": list(change.faults),
+    }
+
+
+def write_machine(document: Mapping[str, Any], folder: Path) -> None:
+    """Write the state machine into a package."""
+    write_text(folder / MACHINE, json.dumps(document, indent=2, allow_nan=False) + "\n")
+
+
+def read_machine(folder: Path) -> dict[str, Any]:
+    """The state machine of a package.
+
+    Raises:
+        ValueError: in one line, for a folder that has none, or a damaged one.
+    """
+    path = folder / MACHINE
+    try:
+        document = json.loads(read_text(path))
+        if document["format"] != FORMAT or not document["states"]:
+            raise ValueError
+    except (ValueError, KeyError, TypeError):
+        raise ValueError(f"package: {path} is no state machine of a package") from None
+    found: dict[str, Any] = document
+    return found

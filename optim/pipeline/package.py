@@ -1,0 +1,125 @@
+"""The hardware package: gaits, tables, the state machine, pictures, a player page and a report, in one folder."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.pipeline.changes import Change
+from optim.pipeline.crossing import Crossing
+from optim.pipeline.machine import State, change_name, machine_document, write_machine
+from optim.pipeline.plans import Plan
+from optim.pipeline.task import PipelineTask
+from optim.studies.results import write_json
+from robots.files import write_text
+from robots.gaits import GaitDesign, save_gait
+from robots.hardware import export_csv
+from robots.inflatable import NAMED_GEOMETRIES
+
+FOLDERS = ("gaits", "tables", "pictures")
+NUMBERS, PLAYER, REPORT = "numbers.json", "journey.html", "report.html"
+
+
+@dataclass(frozen=True, eq=False)
+class Package:
+    """All that the pipeline has found.
+
+    Attributes:
+        task: what was asked for.
+        candidates: gaits that were tried, by name.
+        speeds: of them, see ``speeds_of``.
+        plan: the one chosen.
+        one_gait: the best with one gait everywhere; None if no gait works everywhere.
+        one_shape: the best with one shape everywhere; likewise.
+        states: one per terrain.
+        changes: from state to state, by their names; None where the shape stays.
+        crossings: changes of terrain mid-way that were simulated, by the names of the states.
+        rejected: plans that were faster, and why they were not chosen.
+    """
+
+    task: PipelineTask
+    candidates: Mapping[str, GaitDesign]
+    speeds: Mapping[str, np.ndarray]
+    plan: Plan
+    one_gait: Plan | None
+    one_shape: Plan | None
+    states: Sequence[State]
+    changes: Mapping[tuple[str, str], Change | None]
+    crossings: Mapping[tuple[str, str], Crossing]
+    rejected: Sequence[str]
+
+    def numbers(self) -> dict[str, Any]:
+        """What was measured, for machines."""
+        return {
+            "terrains": [terrain.name for terrain in self.task.terrains],
+            "candidates": {
+                name: {
+                    terrain.name: _mean_and_deviation(row)
+                    for terrain, row in zip(self.task.terrains, self.speeds[name], strict=True)
+                }
+                for name in self.candidates
+            },
+            "plan": _plan(self.plan),
+            "one_gait": None if self.one_gait is None else _plan(self.one_gait),
+            "one_shape": None if self.one_shape is None else _plan(self.one_shape),
+            "rejected": list(self.rejected),
+            "crossings": [
+                {
+                    "from": first, "to": second, "single_gait": crossing.gait,
+                    "machine": crossing.machine.mean(axis=0).tolist(), "single": crossing.single.mean(axis=0).tolist(),
+                    "machine_survives": crossing.survived[0], "single_survives": crossing.survived[1],
+                }
+                for (first, second), crossing in self.crossings.items()
+            ],
+        }  # fmt: skip
+
+
+def _plan(plan: Plan) -> dict[str, Any]:
+    return {"gaits": list(plan.gaits), "speed": plan.speed}
+
+
+def _mean_and_deviation(speeds: np.ndarray) -> list[float | None]:
+    values = [float(speeds.mean()), float(speeds.std(ddof=1))]
+    return [value if np.isfinite(value) else None for value in values]
+
+
+def write_package(package: Package, folder: Path) -> list[str]:
+    """Write the package; what is there of an earlier one is replaced.
+
+    Returns:
+        The files, relative to the folder.
+
+    Raises:
+        ValueError: in one line, when the rig's limits refuse a gait.
+    """
+    from optim.pipeline.page import report_page
+    from robots.view.picture import save_motion_picture
+    from robots.view.player import page
+    from robots.view.soft_motion import journey_motion
+
+    for name in FOLDERS:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    written = []
+    designs = {state.name: state.design for state in package.states}
+    designs |= {change_name(pair): change.design for pair, change in package.changes.items() if change}
+    for name, design in designs.items():
+        save_gait(design, folder / "gaits" / f"{name}.json")
+        export_csv(design, folder / "tables" / f"{name}.csv", package.task.rig, seed=package.task.seed)
+        written += [f"gaits/{name}.json", f"tables/{name}.csv"]
+    for state in package.states:
+        save_motion_picture(state.design, state.terrain, folder / "pictures" / f"{state.name}.png",
+                            geometry=NAMED_GEOMETRIES[package.task.geometry])  # fmt: skip
+        written.append(f"pictures/{state.name}.png")
+    if package.crossings:
+        motions = [
+            journey_motion(crossing.shown, crossing.legs, name=f"{first} to {second}")
+            for (first, second), crossing in package.crossings.items()
+        ]
+        write_text(folder / PLAYER, page(motions[:4], "From terrain to terrain"))
+        written.append(PLAYER)
+    write_machine(machine_document(package.states, package.changes, package.task), folder)
+    write_json(folder / NUMBERS, package.numbers())
+    write_text(folder / REPORT, report_page(package, folder))
+    return [*written, "machine.json", NUMBERS, REPORT]

@@ -1,0 +1,76 @@
+"""A package played in the simulator from its tables alone: are the gaits as fast as they were designed?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.pipeline.machine import read_machine
+from optim.studies.results import Progress, part_of
+from robots import gaits
+from robots.gaits import GaitDesign, design_of
+from robots.hardware import read_csv
+from robots.inflatable import NAMED_GEOMETRIES
+from robots.judgement import NOISE
+from robots.terrain import Terrain
+
+TOLERANCE = 0.05
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A gait of a package.
+
+    Attributes:
+        name: of the state.
+        designed: mean speed that the package says [body lengths/s].
+        replayed: the same from the rows of its table.
+    """
+
+    name: str
+    designed: float
+    replayed: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether both agree within ``TOLERANCE``."""
+        return bool(abs(self.replayed - self.designed) <= TOLERANCE * abs(self.designed))
+
+
+def design_of_rows(path: Path) -> GaitDesign:
+    """The design that the rows of a table play; of its header only what lines know nothing of.
+
+    Raises:
+        ValueError: in one line, for a table that cannot be read or plays no gait.
+    """
+    played = read_csv(path).played()
+    return design_of(played.pressure, played.orientation, played.schedule)
+
+
+def replay_package(folder: Path, progress: Progress = None, threads: int | None = None) -> list[Replayed]:
+    """Play every gait of a package from the rows of its table, with the noise with which it was measured.
+
+    Raises:
+        ValueError: in one line, for a folder that holds no package, or a damaged one.
+    """
+    machine = read_machine(folder)
+    found = []
+    for number, state in enumerate(machine["states"]):
+        speed = _speed(folder, state, machine["simulated"], part_of(progress, number, len(machine["states"])), threads)
+        found.append(Replayed(state["name"], state["speed_bl_per_s"], speed))
+    return found
+
+
+def _speed(
+    folder: Path, state: Mapping[str, Any], simulated: Mapping[str, Any], progress: Progress, threads: int | None
+) -> float:
+    """Mean speed of a state's table."""
+    design = design_of_rows(folder / state["table"])
+    run = gaits.simulate(
+        [design] * simulated["runs"], Terrain(**state["terrain"]), geometry=NAMED_GEOMETRIES[simulated["geometry"]],
+        precision=simulated["precision"], perturbation=NOISE, seed=simulated["seed"], threads=threads,
+        progress=progress,
+    )  # fmt: skip
+    return float(np.mean(run.speed))
