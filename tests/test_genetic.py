@@ -155,3 +155,20 @@ def test_given_starts_belong_to_the_first_and_vary_around():
 def test_settings_without_sense_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         GeneticSearch(mixed_space(4), **settings)
+
+
+def test_the_best_of_many_starts_are_the_population():
+    """The same random points come first, however many there are; of equals the first stay."""
+    space = Space((Variable("x", -1, 1), Variable("y", -1, 1)))
+    many = GeneticSearch(space, population=4, starts=50, seed=3)
+    points = many.ask()
+    assert len(points) == 50
+    many.tell(points, Evaluation(-(points**2).sum(axis=1)))
+    order = np.argsort((points**2).sum(axis=1))[:4]
+    np.testing.assert_array_equal(many.points, points[np.sort(order)])
+    assert len(many.ask()) == 4
+    again = GeneticSearch(space, population=4, starts=50, seed=3)
+    again.restore(many.state())
+    np.testing.assert_array_equal(again.ask(), many.ask())
+    with pytest.raises(ValueError, match=r"^starts: 3 is not allowed"):
+        GeneticSearch(space, population=4, starts=3)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import check_number, check_whole
+from optim.search.method import MOST_POINTS, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import around_start, mutation_steps, ranking
 from optim.space import Space, Vector
@@ -22,8 +22,9 @@ ALPHA = 0.5  # of BLX: how far beyond its parents a child may lie, of their dist
 class GeneticSearch(PopulationSearch):
     """N members and N children a generation, of parents that won a tournament.
 
-    Generation 0 evaluates random starts. The next population is the best N of all children and of the ``elites``
-    best members; of equals a child goes first, so that the population moves on plateaus, and a failure comes last.
+    Generation 0 evaluates random starts, of which the best N are the population. The next population is the best N of
+    all children and of the ``elites`` best members; of equals a child goes first, so that the population moves on
+    plateaus, and a failure comes last.
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class GeneticSearch(PopulationSearch):
         crossover: float = 0.9,
         mutation: float | None = None,
         elites: int | None = None,
+        starts: int | None = None,
     ) -> None:
         """Set up the population.
 
@@ -51,11 +53,15 @@ class GeneticSearch(PopulationSearch):
             mutation: probability that a variable of a child mutates; one in D if None.
             elites: members that compete with the children for a place: 0, none survives its generation; N, the best
                 of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
+            starts: points of generation 0, at least N, which is meant by None. Many find what is rare.
         """
         check_number("crossover", crossover, 0.0, 1.0)
         check_whole("tournament", tournament, 1, 1000)
         if mutation is not None:
             check_number("mutation", mutation, 0.0, 1.0)
+        if starts is not None:
+            check_whole("starts", starts, population, MOST_POINTS)
+        self.starts = population if starts is None else starts
         super().__init__(space, population=population, seed=seed, start=start)
         if elites is not None:
             check_whole("elites", elites, 0)
@@ -77,7 +83,8 @@ class GeneticSearch(PopulationSearch):
     def _take(self, points: Vector, evaluation: Evaluation) -> None:
         """The children and the elites, or the best of them."""
         if self.generation == 0:
-            self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+            best = np.sort(ranking(evaluation.objectives[:, 0])[: self.population])
+            self.points, self.objectives = points[best], evaluation.objectives[best]
             return
         elite = ranking(self.objectives[:, 0])[: self.elites]
         points = np.concatenate([points, self.points[elite]])
@@ -87,7 +94,7 @@ class GeneticSearch(PopulationSearch):
 
     def _starts(self) -> Vector:
         rng = self._generator()
-        points = self.space.sample(rng, self.population)
+        points = self.space.sample(rng, self.starts)
         return self.space.reflect(self.space.round(around_start(self.space, points, self.start, rng)))
 
     def _children(self, rng: np.random.Generator) -> Vector:

@@ -1,0 +1,229 @@
+"""The pipeline: tasks, plans, changes of shape, packages that play from their tables alone."""
+
+import json
+
+import numpy as np
+import pytest
+from graded import settling
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optim.pipeline import run as pipeline_run
+from optim.pipeline.candidates import NoWorkingGait, check_working
+from optim.pipeline.crossing import best_single_gait
+from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
+from optim.pipeline.task import read_task
+from robots.gaits import save_gait
+from robots.hardware import read_csv
+from robots.inflatable import INCHING, ROLLING
+from robots.relaxed_schedule import RelaxedDesign
+
+TIMES = (11.5, 4.7)
+speeds = st.floats(0.001, 1.0)
+
+
+# tasks
+
+
+def task_of(tmp_path, text: str):
+    path = tmp_path / "task.toml"
+    path.write_text(text)
+    return read_task(path)
+
+
+def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
+    save_gait(INCHING, tmp_path / "climb.json")
+    task = task_of(
+        tmp_path,
+        """
+        terrains = ["flat", "hill:15"]
+        gaits = ["rolling", "climb.json"]
+        runs = 3
+        [search]
+        method = "genetic"
+        generations = 5
+        encoding = "graded"
+        columns = 2
+        population = 12
+        [limits]
+        least_speed = 0.01
+        """,
+    )
+    assert [terrain.name for terrain in task.terrains] == ["flat", "hill:15"]
+    assert task.gaits == {"rolling": ROLLING, "climb": INCHING}
+    assert task.search.generations == 5 and task.problem(task.terrains[1]).encoding == "graded"
+    assert task.method_settings(task.search)["population"] == 12 and task.limits.least_speed == 0.01
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("terrain = ['flat']", "task: .*task.toml has an unknown key 'terrain'; did you mean terrains?"),
+        ("gaits = ['rolling']", "task: .* has no terrains; give some, such as"),
+        ("terrains = []\ngaits = ['rolling']", "terrains: none given; give at least one"),
+        ("terrains = ['flat', 'flat']\ngaits = ['rolling']", "terrains: flat, flat given"),
+        ("terrains = ['moon']", "terrain: 'moon' is unknown"),
+        ("terrains = 'flat'", "terrains: 'flat' is not allowed; give names"),
+        ("terrains = ['flat']", "gaits: none given, and no search"),
+        ("terrains = ['flat']\ngaits = ['gone.json']", "gone.json"),
+        ("terrains = ['flat']\ngaits = ['rolling', 'rolling']", "gaits: 'rolling' is given twice"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nruns = 1", "runs: 1 is not allowed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nstretch = -1.0", "stretch: -1"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nprecision = 'f16'", "precision: 'f16' is unknown"),
+        ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nleast_sped = 1", "least_sped.*did you mean least_speed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nnext_speed = 2.0", "limits.next_speed: 2"),
+        ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nleast_speed = 0.0", "limits.least_speed: 0 is not"),
+        ("terrains = ['flat']\n[search]\nmethod = 'genetics'", "search.method: 'genetics' is unknown"),
+        ("terrains = ['flat']\n[search]\ngeneration = 3", "unknown key 'generation' in \\[search\\]; did you mean gen"),
+        ("terrains = ['flat']\n[search]\nencoding = 'graced'", "encoding: 'graced' is unknown"),
+        ("terrains = ['flat']\n[search]\npopulation = 1", "population: 1 is not allowed"),
+        ("terrains = [", "task: .* cannot be read"),
+    ],
+)
+def test_bad_tasks_are_refused_in_one_line_before_any_simulation(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message) as error:
+        task_of(tmp_path, text)
+    assert "\n" not in str(error.value)
+
+
+# plans
+
+
+@given(st.lists(speeds, min_size=1, max_size=4), st.floats(1.0, 100.0))
+def test_without_changes_a_route_is_as_fast_as_the_harmonic_mean(each, stretch):
+    expected = len(each) / sum(1 / speed for speed in each)
+    assert route_speed(each, [], stretch) == pytest.approx(expected)
+    assert route_speed(each, [10.0], stretch) < expected
+
+
+DESIGNS = {"rolling": ROLLING, "inching": INCHING}
+
+
+def test_a_long_way_is_worth_a_change_of_shape_and_a_short_one_is_not():
+    """By hand: 0.1 and 0.02 against 0.04 and 0.02 BL/s; changing there and back takes 16.2 s."""
+    measured = {"rolling": [0.1, -0.5], "inching": [0.04, 0.02]}
+    long, short = (rank_plans(DESIGNS, measured, stretch, 0.005, TIMES) for stretch in (20.0, 0.5))
+    assert long[0].gaits == ("rolling", "inching") and short[0].gaits == ("inching", "inching")
+    assert long[0].speed == pytest.approx(40 / (200 + 1000 + 16.2))
+    assert best_of_one_gait(long).gaits == ("inching", "inching") == best_of_one_shape(long, DESIGNS).gaits
+    assert all("rolling" not in plan.gaits[1] for plan in long)
+
+
+def test_changes_take_the_time_of_their_direction():
+    assert [change_time(*ends, TIMES) for ends in ((0.0, 1.0), (1.0, 0.0), (1.0, 1.0))] == [11.5, 4.7, 0.0]
+
+
+def test_the_single_gait_is_the_best_on_its_worst_terrain():
+    measured = {"a": np.array([[0.5], [-0.4]]), "b": np.array([[0.1], [0.01]]), "c": np.array([[0.2], [np.nan]])}
+    assert best_single_gait(measured) == "b"
+
+
+def test_a_terrain_without_a_working_gait_is_named_with_what_was_tried(tmp_path):
+    task = task_of(tmp_path, "terrains = ['flat', 'hill:15']\ngaits = ['rolling', 'inching']")
+    measured = {"rolling": np.array([[0.2, 0.2], [-0.5, -0.5]]), "inching": np.array([[0.1, 0.1], [np.nan, 0.1]])}
+    with pytest.raises(NoWorkingGait) as error:
+        check_working(measured, task)
+    assert str(error.value) == ("hill:15: no gait reaches 0.005 BL/s; tried: rolling -0.5000, inching diverged")
+
+
+# from end to end, with strokes so small that they take a second
+
+RIG = """
+name = "quick"
+[channels.core]
+rise_s = 0.2
+fall_s = 0.1
+slew_kpa_per_s = 1000.0
+"""
+TASK = """
+terrains = ["flat", "hill:5"]
+gaits = ["round.json", "flat.json"]
+geometry = "small"
+precision = "f32"
+runs = 2
+rig = "rig.toml"
+[limits]
+least_speed = 1e-12
+moved = 10.0
+next_speed = 0.0
+"""
+
+
+@pytest.fixture
+def task(tmp_path, monkeypatch):
+    """A task whose fastest plan changes shape, whatever small strokes come to."""
+    levels = np.zeros((10, 2))
+    levels[:4, 0], levels[8:, 0] = 0.05, 1.0
+    for name, pressure in (("round", 400.0), ("flat", 0.0)):
+        save_gait(RelaxedDesign(pressure, 90.0, settling(levels, [50, 50], 2)), tmp_path / f"{name}.json")
+    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "task.toml").write_text(TASK)
+    monkeypatch.setattr(pipeline_run, "rank_plans", lambda *_: [Plan(("round", "flat"), 0.1)])
+    monkeypatch.setattr(pipeline_run, "check_working", lambda *_: None)
+    return tmp_path / "task.toml"
+
+
+def test_a_package_from_end_to_end(task, tmp_path, morpholab):
+    """Gaits, tables, the machine, pages; the tables alone give back what was designed, to the digits of the rows."""
+    out = tmp_path / "out"
+    code, text, error = morpholab(f"pipeline {task} --out {out} --quiet --json --threads 1")
+    assert code == 0, error
+    package, document = out / "package", json.loads(text)
+    assert document["plan"]["gaits"] == ["round", "flat"] and not document["faults"]
+    assert all((package / name).is_file() for name in document["files"])
+    machine = json.loads((package / "machine.json").read_text())
+    assert [state["name"] for state in machine["states"]] == ["flat", "hill-5"] and machine["initial"] == "flat"
+    assert {(change["from"], change["to"]) for change in machine["changes"]} == {("flat", "hill-5"), ("hill-5", "flat")}
+    for change in machine["changes"]:
+        played = read_csv(package / change["table"]).played().schedule
+        assert played.pressure[-1] == pytest.approx(0.0 if change["to"] == "hill-5" else 400.0, abs=1e-2)
+        assert change["shape_error"] < 5e-3
+    page = (package / "report.html").read_text()
+    assert "Changes of shape" in page and "hill-5" in page
+    code, text, _ = morpholab(f"pipeline --replay {package} --quiet --json --threads 1")
+    states = json.loads(text)["states"]
+    assert code == 0 and all(state["replayed"] == pytest.approx(state["designed"], rel=1e-3) for state in states)
+
+
+def test_an_interrupted_pipeline_goes_on_to_the_same_package(task, tmp_path, morpholab, monkeypatch):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert morpholab(f"pipeline {task} --out {whole} --quiet --threads 1")[0] == 0
+    monkeypatch.setattr(pipeline_run, "find_change", interrupted)
+    code, text, _ = morpholab(f"pipeline {task} --out {parts} --quiet --threads 1")
+    assert code == 130 and "the same command goes on from there" in text
+    kept = sorted(path.name for path in (parts / "simulated").iterdir())
+    monkeypatch.undo()
+    monkeypatch.setattr(pipeline_run, "rank_plans", lambda *_: [Plan(("round", "flat"), 0.1)])
+    monkeypatch.setattr(pipeline_run, "check_working", lambda *_: None)
+    monkeypatch.chdir(tmp_path)
+    assert morpholab(f"pipeline {task} --out {parts} --quiet --threads 1")[0] == 0
+    assert set(kept) <= {path.name for path in (parts / "simulated").iterdir()}
+    for name in ("machine.json", "numbers.json", "tables/flat.csv"):
+        assert (parts / "package" / name).read_bytes() == (whole / "package" / name).read_bytes()
+
+
+def interrupted(*_args, **_options):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("", "task: give either the file of a task, or --replay"),
+        ("task.toml --replay p", "task: give either"),
+        ("--replay p --out o", "out: is not allowed with --replay"),
+        ("task.toml", "out: none given; name a folder"),
+        ("gone.toml --out o", "task: gone.toml cannot be read"),
+        ("--replay nothing", "nothing"),
+    ],
+)
+def test_the_command_refuses_in_one_line(line, message, morpholab):
+    code, _, error = morpholab(f"pipeline {line}")
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_a_folder_of_something_else_stays_as_it_is(task, tmp_path, morpholab):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    code, _, error = morpholab(f"pipeline {task} --out {tmp_path / 'mine'} --quiet")
+    assert code == 2 and "holds something else" in error
