@@ -130,10 +130,12 @@ class GradedGait(GaitEncoding):
     time, are cut: so a search stays there easily.
 
     Attributes:
-        steps: time steps that a gait may take; it is played once in any case.
+        steps: time steps that a gait may take.
+        warm_up: time steps that do not count: a gait takes more than these in any case.
     """
 
     steps: int = PUBLISHED_STEPS
+    warm_up: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -160,10 +162,13 @@ class GradedGait(GaitEncoding):
 
     def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
         """With feet that grip a little, sharpened; as often as the steps allow."""
-        from robots.relaxed_motion import most_repeats
+        from robots.relaxed_motion import gait_steps, most_repeats
 
         gait = self._graded(values)
-        return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=most_repeats(gait, self.steps))
+        repeats = most_repeats(gait, self.steps)
+        while gait_steps(dataclasses.replace(gait, repeats=repeats)) <= self.warm_up:
+            repeats += 1
+        return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=repeats)
 
     def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
         """By levels that are not cut, and by grip, through the sharpening; zero by times."""

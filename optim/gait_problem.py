@@ -227,7 +227,7 @@ class GaitProblem:
             return FixedGait(self.columns, self.repeats, self.schedule)
         encoding = ENCODINGS[self.encoding]
         if issubclass(encoding, GradedGait):
-            return encoding(self.columns, self.repeats, self.steps or PUBLISHED_STEPS)
+            return encoding(self.columns, self.repeats, self.steps or PUBLISHED_STEPS, self.warm_up)
         return encoding(self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:

@@ -136,6 +136,18 @@ def test_a_graded_pattern_tells_alike_what_lies_alike():
     assert GaitProblem.from_description(problem.describe()).describe() == problem.describe()
 
 
+def test_a_gait_is_played_until_some_of_it_counts(hill):
+    """One cycle ends before the warm-up does, and two take more steps than they may."""
+    problem = GaitProblem(HILL, **{**SMALL, "steps": 31_120, "stages": 1, "hard": False})
+    names, point = problem.space.names, problem.space.low.copy()
+    point[[names.index("bladder1_2"), names.index("settle_1"), names.index("settle_2")]] = 1.5, 4001, 2000
+    gait = problem.design(point)
+    assert steps_of(gait) > 31_120 and gait.schedule.repeats == 2
+    once = dataclasses.replace(gait, schedule=gait.schedule.cut(None, 1))
+    assert steps_of(once) < 2 * 15_560
+    assert np.isfinite(problem.evaluate(point[None]).objectives).all()
+
+
 def test_a_ladder_has_several_rungs():
     with pytest.raises(ValueError, match=r"^ladder: one terrain is not allowed; give several, the easiest first$"):
         GaitProblem(HILL, **SMALL, ladder=True)
