@@ -15,7 +15,7 @@ RUNS = "runs"
 FILES = ("table.md", "table.csv", "summary.json", "curves.png", "curves.csv", "costs.jsonl")
 SCALES: dict[Budget, ShapeChange] = {
     "small": ShapeChange(climbers=16, generations=1, geometry="small", repeats=1, copies=4, others=8),
-    "medium": ShapeChange(generations=2),
+    "medium": ShapeChange(generations=1),
     "full": ShapeChange(),
 }
 BEFORE, SEARCHES, AFTER = 1, 16, 3  # shares of the progress
@@ -27,7 +27,7 @@ def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
     Args:
         folder: takes a run folder for each experiment in ``runs``, the table, curves and ``summary.json``.
         budget: ``"small"`` (half the robot, its gaits played once, 16 climbers, 1 generation), ``"medium"`` (60
-            climbers, random starts and 2 generations) or ``"full"`` (60 climbers, 200 generations, as published).
+            climbers, random starts and 1 generation) or ``"full"`` (60 climbers, 200 generations, as published).
         progress: called with the fraction done.
 
     Raises:
