@@ -1,4 +1,4 @@
-"""The inflatable robot with several cores: body, program, derivatives, simulation, files, searches."""
+"""The inflatable robot with several cores: body, program, derivatives, simulation, files."""
 
 import dataclasses
 import functools
