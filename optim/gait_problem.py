@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
 from optim.gait_outcomes import Batch, Condition, Outcome, effort, outcomes
+from optim.gait_shape import EMPTY_CORE, ShapeGenes
 from optim.problem import GAIT, OK, Evaluation, check_kind
-from optim.space import Space, Variable, Vector
+from optim.space import Space, Vector
 from robots import gaits
 from robots.checks import number, whole_number
 from robots.cores import Pressure, checked_pressure, each_pressure, highest_pressure
@@ -49,7 +50,6 @@ LATER_OPTIONS = {
 }
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
-EMPTY_CORE = -4000.0  # the least pressure that graded gaits may ask for [Pa]; below zero the core is empty
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -163,11 +163,10 @@ class GaitProblem:
         return NAMED_GEOMETRIES[self.geometry]
 
     @property
-    def shape_names(self) -> tuple[str, ...]:
-        """Variables of the body's shape, where that is free: a pressure for each core."""
-        if self.body.cores == 1:
-            return ("pressure",)
-        return tuple(f"pressure_{number}" for number in range(1, self.body.cores + 1))
+    def shape(self) -> ShapeGenes:
+        """Variables of orientation and the body's shape."""
+        least = EMPTY_CORE if self.encoding == "graded" else 0.0
+        return ShapeGenes(self.orientation, self.pressure, self.body.cores, least)
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -197,18 +196,11 @@ class GaitProblem:
     @cached_property
     def space(self) -> Space:
         """The free variables; the steps of their mutation are the published ones."""
-        variables: list[Variable] = []
-        if self.orientation is None:
-            variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
-        if self.pressure is None:
-            least = EMPTY_CORE if self.encoding == "graded" else 0.0
-            variables.extend(Variable(name, least, 12_000.0, step=1200.0) for name in self.shape_names)
-        variables.extend(self._control.variables())
-        return Space(tuple(variables))
+        return Space((*self.shape.variables(), *self._control.variables()))
 
     def design(self, point: ArrayLike) -> GaitDesign:
         """The design of a point, shape (D,)."""
-        return design_of(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+        return design_of(*self.shape.values(point), self._control.schedule(self._genes(self.space.validate(point))))
 
     def counted_steps(self, design: GaitDesign) -> int:
         """Time steps by which the speed of a design is counted."""
@@ -216,19 +208,9 @@ class GaitProblem:
             return gaits.counted_steps(design, self._actuation)
         return max(self.steps, gaits.steps_of(design, self._actuation))
 
-    def _shape(self, point: ArrayLike) -> tuple[Pressure, float]:
-        """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
-        values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
-        return (
-            self.pressure
-            if self.pressure is not None
-            else checked_pressure([max(values[name], 0.0) for name in self.shape_names]),
-            values["orientation"] if self.orientation is None else self.orientation,
-        )
-
     def _genes(self, point: ArrayLike) -> Vector:
         """What a point, shape (D,), says of the schedule; it comes last."""
-        return np.asarray(point, float)[(self.orientation is None) + len(self.shape_names) * (self.pressure is None) :]
+        return np.asarray(point, float)[self.shape.size :]
 
     @cached_property
     def _control(self) -> GaitEncoding:
@@ -274,20 +256,16 @@ class GaitProblem:
 
     def relaxed_design(self, point: ArrayLike, sharpness: float) -> RelaxedDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        return RelaxedDesign(*self._shape(point), self._control.relaxed(self._genes(point), sharpness))
+        return RelaxedDesign(*self.shape.values(point), self._control.relaxed(self._genes(point), sharpness))
 
     def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
-        slopes = [run.orientation[:, None]] if self.orientation is None else []
-        if self.pressure is None:
-            inflated = points[:, [self.space.names.index(name) for name in self.shape_names]] > 0
-            slopes.append(run.pressure.reshape(inflated.shape) * inflated)
         levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
             self._control.slopes(self._genes(point), sharpness, slope)
             for point, slope in zip(points, levels, strict=True)
         ]
-        slopes.append(np.array(genes))
+        slopes = [self.shape.slopes(run, points), np.array(genes)]
         seconds = self._counted(run.result)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 

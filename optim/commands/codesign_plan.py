@@ -184,7 +184,7 @@ def _start_shape(given: "Pressure | None", problem: "GaitProblem | LatticeRobotP
 
     if given is None or not isinstance(problem, GaitProblem):
         return {}
-    return dict(zip(problem.shape_names, each_pressure(given, problem.body), strict=True))
+    return dict(zip(problem.shape.pressures, each_pressure(given, problem.body), strict=True))
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -184,9 +184,10 @@ class GaitRun:
     def columns(self, points: Vector) -> dict[str, list[Text]]:
         """Pressures and orientation."""
         designs = [self.problem.design(point) for point in points]
-        pressures = [_kilopascals("Pressure", design) for design in designs]
+        each = [_kilopascals("Pressure", design) for design in designs]
+        names = list(each[0]) if each else ["Pressure"]
         return {
-            **{f"{name} [kPa]": [number(each[name], 2) for each in pressures] for name in (pressures or [("Pressure",)])[0]},
+            **{f"{name} [kPa]": [number(pressures[name], 2) for pressures in each] for name in names},
             "Orientation [°]": [number(design.orientation, 1) for design in designs],
         }
 
