@@ -38,7 +38,7 @@ class LatticeBody:
         pressure_normals: sum of the outward normals of the faces that feel the region's pressure, in the voxel
             frame, shape (V, 3), entries -1, 0, 1; zero where no face does.
         chambers: which of several volumes, each closed by its own skin, pressurised voxels enclose, shape (V,); all
-            the same one by default. Only robots in a fluid need it, see ``enclosure``.
+            the same one by default. Of several, pressure acts on the closed surfaces, see ``enclosure``.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -100,6 +100,11 @@ class LatticeBody:
     def voxel_count(self) -> int:
         """V."""
         return len(self.voxels)
+
+    @property
+    def has_chambers(self) -> bool:
+        """Whether pressurised voxels enclose several volumes."""
+        return len(np.unique(self.chambers)) > 1  # type: ignore[arg-type]
 
     @property
     def region_count(self) -> int:

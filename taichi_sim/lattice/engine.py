@@ -107,7 +107,8 @@ class LatticeEngine:
             self_contact: whether voxels of a robot collide with each other.
             fluid: whether a fluid at rest resists all outer faces, as much as ``Quantity.RESISTANCE`` says. Pressure
                 then acts on the closed surface that the voxels with pressurised faces must form, see ``enclosure``,
-                and links keep momentum and angular momentum, see ``beams.balanced``.
+                and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
+                pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
             device: "cpu", "cuda", "vulkan" or "metal".
             precision: "f32" or "f64".
