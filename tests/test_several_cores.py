@@ -297,7 +297,7 @@ def test_the_exact_gradient_by_each_core_is_that_of_differences():
     """Over a few steps, where the motion is smooth."""
     brief = dataclasses.replace(QUICK, hold_steps=20, settle_steps=0, inflation_rate=0.2)
     options = {"geometry": TINY, "actuation": brief, "ramp_steps": 40, "threads": 1}
-    at, width = np.array([4e3, 7e3]), 1.0
+    at, width = np.array([4e3, 7e3]), 0.1  # wider ones reach a contact that comes or goes
     found = differentiate([graded(tuple(at))], **options)
     sides = [graded(tuple(at + sign * step)) for step in np.eye(2) * width for sign in (1, -1)]
     distance = simulate_relaxed(sides, **options).distance
