@@ -16,12 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
 from optim.gait_outcomes import Batch, Condition, Outcome, effort, outcomes
+from optim.gait_shape import EMPTY_CORE, ShapeGenes
 from optim.problem import GAIT, OK, Evaluation, check_kind
-from optim.space import Space, Variable, Vector
+from optim.space import Space, Vector
 from robots import gaits
 from robots.checks import number, whole_number
+from robots.cores import Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.gaits import GaitDesign, design_of
-from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableResult
+from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
 from robots.judgement import harder
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
@@ -48,7 +50,6 @@ LATER_OPTIONS = {
 }
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
-EMPTY_CORE = -4000.0  # the least pressure that graded gaits may ask for [Pa]; below zero the core is empty
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -60,11 +61,12 @@ class GaitProblem:
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
     ``pressure`` 0 to 12,000 Pa, and the genes of the schedule, see ``optim.gait_encoding``. Beside graded genes
     the pressure begins at ``EMPTY_CORE``, and is cut as they are: the flat robot is found, and kept, easily.
+    A body with N cores has ``pressure_1`` to ``pressure_N`` instead.
 
     Attributes:
         terrains: where the robot travels, one simulation each.
         orientation: [degrees], or None.
-        pressure: of the core [Pa], the body's shape, or None.
+        pressure: of the core [Pa], the body's shape, or None; of several cores one for all, or a tuple.
         schedule: the control, of either kind, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
@@ -95,7 +97,7 @@ class GaitProblem:
 
     terrains: tuple[Terrain, ...]
     orientation: float | None = None
-    pressure: float | None = None
+    pressure: Pressure | None = None
     schedule: Schedule | None = None
     columns: int = 8
     repeats: int = 2
@@ -121,6 +123,9 @@ class GaitProblem:
             raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
         if self.geometry not in NAMED_GEOMETRIES:
             raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        if self.pressure is not None:
+            object.__setattr__(self, "pressure", checked_pressure(self.pressure))
+            each_pressure(self.pressure, self.body)
         if not self.free:
             raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
         if self.schedule is not None:
@@ -151,6 +156,17 @@ class GaitProblem:
         # What is fixed is checked where it is used: better now than in the first evaluation.
         self.design(self.space.low)
         InflatableActuation(weight=self.weight)
+
+    @property
+    def body(self) -> InflatableGeometry:
+        """The robot's geometry."""
+        return NAMED_GEOMETRIES[self.geometry]
+
+    @property
+    def shape(self) -> ShapeGenes:
+        """Variables of orientation and the body's shape."""
+        least = EMPTY_CORE if self.graded else 0.0
+        return ShapeGenes(self.orientation, self.pressure, self.body.cores, least)
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -185,18 +201,11 @@ class GaitProblem:
     @cached_property
     def space(self) -> Space:
         """The free variables; the steps of their mutation are the published ones."""
-        variables: list[Variable] = []
-        if self.orientation is None:
-            variables.append(Variable("orientation", 0.0, 90.0, step=9.0))
-        if self.pressure is None:
-            least = EMPTY_CORE if self.graded else 0.0
-            variables.append(Variable("pressure", least, 12_000.0, step=1200.0))
-        variables.extend(self._control.variables())
-        return Space(tuple(variables))
+        return Space((*self.shape.variables(), *self._control.variables()))
 
     def design(self, point: ArrayLike) -> GaitDesign:
         """The design of a point, shape (D,)."""
-        return design_of(*self._shape(point), self._control.schedule(self._genes(self.space.validate(point))))
+        return design_of(*self.shape.values(point), self._control.schedule(self._genes(self.space.validate(point))))
 
     def in_full(self) -> "GaitProblem":
         """The same with gaits of the full length."""
@@ -208,17 +217,9 @@ class GaitProblem:
             return gaits.counted_steps(design, self._actuation)
         return max(self.steps, gaits.steps_of(design, self._actuation))
 
-    def _shape(self, point: ArrayLike) -> tuple[float, float]:
-        """Pressure and orientation of a point of the space or its relaxation, shape (D,)."""
-        values = dict(zip(self.space.names, np.asarray(point, float).tolist(), strict=True))
-        return (
-            max(values["pressure"], 0.0) if self.pressure is None else self.pressure,
-            values["orientation"] if self.orientation is None else self.orientation,
-        )
-
     def _genes(self, point: ArrayLike) -> Vector:
         """What a point, shape (D,), says of the schedule; it comes last."""
-        return np.asarray(point, float)[(self.orientation is None) + (self.pressure is None) :]
+        return np.asarray(point, float)[self.shape.size :]
 
     @cached_property
     def _control(self) -> GaitEncoding:
@@ -265,23 +266,18 @@ class GaitProblem:
 
     def relaxed_design(self, point: ArrayLike, sharpness: float) -> RelaxedDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        return RelaxedDesign(*self._shape(point), self._control.relaxed(self._genes(point), sharpness))
+        return RelaxedDesign(*self.shape.values(point), self._control.relaxed(self._genes(point), sharpness))
 
     def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
-        slopes = [run.orientation[:, None]] if self.orientation is None else []
-        if self.pressure is None:
-            inflated = points[:, self.space.names.index("pressure")] > 0
-            slopes.append((run.pressure * inflated)[:, None])
         levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
             self._control.slopes(self._genes(point), sharpness, slope)
             for point, slope in zip(points, levels, strict=True)
         ]
-        slopes.append(np.array(genes))
-        geometry = NAMED_GEOMETRIES[self.geometry]
-        seconds = self._counted(run.result)[:, None] * geometry.time_step
-        return np.concatenate(slopes, axis=1) / (geometry.body_length * seconds)
+        slopes = [self.shape.slopes(run, points), np.array(genes)]
+        seconds = self._counted(run.result)[:, None] * self.body.time_step
+        return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 
     def _counted(self, result: InflatableResult) -> NDArray[np.int64]:
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
@@ -300,7 +296,7 @@ class GaitProblem:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
         if all(getattr(self, name) == LATER_OPTIONS[name] for name in GRADED_OPTIONS):
             return result.speed
-        lengths = self.stages * result.stages.min(axis=1) / NAMED_GEOMETRIES[self.geometry].body_length
+        lengths = self.stages * result.stages.min(axis=1) / self.body.body_length
         return lengths / (self._counted(result) * result.time_step)
 
     @property
@@ -341,7 +337,7 @@ class GaitProblem:
         """Of one simulation of a batch, under the condition of that number."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
         run = batch.run(
-            batch.designs, condition.terrain, geometry=NAMED_GEOMETRIES[self.geometry],
+            batch.designs, condition.terrain, geometry=self.body,
             actuation=condition.actuation, **where, **more, progress=self._progress_on(number),
         )  # fmt: skip
         if batch.points is None:
@@ -369,7 +365,8 @@ class GaitProblem:
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
         ramp_steps, drive = self._relaxed_ramp if relaxed else None, self._actuation
-        each = np.array([drive.initial_steps(d.pressure, ramp_steps) + gaits.steps_of(d, drive) for d in designs])
+        begins = [drive.initial_steps(highest_pressure(d.pressure), ramp_steps) for d in designs]
+        each = np.array([begin + gaits.steps_of(d, drive) for begin, d in zip(begins, designs, strict=True)])
         return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
     def save(self, point: ArrayLike, path: Path) -> None:
@@ -380,7 +377,7 @@ class GaitProblem:
         """All that results depend on; :meth:`from_description` builds the problem again."""
         fixed = {
             "orientation": self.orientation,
-            "pressure": self.pressure,
+            "pressure": list(self.pressure) if isinstance(self.pressure, tuple) else self.pressure,
             "schedule": self.schedule.to_text() if self.schedule else None,
         }
         return {

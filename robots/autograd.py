@@ -33,7 +33,7 @@ def travel(
     Every tensor that requires a gradient gets one.
 
     Args:
-        pressure: of the core [Pa], shape (B,).
+        pressure: of the core [Pa], shape (B,), or of each of N cores, shape (B, N).
         orientation: heading [degrees], shape (B,).
         inflation: of the bladders, 0 to 1, shape (B, 8, T).
         grip: of the feet, 0 to 1, shape (B, 2, T).
@@ -61,7 +61,7 @@ class _Travel(torch.autograd.Function):
         arrays = [t.detach().cpu().numpy().astype(float) for t in tensors]
         cores = arrays[4] if len(arrays) > 4 else [None] * len(terrains)
         designs = [
-            RelaxedDesign(float(p), float(o), RelaxedSchedule(i, g, repeats, c))
+            RelaxedDesign(p, float(o), RelaxedSchedule(i, g, repeats, c))
             for p, o, i, g, c in zip(*arrays[:4], cores, strict=True)
         ]
         distance = np.empty(len(designs))
@@ -73,7 +73,7 @@ class _Travel(torch.autograd.Function):
             if wanted:
                 found = differentiate(chosen, terrain, **options)
                 for slope, part in zip(slopes, PARTS, strict=False):
-                    slope[mine] = getattr(found, part)
+                    slope[mine] = getattr(found, part).reshape(slope[mine].shape)
                 result = found.result
             else:
                 result = simulate_relaxed(chosen, terrain, **{k: v for k, v in options.items() if k != "memory"})

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import inflatable
+from robots.cores import Pressure
 from robots.files import read_record, read_text, write_record
 from robots.inflatable import ACTUATION, InflatableActuation, InflatableDesign, InflatableResult
 from robots.inflatable_actuation import Column, nominal_steps, play
@@ -27,7 +28,7 @@ BESIDE_TABLES = ("format", "pressure", "orientation", "repeats")  # in files of 
 GaitDesign = InflatableDesign | RelaxedDesign
 
 
-def design_of(pressure: float, orientation: float, schedule: Schedule) -> GaitDesign:
+def design_of(pressure: Pressure, orientation: float, schedule: Schedule) -> GaitDesign:
     """The design with a schedule of either kind."""
     if isinstance(schedule, RelaxedSchedule):
         return RelaxedDesign(pressure, orientation, schedule)
@@ -64,7 +65,7 @@ class PlayedGait:
         settles: time steps at which the motion of columns ends, shape (N,).
         levels: that bladders and feet are told, from 0 (off) to 1 (on), shape (10, N).
         pressures: of the core when columns begin, and when the last ends [Pa], shape (N + 1,); it changes linearly
-            until the motion ends.
+            until the motion ends. Of a design with several, those of its cores, shape (N + 1, cores).
     """
 
     edges: NDArray[np.int64]
@@ -83,12 +84,13 @@ def played(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> Pl
     gait = design.schedule
     columns, steps = _columns(design, actuation)
     core = gait.pressure if isinstance(gait, RelaxedSchedule) else None
-    after = np.full(gait.columns, design.pressure) if core is None else core
+    before = np.array(design.pressure)
+    after = np.repeat(before[None], gait.columns, axis=0) if core is None else core
     return PlayedGait(
         edges=np.array([*(column.start for column in columns), steps]),
         settles=np.array([column.start + column.motion_steps for column in columns]),
         levels=np.tile(gait.levels, gait.repeats),
-        pressures=np.concatenate([[design.pressure], np.tile(after, gait.repeats)]),
+        pressures=np.concatenate([before[None], *([after] * gait.repeats)]),
     )
 
 

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.checks import number, whole_number
+from robots.cores import MAXIMUM_PRESSURE, Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.files import read_record, write_record
 from robots.inflatable_actuation import ACTUATION, InflatableActuation, nominal_steps, play
-from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, SMALL, InflatableGeometry
+from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, SMALL, TWO_CORE, InflatableGeometry
 from robots.inflatable_program import build_program
 from robots.rest_sizes import rest_sizes
 from robots.schedule import GaitSchedule
@@ -31,6 +32,7 @@ __all__ = [
     "PUBLISHED",
     "ROLLING",
     "SMALL",
+    "TWO_CORE",
     "Frames",
     "InflatableActuation",
     "InflatableDesign",
@@ -42,8 +44,6 @@ __all__ = [
     "simulate",
 ]
 
-# Safety limit of the simulator [Pa]. The search space ends at 12 kPa; published evaluations reach 13,281 Pa.
-MAXIMUM_PRESSURE = 15e3
 DESIGN_FORMAT = "morpholab-inflatable-design-1"
 
 
@@ -52,17 +52,18 @@ class InflatableDesign:
     """Shape, orientation and control of the robot.
 
     Attributes:
-        pressure: of the core [Pa], 0 (flat) to 15,000; 12,000 makes it round.
+        pressure: of the core [Pa], 0 (flat) to 15,000; 12,000 makes it round. In a body with several cores a number
+            is that of all of them, and a tuple has one for each, from the end of foot 1 on.
         orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
         schedule: when bladders inflate and feet grip.
     """
 
-    pressure: float
+    pressure: Pressure
     orientation: float
     schedule: GaitSchedule
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pressure", number("pressure", self.pressure, 0.0, MAXIMUM_PRESSURE, "Pa"))
+        object.__setattr__(self, "pressure", checked_pressure(self.pressure))
         object.__setattr__(self, "orientation", number("orientation", self.orientation, 0.0, 90.0, "degrees"))
         if not isinstance(self.schedule, GaitSchedule):
             raise ValueError(f"schedule: {type(self.schedule).__name__} is not allowed; give a GaitSchedule")
@@ -81,7 +82,7 @@ ROLLING = InflatableDesign(
 
 
 def save_design(design: InflatableDesign, path: str | PathLike[str]) -> None:
-    """Write a design as JSON: pressure [Pa], orientation [degrees], rows of the schedule."""
+    """Write a design as JSON: pressure [Pa], one or a list, orientation [degrees], rows of the schedule."""
     record = {
         "pressure": design.pressure,
         "orientation": design.orientation,
@@ -157,7 +158,7 @@ def predicted_steps(
 ) -> int:
     """Time steps of an evaluation, initialisation included; cheap."""
     del geometry  # timing is counted in steps, whatever their length
-    return actuation.initial_steps(design.pressure) + play(design.schedule, actuation)[1]
+    return actuation.initial_steps(highest_pressure(design.pressure)) + play(design.schedule, actuation)[1]
 
 
 def simulate(
@@ -198,6 +199,8 @@ def simulate(
     designs = [designs] if isinstance(designs, InflatableDesign) else list(designs)
     if not designs or not all(isinstance(d, InflatableDesign) for d in designs):
         raise ValueError("designs: give at least one InflatableDesign")
+    for design in designs:
+        each_pressure(design.pressure, geometry)  # better refused before any work
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     seed = whole_number("seed", seed, 0)
@@ -211,7 +214,8 @@ def simulate(
     )  # fmt: skip
     if perturbation > 0:
         engine.set_positions(scattered(body, perturbation, seed, order))
-    program = build_program([designs[i] for i in order], [terrains[i] for i in order], actuation, record_every)
+    grounds = [terrains[i] for i in order]
+    program = build_program([designs[i] for i in order], grounds, actuation, record_every, geometry)
     run = engine.run(program, progress)
     back = np.argsort(order)
     run = LatticeResult(*(getattr(run, f)[back] for f in ("status", "steps", "positions", "orientations", "strains")))

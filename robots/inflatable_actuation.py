@@ -31,7 +31,8 @@ class InflatableActuation:
         inflation_rate: change of that thickness per time step.
         widening: growth across the pouch per growth in thickness.
         lengthening_flat, lengthening_round: a bladder grows 1/c along the pouch per growth in thickness, with c
-            rising linearly with core pressure from the first to the second.
+            rising linearly with core pressure from the first to the second. Of several cores it is the mean of their
+            pressures, weighted by the rows that each has under the bladders.
         round_pressure: core pressure [Pa] at which c reaches ``lengthening_round``.
         pressure_ramp: rise of the core pressure per time step of the initialisation [Pa].
         hold_steps: steps at full pressure before the gait begins.
@@ -87,6 +88,8 @@ class InflatableActuation:
 
     def initial_steps(self, pressure: float, ramp_steps: int | None = None) -> int:
         """Steps of the initialisation: a ramp from 0 Pa in steps of ``pressure_ramp``, then the hold.
+
+        Of several cores the highest pressure counts.
 
         With ``ramp_steps`` the ramp takes so many steps at any pressure.
         """

@@ -1,20 +1,26 @@
 """The body of the inflatable shape-changing robot: a flat pouch of two skins with four bladders on either side.
 
+The space between the skins is the core. With several cores the pouch is divided along its length: each is closed
+towards its neighbours as it is along the two long edges, by a row in which the skins stay joined.
+
 Source: Powers 2021 dissertation, ch. 5; Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021. Where the
 text and the published experiment differ, the defaults are those of the experiment.
 
 Layers from the ground up: lower bladders, lower skin, upper skin, upper bladders. Rolling is along x, inching along y.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_sim.lattice import LatticeBody, Material
 
-# Regions that a program addresses. Foot seams are the third foot material of the published robot.
+# Regions that a program addresses. Foot seams are the third foot material of the published robot. Behind these, each
+# core but the first has the five regions of its own skin, in the same order.
 SKIN, SEAM, FOOT_1, FOOT_2, FOOT_SEAM = range(5)
 FIRST_BLADDER = 5
 BLADDER_COUNT = 8
@@ -22,6 +28,23 @@ REGION_COUNT = FIRST_BLADDER + BLADDER_COUNT
 SKIN_REGIONS = np.arange(FIRST_BLADDER)
 FOOT_REGIONS = np.array([FOOT_1, FOOT_2])
 BLADDER_REGIONS = np.arange(FIRST_BLADDER, REGION_COUNT)
+LEAST_CORE_ROWS = 3  # a wall at either end, and a row between
+
+
+def skin_regions(kinds: ArrayLike, core: int) -> NDArray[np.int64]:
+    """Regions of the skin of a core, counted from 0, for such regions of the first."""
+    return np.asarray(kinds) + (REGION_COUNT + FIRST_BLADDER * (core - 1) if core else 0)
+
+
+def kinds_of(regions: ArrayLike) -> NDArray[np.int64]:
+    """What regions are, whichever core they belong to: ``SKIN`` to ``FOOT_SEAM``, or bladders."""
+    given = np.asarray(regions)
+    return np.where(given < REGION_COUNT, given, (given - REGION_COUNT) % FIRST_BLADDER)
+
+
+def cores_of(regions: ArrayLike) -> NDArray[np.int64]:
+    """The core that regions of the skin belong to, counted from 0; 0 for bladders."""
+    return np.maximum((np.asarray(regions) - REGION_COUNT) // FIRST_BLADDER + 1, 0)
 
 
 @dataclass(frozen=True)
@@ -41,6 +64,7 @@ class InflatableGeometry:
         internal_damping: damping ratio of links.
         collision_damping: damping ratio of contacts.
         time_step_safety: the largest stable time step is divided by this.
+        cores: that the pouch is divided into along its length, of as equal numbers of rows as possible.
     """
 
     bladder_columns: int = 3
@@ -55,6 +79,7 @@ class InflatableGeometry:
     internal_damping: float = 1.0
     collision_damping: float = 1.0
     time_step_safety: float = 1.3
+    cores: int = 1
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -67,11 +92,36 @@ class InflatableGeometry:
             raise ValueError(
                 f"rows: {self.rows} is not allowed; two feet of {self.foot_rows} rows leave no room for bladders"
             )
+        if self.rows < LEAST_CORE_ROWS * self.cores:
+            most = self.rows // LEAST_CORE_ROWS
+            raise ValueError(
+                f"cores: {self.cores} is not allowed; {self.rows} rows have room for 1 to {most}, each of "
+                f"{LEAST_CORE_ROWS} rows or more"
+            )
 
     @property
     def columns(self) -> int:
         """Width of the pouch in voxels."""
         return 4 * self.bladder_columns + 3
+
+    @property
+    def core_rows(self) -> tuple[range, ...]:
+        """Rows of each core, counted from 1, walls included; the same from either end of the pouch if that can be."""
+        # The nearest row to each k / N of the length, halves rounded towards the ends.
+        ends = [-(-(2 * self.rows * k - self.cores) // (2 * self.cores)) for k in range(self.cores + 1)]
+        ends = [end if 2 * k <= self.cores else self.rows - ends[self.cores - k] for k, end in enumerate(ends)]
+        return tuple(range(first + 1, last + 1) for first, last in itertools.pairwise(ends))
+
+    @property
+    def wall_rows(self) -> tuple[int, ...]:
+        """Rows in which the skins are joined all across: where one core ends, and where the next begins."""
+        inner = [row for rows in self.core_rows for row in (rows[0], rows[-1])]
+        return tuple(inner[1:-1])
+
+    @property
+    def bladder_rows(self) -> range:
+        """Rows that bladders lie on."""
+        return range(self.foot_rows + 1, self.rows - self.foot_rows + 1)
 
     @property
     def body_length(self) -> float:
@@ -98,14 +148,17 @@ PUBLISHED = InflatableGeometry()
 # Half the voxels; by the published gaits it still rolls (0.18 BL/s on flat ground) and inches (0.04). Shorter ones do
 # not inch, narrower ones do not roll.
 SMALL = InflatableGeometry(bladder_columns=2, rows=16, foot_rows=2)
-NAMED_GEOMETRIES = {"published": PUBLISHED, "small": SMALL}
+TWO_CORE = InflatableGeometry(cores=2)
+NAMED_GEOMETRIES = {"published": PUBLISHED, "small": SMALL, "two-core": TWO_CORE}
 
 
-def _skin_region(geometry: InflatableGeometry, x: int, y: int) -> int:
+def _skin_kind(geometry: InflatableGeometry, x: int, y: int) -> int:
     first_foot, last_foot = y <= geometry.foot_rows, y > geometry.rows - geometry.foot_rows
     if x % (geometry.bladder_columns + 1) == 0:
         return FOOT_SEAM if first_foot or last_foot else SEAM
-    return FOOT_1 if first_foot else FOOT_2 if last_foot else SKIN
+    if first_foot or last_foot:
+        return FOOT_1 if first_foot else FOOT_2
+    return SEAM if y in geometry.wall_rows else SKIN
 
 
 @lru_cache(maxsize=16)
@@ -115,8 +168,9 @@ def _build(geometry: InflatableGeometry) -> LatticeBody:
     lower, upper = layers, layers + 1  # z of the skins
     plan = [(x, y) for x in range(1, geometry.columns + 1) for y in range(1, geometry.rows + 1)]
     voxels = [(x, y, z) for z in (upper, lower) for x, y in plan]
-    regions = [_skin_region(geometry, x, y) for _ in range(2) for x, y in plan]
-    under = [(x, y) for x, y in plan if x % stride and geometry.foot_rows < y <= geometry.rows - geometry.foot_rows]
+    core = {y: number for number, rows in enumerate(geometry.core_rows) for y in rows}
+    regions = [int(skin_regions(_skin_kind(geometry, x, y), core[y])) for _ in range(2) for x, y in plan]
+    under = [(x, y) for x, y in plan if x % stride and y in geometry.bladder_rows]
     for bladder in range(BLADDER_COUNT):
         # Bladders 1 to 4 lie on top, in order of x; 8 to 5 are the same columns underneath.
         on_top = bladder < 4
@@ -126,18 +180,19 @@ def _build(geometry: InflatableGeometry) -> LatticeBody:
         voxels += places
         regions += [FIRST_BLADDER + bladder] * len(places)
     skins = len(plan)
-    # The skins are joined along the two long edges only: the space between them is the core.
-    cut = [(i, i + skins) for i, (x, _) in enumerate(plan) if 1 < x < geometry.columns]
+    # The skins are joined along the two long edges and the walls only: the spaces between them are the cores.
+    cut = [(i, i + skins) for i, (x, y) in enumerate(plan) if 1 < x < geometry.columns and y not in geometry.wall_rows]
     normals = np.zeros((len(voxels), 3), int)
     normals[:skins, 2], normals[skins : 2 * skins, 2] = 1, -1
     return LatticeBody(
         voxels=np.array(voxels),
         materials=_materials(geometry),
-        material_index=np.minimum(regions, FIRST_BLADDER),
+        material_index=np.minimum(kinds_of(regions), FIRST_BLADDER),
         voxel_size=geometry.voxel_size,
         regions=np.array(regions),
         cut_links=np.array(cut).reshape(-1, 2),
         pressure_normals=normals,
+        chambers=cores_of(regions),
     )
 
 

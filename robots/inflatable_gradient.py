@@ -85,7 +85,7 @@ def simulate_relaxed(
     seed = whole_number("seed", seed, 0)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     terrain = terrain or Terrain()
-    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, warm_up, stages, record_every)
+    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, warm_up, stages, record_every, geometry)
     engine = LatticeEngine(
         geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
         precision=precision, threads=threads, driver=driver,
@@ -156,7 +156,7 @@ def _differentiate(
     options: dict[str, Any], progress: Callable[[float], None],
 ) -> InflatableGradient:  # fmt: skip
     """The same for robots that run side by side, with arguments of ``build_relaxed_program``."""
-    program, medium = build_relaxed_program(designs, **build), build["terrain"].medium
+    program, medium = build_relaxed_program(designs, **build, geometry=geometry), build["terrain"].medium
     engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, **medium, **options)
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
     headings, stages = np.array([d.orientation for d in designs]), build["stages"]
@@ -201,7 +201,7 @@ def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array)
     """The gradient with what the heading does to the distance of a given path, and NaN for robots that failed."""
     failed = np.where(result.status == "ok", 0.0, np.nan)
     return InflatableGradient(
-        gradient.pressure + failed,
+        (gradient.pressure.T + failed).T,  # by one pressure, or by several
         gradient.orientation + headings + failed,
         gradient.inflation + failed[:, None, None],
         gradient.grip + failed[:, None, None],

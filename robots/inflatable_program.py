@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.dual import Array, Real, cosine, sine
+from robots.cores import InflatedCores, Pressure, Scalar, highest_pressure
+from robots.dual import Array, Real, cosine, sine, value_of
 from robots.inflatable_actuation import ACTUATION, Column, InflatableActuation, play
 from robots.inflatable_body import (
     BLADDER_COUNT,
@@ -18,18 +19,18 @@ from robots.inflatable_body import (
     FIRST_BLADDER,
     FOOT_REGIONS,
     FOOT_SEAM,
-    REGION_COUNT,
+    PUBLISHED,
     SKIN_REGIONS,
+    InflatableGeometry,
+    skin_regions,
 )
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain, one_each
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
-EVERYWHERE = np.arange(REGION_COUNT)
 NO_WEIGHT = (0.0, 0.0, 0.0)
 
-Scalar = float | Real
 Vector = tuple[Scalar, Scalar, Scalar]
 
 
@@ -37,8 +38,8 @@ class Design(Protocol):
     """What a program needs to know of a design."""
 
     @property
-    def pressure(self) -> float:
-        """Of the core [Pa]."""
+    def pressure(self) -> Pressure:
+        """Of the cores [Pa]."""
 
     @property
     def orientation(self) -> float:
@@ -92,6 +93,7 @@ def build_program(
     terrain: Terrain | Sequence[Terrain],
     actuation: InflatableActuation = ACTUATION,
     record_every: int | None = None,
+    geometry: InflatableGeometry = PUBLISHED,
 ) -> LatticeProgram:
     """The program of a batch of designs on a terrain, or on one each.
 
@@ -102,10 +104,10 @@ def build_program(
     lengths, marks = [], []
     for robot, (design, ground) in enumerate(zip(designs, one_each(terrain, len(designs)), strict=True)):
         driven = actuation.on(ground)
-        begin = driven.initial_steps(design.pressure)
+        begin = driven.initial_steps(highest_pressure(design.pressure))
         columns, steps = play(design.schedule, driven)
-        own = weights(ground, design.orientation)
-        write_robot(builder, robot, design.pressure, own, ground, columns, begin, driven)
+        own, cores = weights(ground, design.orientation), InflatedCores.of(design.pressure, geometry)
+        write_robot(builder, robot, cores, own, ground, columns, begin, driven)
         lengths.append(begin + steps)
         marks.append(snapshot_steps(begin, begin + steps, record_every))
     return builder.build(lengths, snapshot_table(marks))
@@ -125,28 +127,28 @@ def snapshot_table(marks: Sequence[Sequence[int]]) -> NDArray[np.int64]:
 
 
 def write_robot(
-    builder: Builder, robot: int, pressure: Scalar, own: tuple[Vector, Vector], terrain: Terrain,
+    builder: Builder, robot: int, cores: InflatedCores, own: tuple[Vector, Vector], terrain: Terrain,
     columns: list[Column], begin: int, a: InflatableActuation, ramp_steps: int | None = None,
 ) -> None:  # fmt: skip
     """The events of one robot of these :func:`weights`: initialisation until step ``begin``, then its columns."""
-    initialise(builder, robot, pressure, own, begin, a, ramp_steps)
-    immerse(builder, terrain, regions=EVERYWHERE, robots=robot)
+    initialise(builder, robot, cores, own, begin, a, ramp_steps)
+    immerse(builder, terrain, regions=cores.everywhere, robots=robot)
     for number, column in enumerate(columns):
-        write_column(builder, robot, pressure, own[1], column, begin + column.start, number == 0, a)
+        write_column(builder, robot, cores, own[1], column, begin + column.start, number == 0, a)
 
 
 def write_column(
-    builder: Builder, robot: int, pressure: Scalar, tilted: Vector, column: Column, step: int, first: bool,
+    builder: Builder, robot: int, cores: InflatedCores, tilted: Vector, column: Column, step: int, first: bool,
     a: InflatableActuation,
 ) -> None:  # fmt: skip
     """The events of one column, which begins at ``step``: motion, then settling."""
-    _set_surroundings(builder, robot, column, step, first, a)
-    _move_bladders(builder, robot, column, step, pressure, a)
+    _set_surroundings(builder, robot, cores, column, step, first, a)
+    _move_bladders(builder, robot, column, step, cores.mean, a)
     if a.weight == "published":
         _set_bladder_weights(builder, robot, column, step, tilted)
     settle = step + column.motion_steps
-    builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=EVERYWHERE, step=settle, robots=robot)
-    _set_friction(builder, robot, a.high_friction, [*FOOT_REGIONS, FOOT_SEAM], settle)
+    builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=cores.everywhere, step=settle, robots=robot)
+    _set_friction(builder, robot, a.high_friction, cores.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
 
 
 def _set_friction(builder: Builder, robot: int, value: Scalar, regions: ArrayLike, step: int) -> None:
@@ -160,48 +162,64 @@ def set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 
 
-def initialise(builder: Builder, robot: int, pressure: Scalar, own: tuple[Vector, Vector], end: int,
+def initialise(builder: Builder, robot: int, cores: InflatedCores, own: tuple[Vector, Vector], end: int,
                a: InflatableActuation, ramp_steps: int | None = None) -> None:  # fmt: skip
-    """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressure ramps up."""
-    level, tilted = own
-    set_weight(builder, robot, level, SKIN_REGIONS, 0)
-    set_weight(builder, robot, tilted, SKIN_REGIONS, end)
+    """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressures ramp up."""
+    (level, tilted), skin = own, cores.skin(SKIN_REGIONS)
+    set_weight(builder, robot, level, skin, 0)
+    set_weight(builder, robot, tilted, skin, end)
     set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)
     builder.set(Quantity.SCALE + 2, a.deflated, regions=BLADDER_REGIONS, robots=robot)
-    rate = a.pressure_ramp if ramp_steps is None else pressure / ramp_steps
-    builder.set(Quantity.PRESSURE, 0.0, rate=rate, regions=SKIN_REGIONS, robots=robot)
-    builder.set(Quantity.PRESSURE, pressure, regions=SKIN_REGIONS, step=end - a.hold_steps, robots=robot)
-    _set_friction(builder, robot, a.high_friction, SKIN_REGIONS, 0)
-    _set_friction(builder, robot, a.low_friction, FOOT_SEAM, 0)
+    _inflate_cores(builder, robot, cores, end - a.hold_steps, a, ramp_steps)
+    _set_friction(builder, robot, a.high_friction, skin, 0)
+    _set_friction(builder, robot, a.low_friction, cores.skin(FOOT_SEAM), 0)
     _set_friction(builder, robot, a.high_friction / 3, BLADDER_REGIONS, 0)
-    builder.set(Quantity.GLOBAL_DAMPING, 0.0, regions=EVERYWHERE, robots=robot)
+    builder.set(Quantity.GLOBAL_DAMPING, 0.0, regions=cores.everywhere, robots=robot)
 
 
-def stand_on(builder: Builder, robot: int, tilted: Vector, carried: Array, step: int, a: InflatableActuation) -> None:
+def _inflate_cores(
+    builder: Builder, robot: int, cores: InflatedCores, full: int, a: InflatableActuation, ramp_steps: int | None
+) -> None:
+    """All cores at the same rate, each until its own pressure, the highest by step ``full``; or all by that step."""
+    ramps = [a.initial_steps(float(value_of(pressure)), ramp_steps) for pressure in cores.each]
+    for core, (pressure, ramp) in enumerate(zip(cores.each, ramps, strict=True)):
+        skin = skin_regions(SKIN_REGIONS, core)
+        rate = a.pressure_ramp if ramp_steps is None else pressure / ramp_steps
+        builder.set(Quantity.PRESSURE, 0.0, rate=rate, regions=skin, robots=robot)
+        builder.set(Quantity.PRESSURE, pressure, regions=skin, step=full - (max(ramps) - ramp), robots=robot)
+
+
+def stand_on(
+    builder: Builder, robot: int, cores: InflatedCores, tilted: Vector, carried: Array, step: int,
+    a: InflatableActuation,
+) -> None:  # fmt: skip
     """Change the ground under a robot at a step: weights of skin and bladders, and the friction of both.
 
     Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
     """
-    set_weight(builder, robot, tilted, SKIN_REGIONS, step)
+    skin = cores.skin(SKIN_REGIONS)
+    set_weight(builder, robot, tilted, skin, step)
     share = np.ones(BLADDER_COUNT) if a.weight == "physical" else carried
     set_weight(builder, robot, _times(share, tilted), BLADDER_REGIONS, step)
-    _set_friction(builder, robot, a.high_friction, SKIN_REGIONS, step)
+    _set_friction(builder, robot, a.high_friction, skin, step)
     _set_friction(builder, robot, a.high_friction / 3, BLADDER_REGIONS, step)
 
 
 def _set_surroundings(
-    builder: Builder, robot: int, column: Column, step: int, first: bool, a: InflatableActuation
+    builder: Builder, robot: int, cores: InflatedCores, column: Column, step: int, first: bool, a: InflatableActuation
 ) -> None:
-    """What a column's motion begins with: damping, grip of the feet, change of the core pressure."""
-    builder.set(Quantity.GLOBAL_DAMPING, a.moving_damping, regions=EVERYWHERE, step=step, robots=robot)
+    """What a column's motion begins with: damping, grip of the feet, change of the pressure of all cores."""
+    builder.set(Quantity.GLOBAL_DAMPING, a.moving_damping, regions=cores.everywhere, step=step, robots=robot)
     grip = (1.0 - column.grip) * a.low_friction + column.grip * a.high_friction
-    _set_friction(builder, robot, grip, FOOT_REGIONS, step)
-    _set_friction(builder, robot, a.low_friction if first else a.high_friction, FOOT_SEAM, step)
+    for core in range(len(cores.each)):
+        _set_friction(builder, robot, grip, skin_regions(FOOT_REGIONS, core), step)
+    _set_friction(builder, robot, a.low_friction if first else a.high_friction, cores.skin(FOOT_SEAM), step)
     if column.pressures:
         before, after = column.pressures
         rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
-        builder.set(Quantity.PRESSURE, before + rate, rate=rate, regions=SKIN_REGIONS, step=step, robots=robot)
-        builder.set(Quantity.PRESSURE, after, regions=SKIN_REGIONS, step=settle, robots=robot)
+        skin = cores.skin(SKIN_REGIONS)
+        builder.set(Quantity.PRESSURE, before + rate, rate=rate, regions=skin, step=step, robots=robot)
+        builder.set(Quantity.PRESSURE, after, regions=skin, step=settle, robots=robot)
 
 
 def _move_bladders(
@@ -268,7 +286,10 @@ def _times(factor: Real | Array, vector: Vector) -> Vector:
 
 
 def bladder_scales(pressure: float, levels: Array, a: InflatableActuation) -> Array:
-    """Rest sizes of bladders of some thickness, shape (8,), in voxels per voxel: across, along, through, (8, 3)."""
+    """Rest sizes of bladders of some thickness, shape (8,), in voxels per voxel: across, along, through, (8, 3).
+
+    The pressure [Pa] is that which bladders feel, see ``InflatedCores``.
+    """
     across, along, _ = (1.0 + np.asarray(share) * (levels - a.deflated) for share in _growth(pressure, a))
     return np.column_stack([across, along, levels])
 

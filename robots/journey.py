@@ -13,12 +13,13 @@ from itertools import pairwise
 import numpy as np
 
 from robots.checks import number, whole_number
+from robots.cores import InflatedCores, Pressure, highest_pressure, kilopascals
 from robots.dual import Array, Dual, value_of
 from robots.gaits import GaitDesign, as_graded
 from robots.inflatable import Frames, scattered, travel_directions
 from robots.inflatable_actuation import ACTUATION, Column, InflatableActuation
 from robots.inflatable_body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
-from robots.inflatable_program import EVERYWHERE, immerse, initialise, stand_on, weights, write_column
+from robots.inflatable_program import immerse, initialise, stand_on, weights, write_column
 from robots.relaxed_motion import play_relaxed
 from robots.relaxed_schedule import RelaxedDesign
 from robots.rest_sizes import rest_sizes
@@ -43,8 +44,8 @@ class Leg:
     name: str = ""
 
     @property
-    def last_pressure(self) -> float:
-        """Of the core, with which the leg ends [Pa]."""
+    def last_pressure(self) -> Pressure:
+        """Of the cores, with which the leg ends [Pa]."""
         core = as_graded(self.design).schedule.pressure
         return self.design.pressure if core is None else float(core[-1])
 
@@ -117,7 +118,7 @@ def simulate_journey(
     runs = whole_number("runs", runs, 1)
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
-    program, steps = build_journey(legs, runs, actuation, record_every)
+    program, steps = build_journey(legs, runs, actuation, geometry, record_every)
     body = geometry.body
     engine = LatticeEngine(
         body, runs, time_step=geometry.time_step, **legs[0].terrain.medium,
@@ -153,42 +154,50 @@ def _check(legs: Sequence[Leg]) -> None:
     for place, (before, leg) in enumerate(pairwise(legs), 2):
         if leg.design.pressure != before.last_pressure:
             raise ValueError(
-                f"legs: leg {place} begins with {leg.design.pressure:g} Pa, but the one before ends with"
-                f" {before.last_pressure:g} Pa; put a change of shape between them"
+                f"legs: leg {place} begins with {kilopascals(leg.design.pressure)}, but the one before ends with"
+                f" {kilopascals(before.last_pressure)}; put a change of shape between them"
             )
 
 
 def build_journey(
-    legs: Sequence[Leg], runs: int, actuation: InflatableActuation, record_every: int | None
+    legs: Sequence[Leg],
+    runs: int,
+    actuation: InflatableActuation,
+    geometry: InflatableGeometry,
+    record_every: int | None,
 ) -> tuple[LatticeProgram, np.ndarray]:
     """The program of so many robots, and the steps of the legs, shape (L,).
 
     Snapshots are the end of the initialisation and of every leg, then the recorded poses.
     """
     builder = ProgramBuilder(runs)
-    begin = actuation.initial_steps(legs[0].design.pressure)
+    begin = actuation.initial_steps(highest_pressure(legs[0].design.pressure))
     for robot in range(runs):
-        edges = _write(_Plain(builder), robot, legs, begin, actuation)
+        edges = _write(_Plain(builder), robot, legs, begin, actuation, geometry)
     recorded = range(begin, edges[-1] + 1, record_every) if record_every else ()
     marks = np.array([[*edges, *recorded]] * runs)
     return builder.build([edges[-1]] * runs, marks), np.diff(edges)
 
 
-def _write(builder: "_Plain", robot: int, legs: Sequence[Leg], begin: int, actuation: InflatableActuation) -> list[int]:
+def _write(
+    builder: "_Plain", robot: int, legs: Sequence[Leg], begin: int, actuation: InflatableActuation,
+    geometry: InflatableGeometry,
+) -> list[int]:  # fmt: skip
     """The events of one robot, and the steps at which the journey begins and the legs end."""
     edges, levels = [begin], np.full(BLADDER_COUNT, actuation.deflated)
     inflation = np.zeros(BLADDER_COUNT)
     for leg in legs:
         design, driven = as_graded(leg.design), actuation.on(leg.terrain)
         own = weights(leg.terrain, design.orientation)
+        cores = InflatedCores.of(design.pressure, geometry)
         if len(edges) == 1:
-            initialise(builder, robot, design.pressure, own, begin, driven)
-            immerse(builder, leg.terrain, regions=EVERYWHERE, robots=robot)
+            initialise(builder, robot, cores, own, begin, driven)
+            immerse(builder, leg.terrain, regions=cores.everywhere, robots=robot)
         else:
-            stand_on(builder, robot, own[1], 1.0 - inflation, edges[-1], driven)
+            stand_on(builder, robot, cores, own[1], 1.0 - inflation, edges[-1], driven)
         columns, steps = _columns(design, levels, driven)
         for column in columns:
-            write_column(builder, robot, design.pressure, own[1], column, edges[-1] + column.start,
+            write_column(builder, robot, cores, own[1], column, edges[-1] + column.start,
                          column is columns[0] and len(edges) == 1, driven)  # fmt: skip
         levels, inflation = value_of(columns[-1].ends), value_of(columns[-1].inflation)
         edges.append(edges[-1] + steps)

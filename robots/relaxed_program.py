@@ -16,10 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.checks import whole_number
+from robots.cores import InflatedCores, Scalar, highest_pressure
 from robots.dual import Array, Dual, slope_of, value_of, variables
 from robots.inflatable import InflatableDesign
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
-from robots.inflatable_program import Scalar, snapshot_steps, snapshot_table, weights, write_robot
+from robots.inflatable_body import PUBLISHED, InflatableGeometry
+from robots.inflatable_program import snapshot_steps, snapshot_table, weights, write_robot
 from robots.relaxed_motion import play_relaxed
 from robots.relaxed_schedule import RelaxedDesign
 from robots.schedule import BLADDERS, FEET
@@ -32,7 +34,8 @@ class DesignGradient:
     """Derivatives of one number per robot by its design.
 
     Attributes:
-        pressure: by the core pressure [1/Pa], shape (B,).
+        pressure: by the core pressure [1/Pa], shape (B,); by that of each core, shape (B, N), where designs have
+            several.
         orientation: by the heading [1/degree], shape (B,).
         inflation: by the inflation of the bladders, shape (B, 8, T).
         grip: by the grip of the feet, shape (B, 2, T).
@@ -53,10 +56,12 @@ class Parameters:
     Attributes:
         columns: T.
         shapes: whether columns have core pressures.
+        cores: how many core pressures designs have; 1 where it is one for all.
     """
 
     columns: int
     shapes: bool
+    cores: int = 1
 
     @classmethod
     def of(cls, designs: Sequence[RelaxedDesign]) -> "Parameters":
@@ -69,7 +74,9 @@ class Parameters:
             raise ValueError("designs: a binary schedule has no gradient; give RelaxedDesign.from_design(design)")
         if not designs or not all(isinstance(d, RelaxedDesign) for d in designs):
             raise ValueError("designs: give at least one RelaxedDesign")
-        kinds = {cls(d.schedule.columns, d.schedule.pressure is not None) for d in designs}
+        kinds = {cls(d.schedule.columns, d.schedule.pressure is not None, np.size(d.pressure)) for d in designs}
+        if len({kind.cores for kind in kinds}) > 1:
+            raise ValueError("designs: a mixture is not allowed; give all one core pressure, or all one a core")
         if len(kinds) > 1:
             raise ValueError(
                 "designs: a mixture is not allowed; give gaits of one number of columns, all or none with pressures"
@@ -79,7 +86,7 @@ class Parameters:
     @property
     def sizes(self) -> list[int]:
         """How many numbers each part has."""
-        return [1, 1, BLADDERS * self.columns, FEET * self.columns, self.columns * self.shapes]
+        return [self.cores, 1, BLADDERS * self.columns, FEET * self.columns, self.columns * self.shapes]
 
     def variables(self, design: RelaxedDesign) -> list[Dual]:
         """The parts of a design as variables; the last is empty without core pressures."""
@@ -93,7 +100,7 @@ class Parameters:
         """A gradient from rows of shape (B, number of parameters)."""
         pressure, orientation, inflation, grip, core = np.split(gradient, np.cumsum(self.sizes[:-1]), axis=1)
         return DesignGradient(
-            pressure[:, 0],
+            pressure[:, 0] if self.cores == 1 else pressure,
             orientation[:, 0],
             inflation.reshape(-1, BLADDERS, self.columns),
             grip.reshape(-1, FEET, self.columns),
@@ -193,6 +200,7 @@ def build_relaxed_program(
     warm_up: int = 0,
     stages: int = 1,
     record_every: int | None = None,
+    geometry: InflatableGeometry = PUBLISHED,
 ) -> RelaxedProgram:
     """The program of a batch of relaxed designs on a terrain; snapshots as of ``build_program``.
 
@@ -207,6 +215,7 @@ def build_relaxed_program(
         stages: snapshots between the first and the second divide the gait in so many equally long parts; they come
             after these two.
         record_every: steps between recorded poses.
+        geometry: that they have; its cores count.
 
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
@@ -219,11 +228,13 @@ def build_relaxed_program(
     lengths, marks = [], []
     for robot, design in enumerate(designs):
         pressure, orientation, inflation, grip, core = parameters.variables(design)
-        begin = actuation.initial_steps(design.pressure, ramp_steps)
+        begin = actuation.initial_steps(highest_pressure(design.pressure), ramp_steps)
+        each = tuple(pressure[number] for number in range(parameters.cores)) if parameters.cores > 1 else pressure
+        cores = InflatedCores.of(each, geometry)
         pressures = core if parameters.shapes else None
         columns, steps = play_relaxed(inflation, grip, pressures, pressure, design.schedule, actuation)
         own = weights(terrain, orientation)
-        write_robot(recorder, robot, pressure, own, terrain, columns, begin, actuation, ramp_steps)
+        write_robot(recorder, robot, cores, own, terrain, columns, begin, actuation, ramp_steps)
         if warm_up >= steps:
             raise ValueError(f"warm_up: {warm_up} is not allowed; a gait takes {steps} steps")
         lengths.append(begin + steps)

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.checks import number, whole_number
+from robots.cores import MAXIMUM_PRESSURE, Pressure, checked_pressure
 from robots.dual import Array
-from robots.inflatable import MAXIMUM_PRESSURE, InflatableDesign
+from robots.inflatable import InflatableDesign
 from robots.schedule import BLADDERS, FEET, GaitSchedule
 
 LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
@@ -32,7 +33,7 @@ class RelaxedSchedule:
             that fraction of the way from empty to full.
         grip: of feet 1 and 2, shape (2, T), read-only: their friction is that fraction of the way from low to high.
         repeats: how often the columns are played; 1 is a gait that is not periodic.
-        pressure: of the core at the end of each column's motion [Pa], shape (T,), read-only: the shape changes within
+        pressure: of all cores at the end of each column's motion [Pa], shape (T,), read-only: the shape changes within
             the gait, linearly in time over the column's motion; None keeps the pressure of the design.
         motion_steps: time steps that each column's motion lasts, or as many more as its slowest bladder needs, shape
             (T,), read-only; None is as published, see ``play_relaxed``.
@@ -194,20 +195,26 @@ class RelaxedDesign:
     """Shape, orientation and relaxed control of the robot.
 
     Attributes:
-        pressure: of the core [Pa], 0 (flat) to 15,000; before the gait, where that has pressures of its own.
+        pressure: of the core [Pa], 0 (flat) to 15,000, one for all cores or a tuple with one each, as of
+            ``InflatableDesign``; before the gait, where that has pressures of its own, and then one.
         orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
         schedule: how far bladders inflate and feet grip.
     """
 
-    pressure: float
+    pressure: Pressure
     orientation: float
     schedule: RelaxedSchedule
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pressure", number("pressure", self.pressure, 0.0, MAXIMUM_PRESSURE, "Pa"))
+        object.__setattr__(self, "pressure", checked_pressure(self.pressure))
         object.__setattr__(self, "orientation", number("orientation", self.orientation, 0.0, 90.0, "degrees"))
         if not isinstance(self.schedule, RelaxedSchedule):
             raise ValueError(f"schedule: {type(self.schedule).__name__} is not allowed; give a RelaxedSchedule")
+        if isinstance(self.pressure, tuple) and self.schedule.pressure is not None:
+            raise ValueError(
+                f"pressure: {len(self.pressure)} are not allowed with a gait that has core pressures of its columns; "
+                "give one"
+            )
 
     @classmethod
     def from_design(cls, design: InflatableDesign) -> Self:

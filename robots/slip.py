@@ -9,7 +9,7 @@ import numpy as np
 from robots.dual import Array
 from robots.gaits import GaitDesign, played
 from robots.inflatable import ACTUATION, InflatableActuation, InflatableResult
-from robots.inflatable_body import FOOT_REGIONS
+from robots.inflatable_body import FOOT_REGIONS, kinds_of
 from robots.schedule import BLADDERS, FEET
 
 GRIPS = 0.5  # a foot told this much or more grips
@@ -44,7 +44,7 @@ def slip_under_load(
     gripping = _gripping(design, actuation, frames.times[kept] / result.time_step)
     slip = np.zeros(FEET)
     for foot, region in enumerate(FOOT_REGIONS):
-        mine = np.asarray(body.regions) == region
+        mine = kinds_of(np.asarray(body.regions)) == region
         borne = load[:, mine].sum(axis=1)
         mean = np.divide((load * way)[:, mine].sum(axis=1), borne, out=np.zeros_like(borne), where=borne > 0)
         slip[foot] = mean[gripping[:, foot]].sum()

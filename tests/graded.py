@@ -10,6 +10,7 @@ from robots.inflatable import InflatableActuation, InflatableGeometry
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
+TINY_TWO = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=2, voxel_size=0.02, cores=2)
 QUICK = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=200, settle_steps=100)
 # Its feet reach the ground.
 GRIPPING = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=4, bladder_layers=1, voxel_size=0.02)

@@ -28,11 +28,12 @@ class Simulator:
         terrains = one_each(terrain, len(designs))
         failed = np.array([self.diverges(design, ground) for design, ground in zip(designs, terrains, strict=True)])
         bits = np.array([design.schedule.levels.mean() for design in designs])
-        pressure = np.array([design.pressure / 12e3 for design in designs])
+        pressure = np.array([np.mean(design.pressure) / 12e3 for design in designs])
         orientation = np.array([design.orientation / 90 for design in designs])
         slope = np.array([ground.slope for ground in terrains])
         speed = np.where(failed, np.nan, bits * pressure - abs(orientation - slope / 20))
-        steps = np.array([ACTUATION.initial_steps(design.pressure) + gaits.steps_of(design) for design in designs])
+        begins = [ACTUATION.initial_steps(float(np.max(design.pressure))) for design in designs]
+        steps = np.array(begins) + [gaits.steps_of(design) for design in designs]
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")
         return SimpleNamespace(

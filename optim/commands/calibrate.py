@@ -36,7 +36,7 @@ def add_parser(commands: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--geometry",
-        choices=("published", "small"),
+        choices=options.GEOMETRIES,
         help="of the example's robot (default: small); files name theirs",
     )
     parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="of all noise (default: 0)")

@@ -65,9 +65,9 @@ def _add_search(search: Any) -> None:
     )
     search.add_argument(
         "--start-pressure",
-        type=options.number(0.0, 12_000.0, "Pa"),
+        type=options.pressure(12_000.0),
         metavar="PA",
-        help="with which every climber starts (default: random)",
+        help="with which every climber starts; of several cores all, or such as 12000,0 (default: random)",
     )
     search.add_argument(
         "--set",
@@ -150,9 +150,9 @@ def _add_design(design: Any) -> None:
     )
     design.add_argument(
         "--pressure",
-        type=options.number(0.0, unit="Pa"),
+        type=options.pressure(),
         metavar="PA",
-        help="if shape is not free (default: the gait's own)",
+        help="if shape is not free, of all cores or such as 12000,0 of each (default: the gait's own)",
     )
 
 
@@ -250,6 +250,7 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     """Gait table and pictures of the best gait, unless they are up to date; the names of all files."""
     from optim.gait_problem import GaitProblem
     from optim.runs.products import Products
+    from robots.cores import common_pressure
     from robots.hardware import export_csv
     from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
     from robots.view.picture import save_motion_picture
@@ -266,11 +267,12 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     }
     products = Products(folder)
     seed = folder.config["method"]["seed"]
-    products.make("gait.csv", lambda path: export_csv(design, path, seed=seed))
+    if on_rig := common_pressure(design.pressure) is not None:
+        products.make("gait.csv", lambda path: export_csv(design, path, seed=seed))
     pictures = {f"robot_{terrain.name.replace(':', '_')}.png": terrain for terrain in problem.terrains}
     for name, terrain in pictures.items():
         products.make(name, functools.partial(save_motion_picture, design, terrain, **robot))
-    return ["best.json", "gait.csv", *pictures]
+    return ["best.json", *(["gait.csv"] if on_rig else []), *pictures]
 
 
 def _report(last: "Generation", folder: Path, written: list[str], what: str) -> Report:

@@ -14,6 +14,7 @@ from optim.search import METHODS, check_settings, default_settings
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
     from optim.lattice_robot_problem import LatticeRobotProblem
+    from robots.cores import Pressure
 
 METHOD = "hill-climb"
 GENERATIONS = 200
@@ -148,7 +149,8 @@ def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[st
         if part in free:
             if given is not None:
                 hint = f"take {part} out of --free, or use --start-{name}"
-                raise ValueError(f"{name}: {given:g} would fix what is free; {hint}")
+                told = ",".join(f"{value:g}" for value in (given if isinstance(given, tuple) else (given,)))
+                raise ValueError(f"{name}: {told} would fix what is free; {hint}")
             settings[name] = None
         elif given is not None:
             settings[name] = given
@@ -163,7 +165,7 @@ def _method(
 ) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
     given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}
-    start = {"orientation": args.start_orientation, "pressure": args.start_pressure}
+    start = {"orientation": args.start_orientation, **_start_shape(args.start_pressure, problem)}
     if any(value is not None for value in start.values()):
         given["start"] = {variable: value for variable, value in start.items() if value is not None}
     given |= dict(_setting(text) for text in args.set or ())
@@ -173,9 +175,19 @@ def _method(
     if name == "gradient":
         settings["verify"] = True  # a relaxed judgement of a gait is never quite the true one
     if name == "map-elites":  # the grid of the lab: the body
-        body = [name for name in problem.space.names if name in ("orientation", "pressure")]
+        body = [name for name in problem.space.names if name == "orientation" or name.startswith("pressure")]
         settings.setdefault("descriptors", body or list(problem.space.names[:2]))
     return settings
+
+
+def _start_shape(given: "Pressure | None", problem: "GaitProblem | LatticeRobotProblem") -> "dict[str, float | None]":
+    """Where the variables of the shape start: at a pressure for all cores, or one each."""
+    from optim.gait_problem import GaitProblem
+    from robots.cores import each_pressure
+
+    if given is None or not isinstance(problem, GaitProblem):
+        return {}
+    return dict(zip(problem.shape.pressures, each_pressure(given, problem.body), strict=True))
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -93,11 +93,13 @@ def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np
         for name, (robot, start) in horizons_of_robot(args).items():
             found[name] = robot, _inside(robot, start)
         return found
+    from robots.cores import each_pressure
+
     gait = options.load_gait(args.gait or "inching")
     for columns in _horizons(args.horizons, gait.schedule.columns):
         repeats = max(columns // gait.schedule.columns, 1)
         problem, genes = _problem(args, gait.schedule.cut(columns // repeats, repeats))
-        point = np.concatenate([[gait.orientation, gait.pressure], genes])
+        point = np.concatenate([[gait.orientation], each_pressure(gait.pressure, problem.body), genes])
         found[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _inside(problem, point)
     return found
 

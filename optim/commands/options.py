@@ -11,11 +11,13 @@ from robots import checks
 from robots.terrain import STEEPEST, Terrain
 
 if TYPE_CHECKING:
+    from robots.cores import Pressure
     from robots.gaits import GaitDesign
     from robots.relaxed_schedule import Schedule
 
 T = TypeVar("T")
 GAITS = ("inching", "rolling")  # that commands know by name
+GEOMETRIES = ("published", "small", "two-core")  # likewise
 
 
 def checked(check: Callable[[str], T]) -> Callable[[str], T]:
@@ -48,6 +50,16 @@ def _value(text: str) -> float | str:
     return text
 
 
+def pressure(high: float = math.inf) -> Callable[[str], "Pressure"]:
+    """Pressures from 0 to a bound [Pa]: one, or one for each of several cores, with commas between."""
+
+    def convert(text: str) -> "Pressure":
+        each = tuple(checks.number("", _value(part), 0.0, high, "Pa") for part in text.split(","))
+        return each[0] if len(each) == 1 else each
+
+    return checked(convert)
+
+
 terrain = checked(Terrain.parse)
 
 
@@ -74,9 +86,7 @@ def chosen_terrain(args: argparse.Namespace) -> Terrain | None:
 def add_robot(parser: argparse.ArgumentParser, precision: str, schedule: bool = True) -> None:
     """Options about the robot's body and its simulation; ``precision`` is what the help calls the default."""
     group = parser.add_argument_group("robot and simulation")
-    group.add_argument(
-        "--geometry", choices=("published", "small"), help="the robot's body (default: published)"
-    )
+    group.add_argument("--geometry", choices=GEOMETRIES, help="the robot's body (default: published)")
     if schedule:
         group.add_argument("--columns", type=whole(1), metavar="T", help="columns of the schedule")
         group.add_argument(
@@ -94,9 +104,7 @@ def add_robot(parser: argparse.ArgumentParser, precision: str, schedule: bool = 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     """The option to speak to machines."""
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON document, and nothing else, on stdout"
-    )
+    parser.add_argument("--json", action="store_true", help="print one JSON document, and nothing else, on stdout")
 
 
 def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":

@@ -34,9 +34,9 @@ def add_parser(commands: Any) -> None:
     options.add_terrain(parser, "(default: flat)")
     parser.add_argument(
         "--pressure",
-        type=options.number(0.0, unit="Pa"),
+        type=options.pressure(),
         metavar="PA",
-        help="of the core (default: the gait's own)",
+        help="of the core, or such as 12000,0 of each of several (default: the gait's own)",
     )
     parser.add_argument(
         "--orientation",
@@ -186,6 +186,7 @@ def _write(
     document: dict[str, Any],
     frames: Any,
 ) -> None:
+    from robots.cores import common_pressure
     from robots.gaits import save_gait
     from robots.hardware import export_csv
     from robots.view.picture import save_motion_picture
@@ -195,5 +196,6 @@ def _write(
     (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
     if frames is not None:
         np.savez_compressed(folder / "frames.npz", **vars(frames))
-    export_csv(design, folder / "gait.csv", on_violation="clip")  # the header tells what was clipped
+    if common_pressure(design.pressure) is not None:  # else no rig plays it
+        export_csv(design, folder / "gait.csv", on_violation="clip")  # the header tells what was clipped
     save_motion_picture(design, terrain, folder / "robot.png", **robot)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from optim.pipeline.candidates import slug
+from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
 from optim.studies.results import Arrays, Progress, kept, part_of
 from robots.gaits import GaitDesign
@@ -73,7 +74,7 @@ def find_change(
     for number, (ground, together, grip) in enumerate(ways):
         core = task.rig.channels[0]
         design = change_of_shape(
-            designs[0].pressure, designs[1].pressure, designs[1].orientation, grip=grip, together=together,
+            core_of(designs[0]), core_of(designs[1]), designs[1].orientation, grip=grip, together=together,
             times=(core.rise_s, core.fall_s), geometry=NAMED_GEOMETRIES[task.geometry],
         )  # fmt: skip
         first = [] if apart else [Leg(designs[0], terrains[0])]

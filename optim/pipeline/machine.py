@@ -8,6 +8,7 @@ from typing import Any
 
 from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change
+from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
 from robots.files import read_text, write_text
 from robots.gaits import GaitDesign
@@ -73,7 +74,7 @@ def machine_document(
                 "terrain": asdict(state.terrain),
                 "gait": f"gaits/{state.name}.json",
                 "table": f"tables/{state.name}.csv",
-                "pressure_pa": state.design.pressure,
+                "pressure_pa": core_of(state.design),
                 "orientation_deg": state.design.orientation,
                 "speed_bl_per_s": state.speed,
             }

@@ -5,7 +5,7 @@ from pathlib import Path
 from optim.pipeline.changes import Change
 from optim.pipeline.machine import RULES, change_name
 from optim.pipeline.package import PLAYER, Package
-from optim.pipeline.plans import Plan
+from optim.pipeline.plans import Plan, core_of
 from optim.report.charts import picture_of
 from optim.report.markup import Html, Section, Text, code, facts, number, page, paragraph, picture, table, text, tiles
 
@@ -30,7 +30,7 @@ def _plans(package: Package) -> Section:
     """Candidates, and the plans that were compared."""
     terrains = [terrain.name for terrain in package.task.terrains]
     rows = [
-        (name, number(design.pressure / 1000, 2), number(design.orientation, 1),
+        (name, number(core_of(design) / 1000, 2), number(design.orientation, 1),
          *(number(float(row.mean())) for row in package.speeds[name]))
         for name, design in package.candidates.items()
     ]  # fmt: skip

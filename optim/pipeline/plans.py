@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from robots.cores import common_pressure, kilopascals
 from robots.gaits import GaitDesign
 
 
@@ -48,11 +49,23 @@ def rank_plans(
     able = [[name for name, each in speeds.items() if each[place] >= least] for place in range(terrains)]
     plans = []
     for names in itertools.product(*able):
-        pressures = [designs[name].pressure for name in names]
+        pressures = [core_of(designs[name]) for name in names]
         changes = [change_time(a, b, times) for a, b in zip(pressures, [*pressures[1:], pressures[0]], strict=True)]
         speed = route_speed([speeds[name][place] for place, name in enumerate(names)], changes, stretch)
         plans.append(Plan(names, speed))
     return sorted(plans, key=lambda plan: (-plan.speed, plan.gaits))
+
+
+def core_of(design: GaitDesign) -> float:
+    """The core pressure of a design [Pa].
+
+    Raises:
+        ValueError: in one line, for cores at different pressures, which a table of line pressures cannot say.
+    """
+    pressure = common_pressure(design.pressure)
+    if pressure is None:
+        raise ValueError(f"pressure: {kilopascals(design.pressure)} is not allowed; a table has one core pressure")
+    return pressure
 
 
 def change_time(before: float, after: float, times: tuple[float, float]) -> float:
@@ -67,4 +80,4 @@ def best_of_one_gait(plans: Sequence[Plan]) -> Plan | None:
 
 def best_of_one_shape(plans: Sequence[Plan], designs: Mapping[str, GaitDesign]) -> Plan | None:
     """The fastest plan with the same core pressure everywhere."""
-    return next((plan for plan in plans if len({designs[name].pressure for name in plan.gaits}) == 1), None)
+    return next((plan for plan in plans if len({core_of(designs[name]) for name in plan.gaits}) == 1), None)

@@ -11,7 +11,7 @@ from optim.pipeline.changes import Change, find_change
 from optim.pipeline.crossing import best_single_gait, cross
 from optim.pipeline.machine import State, change_name
 from optim.pipeline.package import Package
-from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, rank_plans
+from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
 from optim.pipeline.task import PipelineTask
 from optim.studies.results import Progress, check_folder, part_of
 from robots.gaits import GaitDesign
@@ -102,7 +102,7 @@ def _changes(
     for number, (a, b) in enumerate(ways):
         names, terrains = (plan.gaits[a], plan.gaits[b]), (task.terrains[a], task.terrains[b])
         designs = (candidates[names[0]], candidates[names[1]])
-        same = designs[0].pressure == designs[1].pressure
+        same = core_of(designs[0]) == core_of(designs[1])
         found[slug(terrains[0]), slug(terrains[1])] = None if same else find_change(
             names, designs, terrains, task, folder, part_of(progress, number, len(ways)), threads
         )  # fmt: skip

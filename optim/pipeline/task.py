@@ -10,6 +10,7 @@ from optim.gait_problem import GaitProblem
 from optim.hints import nearest
 from optim.search import METHODS, build_method, default_settings
 from robots.checks import number, whole_number
+from robots.cores import common_pressure, kilopascals
 from robots.gaits import GaitDesign, load_gait
 from robots.hardware import PneumaticRig
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
@@ -100,6 +101,11 @@ class PipelineTask:
             raise ValueError("gaits: none given, and no search; give gaits to try, or [search]")
         if self.geometry not in NAMED_GEOMETRIES:
             raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        if NAMED_GEOMETRIES[self.geometry].cores > 1:
+            raise ValueError(f"geometry: {self.geometry!r} is not allowed; the tables of a package have one core")
+        for name, design in self.gaits.items():
+            if common_pressure(design.pressure) is None:
+                raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
         if self.precision not in ("f32", "f64"):
             raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
         whole_number("runs", self.runs, LEAST_RUNS)

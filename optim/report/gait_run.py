@@ -7,14 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from optim.gait_problem import GaitProblem
 from optim.report.charts import chart, image
 from optim.report.kinds import Best, Progress, Replay, finite
-from optim.report.markup import Html, Text, facts, joined, number, picture, table
+from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, table
 from optim.report.rig import KPA_PER_PSI, rig_section
 from optim.runs.loop import Generation
 from optim.space import Vector
 from robots import gaits
+from robots.cores import Pressure, common_pressure
 from robots.gaits import GaitDesign
 from robots.hardware import PneumaticRig
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
@@ -50,8 +53,8 @@ class GaitRun:
     def facts(self) -> list[tuple[str, Text]]:
         """Terrains, what is free, what is fixed, and the simulation."""
         problem, geometry = self.problem, NAMED_GEOMETRIES[self.problem.geometry]
-        fixed = {"orientation": (problem.orientation, "°"), "pressure": (problem.pressure, " Pa")}
-        held = [f"{name} {value:g}{unit}" for name, (value, unit) in fixed.items() if value is not None]
+        held = [f"orientation {problem.orientation:g}°"] if problem.orientation is not None else []
+        held += [f"pressure {_pascals(problem.pressure)}"] if problem.pressure is not None else []
         held += ["gait"] if problem.schedule is not None else []
         aim = "mean speed over the terrains" if problem.objectives == "mean" else "speed on each terrain"
         if len(problem.terrains) == 1:
@@ -126,9 +129,11 @@ class GaitRun:
             told.append({"terrain": terrain.name, "speed": speed, "distance": distance, "replayed": again})
         header = ["Terrain", f"Speed [{UNIT}]", "Distance [m]"]
         header += [f"Replayed here [{UNIT}]"] if replay.numbers else []
-        kpa = design.pressure / 1000
-        shape = [
-            ("Core pressure", Html(f"{number(kpa, 2, 'kPa')} ({number(kpa / KPA_PER_PSI, 2, 'psi')})")),
+        shape: list[tuple[str, Text]] = [
+            *(
+                (name, Html(f"{number(kpa, 2, 'kPa')} ({number(kpa / KPA_PER_PSI, 2, 'psi')})"))
+                for name, kpa in _kilopascals("Core pressure", design).items()
+            ),
             ("Orientation", Html(f"{number(design.orientation, 1)}°, where 0° rolls and 90° inches")),
             ("Gait", f"{design.schedule.columns} columns, played {_times(design.schedule.repeats)}, "
                      f"{self._seconds(design):.2f} s simulated"),
@@ -142,9 +147,16 @@ class GaitRun:
             picture(self._gait_chart(design), "When its actuators are on: bladders inflate, feet grip.", kind),
             *printed,
         ]
-        limits, document = rig_section(design, rig, self._seconds(design))
-        body = {"pressure": design.pressure, "orientation": design.orientation}
+        limits, document = self._on_rig(design, rig)
+        body: dict[str, Any] = {"pressure": design.pressure, "orientation": design.orientation}
         return Best(content, [limits], {"terrains": told, **body, "rig": document})
+
+    def _on_rig(self, design: GaitDesign, rig: PneumaticRig | None) -> tuple[Section, dict[str, Any] | None]:
+        """What the gait asks of the rig, which plays one core pressure only."""
+        if common_pressure(design.pressure) is None:
+            why = "Its cores have different pressures; a rig has one line for the core, so it has no gait table."
+            return Section("On the pneumatic rig", [paragraph(why, "note")]), None
+        return rig_section(design, rig, self._seconds(design))
 
     def _gait_chart(self, design: GaitDesign) -> Html:
         from robots.view.drawing import draw_schedule
@@ -170,10 +182,12 @@ class GaitRun:
         return float(gaits.steps_of(design, self._robot["actuation"]) * self._robot["geometry"].time_step)
 
     def columns(self, points: Vector) -> dict[str, list[Text]]:
-        """Pressure and orientation."""
+        """Pressures and orientation."""
         designs = [self.problem.design(point) for point in points]
+        each = [_kilopascals("Pressure", design) for design in designs]
+        names = list(each[0]) if each else ["Pressure"]
         return {
-            "Pressure [kPa]": [number(design.pressure / 1000, 2) for design in designs],
+            **{f"{name} [kPa]": [number(pressures[name], 2) for pressures in each] for name in names},
             "Orientation [°]": [number(design.orientation, 1) for design in designs],
         }
 
@@ -189,8 +203,20 @@ class GaitRun:
                f"morpholab simulate --gait {best} {_where(terrain)} {options}")
               for terrain in problem.terrains),
             ("Watch it", f"morpholab view {where} --out best.html"),
-            ("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"),
+            *([("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi")]
+              if problem.body.cores == 1 else []),
         ]  # fmt: skip
+
+
+def _kilopascals(name: str, design: GaitDesign) -> dict[str, float]:
+    """Pressure of the core by that name, or of several by the name and a number [kPa]."""
+    if not isinstance(design.pressure, tuple):
+        return {name: design.pressure / 1000}
+    return {f"{name} {number}": one / 1000 for number, one in enumerate(design.pressure, start=1)}
+
+
+def _pascals(pressure: Pressure) -> str:
+    return ", ".join(f"{one:g}" for one in np.atleast_1d(pressure)) + " Pa"
 
 
 def _where(terrain: Terrain) -> str:

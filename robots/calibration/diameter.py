@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.calibration.laboratory import Array, Laboratory, Trial
-from robots.inflatable_body import FIRST_BLADDER, SKIN_REGIONS
-from robots.inflatable_program import EVERYWHERE, initialise, weights
+from robots.cores import InflatedCores
+from robots.inflatable_body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
+from robots.inflatable_program import initialise, weights
 from robots.rest_sizes import rest_sizes
 from robots.terrain import Terrain
-from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
+from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents
 
 SIDES = {"width": 0, "height": 2}  # axis of each
@@ -54,7 +56,7 @@ class Diameter:
         program = self._program(trials, laboratory, levels)
         run = engine.run(program)
         extents = half_extents(body, run.strains, rest_sizes(body, program))
-        skin = corners(body, run.positions, run.orientations, extents)[:, :, np.asarray(body.regions) < FIRST_BLADDER]
+        skin = corners(body, run.positions, run.orientations, extents)[:, :, _is_skin(body)]
         reach = skin[..., SIDES[self.side]]
         found = reach.max(axis=(2, 3)) - reach.min(axis=(2, 3))
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
@@ -66,12 +68,18 @@ class Diameter:
         before = np.concatenate([[0.0], levels[:-1]])
         ramps = np.rint((levels - before) / rate).astype(int)
         measured = np.cumsum(ramps + hold)
+        cores = InflatedCores.of(float(levels[-1]), laboratory.geometry)
         for robot, trial in enumerate(trials):
             drive = replace(laboratory.drive(trial.properties), hold_steps=hold)
-            initialise(builder, robot, float(levels[-1]), weights(Terrain(), 0.0), int(measured[-1]), drive)
-            builder.set(Quantity.GLOBAL_DAMPING, _DAMPING, regions=EVERYWHERE, robots=robot)
+            initialise(builder, robot, cores, weights(Terrain(), 0.0), int(measured[-1]), drive)
+            builder.set(Quantity.GLOBAL_DAMPING, _DAMPING, regions=cores.everywhere, robots=robot)
         for start, level, ramp, end in zip(before, levels, ramps, measured, strict=True):
             begin = int(end) - hold - int(ramp)
-            builder.set(Quantity.PRESSURE, start, regions=SKIN_REGIONS, step=begin, rate=rate)
-            builder.set(Quantity.PRESSURE, level, regions=SKIN_REGIONS, step=begin + int(ramp))
+            builder.set(Quantity.PRESSURE, start, regions=cores.skin(SKIN_REGIONS), step=begin, rate=rate)
+            builder.set(Quantity.PRESSURE, level, regions=cores.skin(SKIN_REGIONS), step=begin + int(ramp))
         return builder.build(int(measured[-1]), np.tile(measured, (len(trials), 1)))
+
+
+def _is_skin(body: LatticeBody) -> NDArray[np.bool_]:
+    """Which voxels are not of bladders, shape (V,)."""
+    return kinds_of(np.asarray(body.regions)) < FIRST_BLADDER

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robots.calibration.laboratory import Array, Laboratory, Trial
+from robots.cores import InflatedCores, highest_pressure
 from robots.inflatable import InflatableDesign, travel_directions
 from robots.inflatable_actuation import play
 from robots.inflatable_program import weights, write_robot
@@ -72,11 +73,12 @@ class Gait:
         """Robots of all properties; each ends with its gait, or with the last time."""
         builder, marks = ProgramBuilder(len(trials)), []
         own = weights(self.terrain, self.design.orientation)
+        cores = InflatedCores.of(self.design.pressure, laboratory.geometry)
         for robot, trial in enumerate(trials):
             drive = laboratory.drive(trial.properties).on(self.terrain)
-            begin = drive.initial_steps(self.design.pressure)
+            begin = drive.initial_steps(highest_pressure(self.design.pressure))
             columns, steps = play(self.design.schedule, drive)
-            write_robot(builder, robot, self.design.pressure, own, self.terrain, columns, begin, drive)
+            write_robot(builder, robot, cores, own, self.terrain, columns, begin, drive)
             played = np.minimum(np.rint(np.minimum(times / laboratory.time_step, steps)), steps).astype(int)
             marks.append([begin, *(begin + played)])
         return builder.build([mark[-1] for mark in marks], np.array(marks))

@@ -9,8 +9,10 @@ import gymnasium
 import numpy as np
 
 from robots.checks import number
+from robots.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
+from robots.dual import value_of
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
-from robots.inflatable import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, scattered, travel_directions
+from robots.inflatable import NAMED_GEOMETRIES, scattered, travel_directions
 from robots.inflatable_actuation import ACTUATION, InflatableActuation, column_of, nominal_steps
 from robots.inflatable_body import (
     BLADDER_COUNT,
@@ -19,6 +21,7 @@ from robots.inflatable_body import (
     FOOT_2,
     SKIN_REGIONS,
     InflatableGeometry,
+    kinds_of,
 )
 from robots.inflatable_program import bladder_scales, initialise, set_weight, weights, write_column
 from robots.schedule import ROWS
@@ -49,7 +52,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
     """
 
     def __init__(
-        self, pressure: float = 0.0, orientation: float = 90.0, slope: float = 0.0,
+        self, pressure: Pressure = 0.0, orientation: float = 90.0, slope: float = 0.0,
         actions: Literal["bits", "continuous"] = "bits", geometry: InflatableGeometry | str = "published",
         actuation: InflatableActuation = ACTUATION, perturbation: float = 0.0, precision: str = "f64",
         device: str = "cpu", threads: int | None = None, render_mode: None = None,
@@ -57,7 +60,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         """Take the design and the terrain.
 
         Args:
-            pressure: of the core [Pa].
+            pressure: of the core [Pa], or one for each of several.
             orientation: heading [degrees]: 0 rolls, 90 inches.
             slope: [degrees].
             actions: bits, or numbers.
@@ -83,7 +86,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
             self.action_space = gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64)
         else:
             raise ValueError(f"actions: {actions!r} is unknown; choose bits or continuous")
-        self.pressure = number("pressure", pressure, 0.0, MAXIMUM_PRESSURE, "Pa")
+        self.pressure = checked_pressure(pressure)
+        self._cores = InflatedCores.of(self.pressure, geometry)
         heading = number("orientation", orientation, 0.0, 90.0, "degrees")
         self._ahead = travel_directions(np.array([heading]))[0]
         terrain = Terrain(slope)
@@ -121,8 +125,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
     def _initialised(self) -> LatticeResult:
         assert self._engine
         builder = ProgramBuilder(1)
-        steps = self.actuation.initial_steps(self.pressure)
-        initialise(builder, 0, self.pressure, self._weights, steps, self.actuation)
+        steps = self.actuation.initial_steps(highest_pressure(self.pressure))
+        initialise(builder, 0, self._cores, self._weights, steps, self.actuation)
         return self._engine.run(builder.build(steps, np.array([[steps]])))
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -134,8 +138,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         steps = column.motion_steps + self.actuation.settle_steps
         builder = ProgramBuilder(1)
         if self._columns == 0:  # the skin feels the slope from here on
-            set_weight(builder, 0, self._weights[1], SKIN_REGIONS, 0)
-        write_column(builder, 0, self.pressure, self._weights[1], column, 0, self._columns == 0, self.actuation)
+            set_weight(builder, 0, self._weights[1], self._cores.skin(SKIN_REGIONS), 0)
+        write_column(builder, 0, self._cores, self._weights[1], column, 0, self._columns == 0, self.actuation)
         found = self._engine.run(builder.build(steps, np.array([[steps]])))
         self._levels, self._grips = np.asarray(column.ends, float), bits[BLADDER_COUNT:].astype(float)
         self._columns, self._steps = self._columns + 1, self._steps + int(found.steps[0])
@@ -151,8 +155,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         """Mean of all corners of exposed faces [m]: what distances are measured by."""
         body = self.geometry.body
         sizes = np.array([material.scale for material in body.materials])[body.material_index]
-        scales = bladder_scales(self.pressure, self._levels, self.actuation)
-        regions = np.asarray(body.regions)
+        scales = bladder_scales(float(value_of(self._cores.mean)), self._levels, self.actuation)
+        regions = kinds_of(np.asarray(body.regions))
         inflatable = regions >= FIRST_BLADDER
         sizes[inflatable] = scales[regions[inflatable] - FIRST_BLADDER]
         extents = half_extents(body, found.strains, (sizes * body.voxel_size)[None, None])
@@ -162,7 +166,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
     def _observation(self, found: LatticeResult, moved: Observation) -> Observation:
         a, body, places = self.actuation, self.geometry.body, found.positions[0, 0]
         inflation = (self._levels - a.deflated) / (a.inflated - a.deflated)
-        height, regions = body.voxels[:, 2], np.asarray(body.regions)
+        height, regions = body.voxels[:, 2], kinds_of(np.asarray(body.regions))
         skin = regions < FIRST_BLADDER
         upper, lower = skin & (height == height[skin].max()), skin & (height == height[skin].min())
         axes = [

@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.hardware.commands import commands_of
 from robots.hardware.rig import CHANNELS, Channel, PneumaticRig
-from robots.hardware.table import Design
+from robots.hardware.table import Design, core_pressure
 from robots.hardware.timeline import timeline
 
 NEAR = 0.9  # of a limit
@@ -81,10 +81,14 @@ class RigReport:
 
 
 def rig_report(design: Design, rig: PneumaticRig | None = None) -> RigReport:
-    """What a design asks of a rig, the dissertation's if None; a gait that is refused, too."""
+    """What a design asks of a rig, the dissertation's if None; a gait that is refused, too.
+
+    Raises:
+        ValueError: in one line, for a design with several cores that are not alike.
+    """
     rig = rig or PneumaticRig()
     columns, repeats = design.schedule.columns, design.schedule.repeats
-    line = timeline(commands_of(design.schedule, design.pressure, rig.line_map), rig)
+    line = timeline(commands_of(design.schedule, core_pressure(design), rig.line_map), rig)
     steps = np.diff(line.times)
     moving = steps > 0  # a section begins with the row that ends the one before
     rates = np.abs(np.diff(line.pressures, axis=0)[moving] / steps[moving, None]).max(axis=0)

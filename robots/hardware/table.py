@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.checks import number, whole_number
+from robots.cores import Pressure, common_pressure
 from robots.hardware.commands import TIME_STEP, commands_of
 from robots.hardware.limits import POLICIES, RigViolation, violations
 from robots.hardware.line_map import Array, LineMap
@@ -27,7 +28,7 @@ class Design(Protocol):
     """What is needed of a design: pressure [Pa], orientation [degrees], schedule."""
 
     @property
-    def pressure(self) -> float: ...  # noqa: D102
+    def pressure(self) -> Pressure: ...  # noqa: D102
     @property
     def orientation(self) -> float: ...  # noqa: D102
     @property
@@ -170,10 +171,22 @@ class GaitTable:
         return found
 
 
+def core_pressure(design: Design) -> float:
+    """What the rig's one line for the core stands for [Pa].
+
+    Raises:
+        ValueError: in one line, for a design with several cores that are not alike.
+    """
+    if (pressure := common_pressure(design.pressure)) is None:
+        told = ", ".join(f"{one:g}" for one in design.pressure)  # type: ignore[union-attr]
+        raise ValueError(f"pressure: {told} Pa are not allowed; a rig has one line for the core, so give all cores one")
+    return number("pressure", pressure, 0.0, unit="Pa")
+
+
 def design_hash(design: Design) -> str:
     """A short fingerprint of a robot's design, equal for equal designs on every machine."""
     schedule = design.schedule
-    content = [float(design.pressure), float(design.orientation), schedule.to_text(), schedule.repeats]
+    content = [core_pressure(design), float(design.orientation), schedule.to_text(), schedule.repeats]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
@@ -192,7 +205,7 @@ def gait_table(
     by vacuum. The feet grip meanwhile, as in the simulation's initialisation.
 
     Args:
-        design: pressure [Pa], orientation [degrees] and schedule.
+        design: pressure [Pa], the same of all cores, orientation [degrees] and schedule.
         rig: the dissertation's if None.
         units: ``"kpa"`` or ``"psi"``.
         rate: rows per second, and states last whole samples; None: rows at the corners of the pressures.
@@ -211,7 +224,7 @@ def gait_table(
     if rate is not None and number("rate", rate, 0.0, FASTEST_RATE, "Hz") == 0:
         raise ValueError("rate: 0 is not allowed; it must be positive")
     seed = None if seed is None else whole_number("seed", seed, 0)
-    pressure = number("pressure", design.pressure, 0.0, unit="Pa")
+    pressure = core_pressure(design)
     line_map, clip = rig.line_map, on_violation == "clip"
     commands = commands_of(design.schedule, pressure, line_map)
     found = violations(commands, timeline(commands, rig).states, rig)

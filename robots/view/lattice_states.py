@@ -28,7 +28,7 @@ class LatticeStates:
         orientations: quaternions (w, x, y, z), shape (F, V, 4).
         extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, V, 6).
         sizes: rest sizes of the voxels along their own axes [m], shape (F, V, 3).
-        pressure: on the body's pressurised faces [Pa].
+        pressure: on the body's pressurised faces [Pa], one or shape (V,).
     """
 
     body: LatticeBody
@@ -36,7 +36,7 @@ class LatticeStates:
     orientations: Floats
     extents: Floats
     sizes: Floats
-    pressure: float = 0.0
+    pressure: float | Floats = 0.0
 
     def part(self, frames: NDArray[np.int64]) -> Self:
         """The same with some of its frames."""
@@ -95,4 +95,4 @@ class LatticeStates:
         side = 2 * axes + (normals[voxels, axes] > 0)
         face = corners(self.body, *pose)[voxels[:, None], FACE_CORNERS[side]]
         area = np.cross(face[:, 1] - face[:, 0], face[:, 3] - face[:, 0])
-        return face.mean(axis=1), self.pressure * area
+        return face.mean(axis=1), np.broadcast_to(self.pressure, len(normals))[voxels, None] * area

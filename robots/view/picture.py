@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robots.checks import whole_number
+from robots.cores import kilopascals
 from robots.gaits import GaitDesign, PlayedGait, played, simulate, steps_of
 from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.schedule import BLADDERS
@@ -121,7 +122,8 @@ def _gripping(gait: PlayedGait, edges: Array, time: float) -> tuple[bool, bool]:
 
 
 def _title(result: InflatableResult, design: GaitDesign, terrain: Terrain, robot: int) -> str:
-    body = f"core at {design.pressure / 1000:.3g} kPa, heading {design.orientation:.3g}°"
+    cores = "cores" if isinstance(design.pressure, tuple) else "core"
+    body = f"{cores} at {kilopascals(design.pressure)}, heading {design.orientation:.3g}°"
     ok = result.status[robot] == "ok"
     what = f"{result.speed[robot]:.4f} BL/s" if ok else f"{result.status[robot]}"
     return f"{what} {terrain.spoken}; {body}".replace("-", "\N{MINUS SIGN}")

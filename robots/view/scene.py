@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.inflatable import InflatableResult
 from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
-from robots.view.shape import regions, surface, thickness
+from robots.view.shape import kinds, surface, thickness
 
 Array = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool
     palette[FIRST_BLADDER:] = BLADDERS
     for foot, (colour, gripping) in enumerate(zip(FEET, grips, strict=True)):
         palette[FOOT_1 + foot] = colour if gripping else pale(colour)
-    region = regions(result.body)
+    region = kinds(result.body)
     full = np.clip((thickness(result, robot, frame) - PALE) / (FULL - PALE), 0, 1)
     full = np.where(region < FIRST_BLADDER, 1.0, full)[:, None]
     return full * palette[region] + (1 - full) * pale(palette[region])

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from robots.inflatable import Frames, InflatableResult
-from robots.inflatable_body import FIRST_BLADDER
+from robots.inflatable_body import FIRST_BLADDER, kinds_of
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners, rotate
 
@@ -85,7 +85,7 @@ def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float
     So it is 0 of flat skins, whatever their distance, and 1 / R of a round pouch whose skins have the radius R.
     """
     body, frames = result.body, recorded(result)
-    skin = regions(body) < FIRST_BLADDER
+    skin = kinds(body) < FIRST_BLADDER
     layers = np.unique(body.voxels[skin, 2])
     found = []
     for layer, outward in zip(layers, (-1.0, 1.0), strict=True):
@@ -135,14 +135,14 @@ def recorded(result: InflatableResult) -> Frames:
     return result.frames
 
 
-def regions(body: LatticeBody) -> NDArray[np.int64]:
-    """Region of every voxel, shape (V,); see ``robots.inflatable_body``."""
-    return np.asarray(body.regions)
+def kinds(body: LatticeBody) -> NDArray[np.int64]:
+    """Region of every voxel, whichever core it belongs to, shape (V,); see ``robots.inflatable_body``."""
+    return kinds_of(np.asarray(body.regions))
 
 
 def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Array:
     seen = surface(result, robot, frame)
-    skin = seen.quads[regions(result.body)[seen.voxels] < FIRST_BLADDER]
+    skin = seen.quads[kinds(result.body)[seen.voxels] < FIRST_BLADDER]
     return np.ptp(skin.reshape(-1, 3), axis=0)
 
 

@@ -7,7 +7,17 @@ import numpy as np
 from robots.cyclic import SEGMENTS
 from robots.gaits import GaitDesign, PlayedGait, played
 from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableResult
-from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.inflatable_body import (
+    BLADDER_COUNT,
+    FIRST_BLADDER,
+    FOOT_1,
+    FOOT_SEAM,
+    REGION_COUNT,
+    SEAM,
+    SKIN,
+    cores_of,
+    kinds_of,
+)
 from robots.journey import JourneyResult, Leg
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
@@ -33,7 +43,7 @@ def inflatable_motion(
 ) -> Motion:
     """The motion of a gait that was simulated, a node for each voxel.
 
-    Channels: bladders 1 to 8 and feet 1 and 2 as they are told, pressure of the core, distance and speed along the
+    Channels: bladders 1 to 8 and feet 1 and 2 as they are told, pressures of the cores, distance and speed along the
     heading.
 
     Args:
@@ -49,13 +59,14 @@ def inflatable_motion(
     """
     frames = _recorded(result.frames, result.body, robot)
     regions = np.asarray(result.body.regions)
-    if regions.max() != REGION_COUNT - 1:
+    cores = int(cores_of(regions).max()) + 1
+    if regions.max() + 1 != REGION_COUNT + FIRST_BLADDER * (cores - 1):
         raise ValueError(f"frames: they are of a body with {regions.max() + 1} regions; give the inflatable robot's")
-    gait = played(design, actuation)
+    gait, pressure = played(design, actuation), np.broadcast_to(np.array(design.pressure), cores)
     return _voxels(
-        name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(regions)],
-        _gait_channels(gait, result.time_step), [_core_channel(gait, result.time_step)],
-        terrain, design.orientation, design.pressure,
+        name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(kinds_of(regions))],
+        _gait_channels(gait, result.time_step), _core_channels(gait, result.time_step),
+        terrain, design.orientation, pressure[cores_of(regions)],
     )  # fmt: skip
 
 
@@ -80,11 +91,13 @@ def journey_motion(result: JourneyResult, legs: Sequence[Leg], *, robot: int = 0
         levels=np.concatenate([part.levels for part in parts], axis=1),
         pressures=np.concatenate([parts[0].pressures[:1], *(part.pressures[1:] for part in parts)]),
     )  # fmt: skip
-    nodes = [_inflatable_node(v, int(r)) for v, r in enumerate(np.asarray(result.body.regions))]
+    regions = np.asarray(result.body.regions)
+    nodes = [_inflatable_node(v, int(r)) for v, r in enumerate(kinds_of(regions))]
     fluid = legs[0].terrain if legs[0].terrain.is_fluid else None
     return _voxels(
         name, frames, result.body, robot, nodes, _gait_channels(gait, result.time_step),
-        [_core_channel(gait, result.time_step)], fluid, legs[0].design.orientation, legs[0].design.pressure,
+        _core_channels(gait, result.time_step), fluid, legs[0].design.orientation,
+        np.broadcast_to(np.array(legs[0].design.pressure), cores_of(regions).max() + 1)[cores_of(regions)],
     )  # fmt: skip
 
 
@@ -182,7 +195,7 @@ def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 def _voxels(
     name: str, frames: Frames, body: LatticeBody, robot: int, nodes: list[Node], driven: list[Channel],
-    more: list[Channel], terrain: Terrain | None, direction: float = 0.0, pressure: float = 0.0,
+    more: list[Channel], terrain: Terrain | None, direction: float = 0.0, pressure: float | Floats = 0.0,
 ) -> Motion:  # fmt: skip
     """Cubes that are as large as the voxels, and in the middle between their sides."""
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
@@ -211,13 +224,20 @@ def _gait_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
     return [Channel(name, "", times, row, colour, switch=True) for name, row, colour in rows]
 
 
-def _core_channel(gait: PlayedGait, time_step: float) -> Channel:
-    """The core pressure, which changes until the motion of a column ends."""
-    steps, pascals = gait.edges[[0, -1]], gait.pressures[[0, -1]]
-    if np.ptp(gait.pressures) > 0:
+def _core_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
+    """The core pressure, or those of several cores, which change until the motion of a column ends."""
+    if gait.pressures.ndim == 1:
+        return [_core_channel("core pressure", gait, gait.pressures, time_step)]
+    several = enumerate(gait.pressures.T, start=1)
+    return [_core_channel(f"core pressure {number}", gait, pressures, time_step) for number, pressures in several]
+
+
+def _core_channel(name: str, gait: PlayedGait, pressures: Floats, time_step: float) -> Channel:
+    steps, pascals = gait.edges[[0, -1]], pressures[[0, -1]]
+    if np.ptp(pressures) > 0:
         steps = np.append(0, np.column_stack([gait.settles, gait.edges[1:]]))
-        pascals = np.append(gait.pressures[0], np.repeat(gait.pressures[1:], 2))
-    return Channel("core pressure", "kPa", steps.astype(float) * time_step, pascals / 1000, _colour(INK))
+        pascals = np.append(pressures[0], np.repeat(pressures[1:], 2))
+    return Channel(name, "kPa", steps.astype(float) * time_step, pascals / 1000, _colour(INK))
 
 
 def _inflatable_node(voxel: int, region: int) -> Node:

@@ -37,6 +37,8 @@ class LatticeBody:
         fixed: degrees of freedom held by the world (x, y, z, rotation about x, y, z), shape (V, 6).
         pressure_normals: sum of the outward normals of the faces that feel the region's pressure, in the voxel
             frame, shape (V, 3), entries -1, 0, 1; zero where no face does.
+        chambers: which of several volumes, each closed by its own skin, pressurised voxels enclose, shape (V,); all
+            the same one by default. Of several, pressure acts on the closed surfaces, see ``enclosure``.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -50,6 +52,7 @@ class LatticeBody:
     cut_links: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     fixed: np.ndarray | None = None
     pressure_normals: np.ndarray | None = None
+    chambers: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 - a frozen dataclass fills itself
@@ -80,6 +83,8 @@ class LatticeBody:
         put("pressure_normals", _frozen(normals, np.int8, "pressure_normals", (count, 3)))
         if np.abs(self.pressure_normals).max(initial=0) > 1:  # type: ignore[arg-type]
             raise ValueError("pressure_normals: entries must be -1, 0 or 1")
+        chambers = np.zeros(count) if self.chambers is None else self.chambers
+        put("chambers", _frozen(chambers, np.int64, "chambers", (count,)))
         put("cut_links", _frozen(self.cut_links, np.int64, "cut_links", (-1, 2)))
         self._check_cut_links()
 
@@ -95,6 +100,11 @@ class LatticeBody:
     def voxel_count(self) -> int:
         """V."""
         return len(self.voxels)
+
+    @property
+    def has_chambers(self) -> bool:
+        """Whether pressurised voxels enclose several volumes."""
+        return len(np.unique(self.chambers)) > 1  # type: ignore[arg-type]
 
     @property
     def region_count(self) -> int:

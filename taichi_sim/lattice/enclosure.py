@@ -6,7 +6,8 @@ their torques, whatever the shape; pressure on the faces of each voxel along the
 
 The surface is made of lattice squares, each four pressurised voxels around an edge of the lattice: those of the skin,
 where each voxel is linked to the next, and those across cut links in the mouths of a skin that is open, such as the
-ends of a flattened tube: as if a film without stiffness closed them.
+ends of a flattened tube: as if a film without stiffness closed them. Volumes of several chambers have surfaces of
+their own, that share no voxel.
 """
 
 from collections import defaultdict
@@ -18,6 +19,7 @@ from taichi_sim.rotations import cross
 from taichi_sim.tracing import law
 
 AXES = np.eye(3, dtype=np.int64)
+NONE = np.zeros((0, 4), np.int64)
 
 
 @law
@@ -54,7 +56,8 @@ def closed_surface(body: LatticeBody) -> np.ndarray:
         ValueError: in one line, if the pressurised voxels do not enclose a volume.
     """
     pressed = np.flatnonzero((body.pressure_normals != 0).any(axis=1))  # type: ignore[union-attr]
-    squares = _skin_and_mouths(body, pressed)
+    inside = np.asarray(body.chambers)[pressed]
+    squares = np.concatenate([_skin_and_mouths(body, pressed[inside == one]) for one in np.unique(inside)] or [NONE])
     left = np.setdiff1d(pressed, squares)
     if len(left):
         raise _open_at(body, left[0], "is in no closed surface of pressurised voxels")

@@ -107,7 +107,8 @@ class LatticeEngine:
             self_contact: whether voxels of a robot collide with each other.
             fluid: whether a fluid at rest resists all outer faces, as much as ``Quantity.RESISTANCE`` says. Pressure
                 then acts on the closed surface that the voxels with pressurised faces must form, see ``enclosure``,
-                and links keep momentum and angular momentum, see ``beams.balanced``.
+                and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
+                pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
             device: "cpu", "cuda", "vulkan" or "metal".
             precision: "f32" or "f64".
@@ -161,9 +162,10 @@ class LatticeEngine:
                 and len(other.materials) == len(first.materials)
                 and all(
                     np.array_equal(getattr(first, n), getattr(other, n))
-                    for n in ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals")
+                    for n in ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals",
+                              "chambers")
                 )
-            )
+            )  # fmt: skip
             if not same:
                 raise ValueError("body: bodies of one batch may differ in the values of their materials only")
 

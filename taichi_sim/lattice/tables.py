@@ -31,7 +31,7 @@ class Tables:
         link_ends: voxels of each link, engine order, shape (L, 2).
         surface_voxels: the surface voxels, engine order, shape (S,).
         square, corner: flat integer tables of the squares of a closed surface under pressure, and of their corners,
-            voxel by voxel; empty without a fluid.
+            voxel by voxel; empty without a fluid, but for bodies with several chambers.
         excluded: bit matrix of pairs of surface voxels that never collide, shape (S, ceil(S / 32)).
         start: start positions [m], engine order, shape (V, 3).
         group: group of each voxel, engine order, shape (V,).
@@ -108,8 +108,9 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
     rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
     rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
     ends = place[links].reshape(-1, 2)
-    squares = place[closed_surface(body)] if fluid else np.zeros((0, columns.SQUARE_COLUMNS), int)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), fluid)
+    closed = fluid or body.has_chambers
+    squares = place[closed_surface(body)] if closed else np.zeros((0, columns.SQUARE_COLUMNS), int)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), fluid, closed)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     used = sorted({id(b): b for b in bodies}.values(), key=id)
@@ -171,7 +172,7 @@ def _link_table(
 
 def _voxel_table(
     body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, squares: np.ndarray, poisson: bool,
-    fluid: bool,
+    fluid: bool, closed: bool,
 ) -> tuple[np.ndarray, int]:  # fmt: skip
     topology, count = body.topology, len(order)
     table = np.full((count, columns.VOXEL_COLUMNS), -1, np.int32)
@@ -184,7 +185,7 @@ def _voxel_table(
     table[:, columns.FIRST_LINK], table[:, columns.END_LINK] = first[:-1], first[1:]
     normals = body.pressure_normals[order]  # type: ignore[index]
     table[:, columns.NORMAL : columns.NORMAL + 3] = normals
-    feels = (normals != 0).any(axis=1) & (not fluid)  # in a fluid, pressure acts on a closed surface
+    feels = (normals != 0).any(axis=1) & (not closed)  # else pressure acts on the squares
     table[:, columns.FEELS_PRESSURE] = feels
     table[:, columns.WET] = outer_faces(body.voxels)[order] @ columns.WET_SHIFTS if fluid else 0
     ends = np.cumsum(np.bincount(squares.ravel(), minlength=count))

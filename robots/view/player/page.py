@@ -19,7 +19,7 @@ MOST_MOTIONS = 4
 PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "stage.js", "timeline.js", "player.js")
 Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 FAR = 5.0  # lengths of a robot: those that go farther are followed
-READOUTS = ("core pressure", "distance", "speed")
+READOUTS = ("core pressure", "distance", "speed")  # how names of channels begin that are shown as numbers
 MOST_VALUES = 2000  # of a channel in the chart
 
 
@@ -79,7 +79,7 @@ def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
         "channel_of": [node.channel for node in motion.nodes],
         "path": _list(motion.path, 5),
         "channels": [_channel(channel, motion.times[0]) for channel in motion.channels],
-        "readouts": [channel.name for channel in motion.channels if channel.name in READOUTS],
+        "readouts": [channel.name for channel in motion.channels if channel.name.startswith(READOUTS)],
         "lights": _list(motion.lights, 4),
         "light_radius": motion.light_radius,
         "skin": None if motion.skin is None else _skin(motion.skin),
