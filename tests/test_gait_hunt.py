@@ -216,7 +216,7 @@ def test_the_fastest_that_stays_wins_and_one_that_diverged_never():
 def quick(monkeypatch):
     """The study's searches with few points each."""
     few = {"hill-climb": {"climbers": 2}, "genetic": {"population": 4}, "gradient": {"climbers": 2},
-           "memetic": {"population": 5, "every": 2, "refine": 2}}  # fmt: skip
+           "memetic": {"population": 5, "every": 2, "refine": 2}, "ladder": {"population": 4, "starts": 6}}  # fmt: skip
     found = {name: dataclasses.replace(s, settings=few[name]) for name, s in searches.SEARCHES.items()}
     monkeypatch.setattr(hunting, "SEARCHES", found)
     return hunting.Hunt(4, (0, 1), finalists=2, runs=2)
@@ -227,7 +227,8 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     hunting.study(tmp_path / "hunt", settings, seen.append)
     summary = json.loads((tmp_path / "hunt" / "summary.json").read_text())
     assert set(summary["searches"]) == set(searches.SEARCHES)
-    assert len(summary["runs"]) == 8 and all(row["robot_steps"] >= settings.budget for row in summary["runs"])
+    assert len(summary["runs"]) == 2 * len(searches.SEARCHES)
+    assert all(row["robot_steps"] >= settings.budget for row in summary["runs"])
     assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
     assert (tmp_path / "hunt" / "hunt.png").stat().st_size > 1000
     rows = (tmp_path / "hunt" / "table.md").read_text().splitlines()
@@ -252,6 +253,17 @@ def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     assert hill.calls > calls
     history = (tmp_path / "hunt" / "runs" / "genetic-0" / "log.jsonl").read_text().splitlines()
     assert judged["of"]["generations"] == len(history)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])
+def test_damaged_finalists_are_judged_again(hill, tmp_path, monkeypatch, text):
+    settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",), seeds=(0,))
+    hunting.study(tmp_path / "hunt", settings)
+    path = tmp_path / "hunt" / "runs" / "genetic-0.json"
+    whole = path.read_bytes()
+    path.write_text(text)
+    hunting.study(tmp_path / "hunt", settings)
+    assert path.read_bytes() == whole
 
 
 def test_other_folders_and_budgets_are_refused(tmp_path):

@@ -84,7 +84,7 @@ def test_a_journey_that_diverges_is_no_number():
     [
         ([], "legs: none given; give at least one"),
         ([Leg(WALK, HILL), Leg(WALK, Terrain.water())], "legs: ground and a fluid are not allowed in one journey"),
-        ([Leg(WALK, HILL), Leg(replace(WALK, pressure=0.0), HILL)], "legs: leg 2 begins with 0 kPa, but the one before"),
+        ([Leg(WALK, HILL), Leg(replace(WALK, pressure=0.0), HILL)], "legs: leg 2 begins with 0 kPa, but the one"),
     ],
 )
 def test_legs_that_cannot_follow_each_other_are_refused(legs, message):

@@ -14,6 +14,15 @@ from robots.files import read_text, write_text
 from robots.terrain import Terrain
 
 
+def _read(path: Path) -> dict[str, Any]:
+    """What is kept; what is damaged is as good as missing."""
+    try:
+        known = json.loads(read_text(path)) if path.exists() else {}
+    except ValueError:
+        return {}
+    return known if isinstance(known, dict) and isinstance(known.get("speeds"), list) else {}
+
+
 def kept_finalists(
     path: Path, history: History, problem: GaitProblem, terrain: Terrain, count: int, runs: int, progress: Progress,
     **where: Any,
@@ -32,7 +41,7 @@ def kept_finalists(
     """
     found = last_bests(history, problem, count)
     of = {"generations": len(history.generations), "count": count, "runs": runs}
-    known = json.loads(read_text(path)) if path.exists() else {}
+    known = _read(path)
     if known.get("of") != of:
         judged = judge_finalists(found, terrain, runs, progress=progress, **where)
         speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]

@@ -1,7 +1,7 @@
 """The searches that hunt for gaits, and what each of them searches."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -15,6 +15,10 @@ SHORT, WARM_UP, STAGES = 62_240, 15_560, 3
 CYCLE: Mapping[str, Any] = MappingProxyType(
     {"encoding": "graded", "columns": 2, "steps": SHORT, "warm_up": WARM_UP, "stages": STAGES, "hard": True}
 )
+# On a ladder two cycles are enough, of which the second counts: what lurches once fails on the next rung.
+STEPPED: Mapping[str, Any] = MappingProxyType(
+    {"encoding": "graded-pattern", "columns": 2, "steps": 2 * WARM_UP, "warm_up": WARM_UP}
+)
 
 
 @dataclass(frozen=True)
@@ -26,16 +30,19 @@ class HuntSearch:
         method: its name in ``METHODS``.
         settings: of the method, but for the seed.
         problem: options of the problem, beside terrains and where it runs.
+        rungs: parts of the slope on which a gait has to get ahead before, flat ground (0) perhaps among them.
     """
 
     label: str
     method: str
     settings: Mapping[str, Any]
     problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)
+    rungs: tuple[float, ...] = ()
 
-    def problem_on(self, terrains: tuple[Terrain, ...], **where: Any) -> GaitProblem:
-        """What it searches on some terrains: orientation, shape and control."""
-        return GaitProblem(terrains, **self.problem, **where)
+    def problem_on(self, terrain: Terrain, **where: Any) -> GaitProblem:
+        """What it searches on a terrain: orientation, shape and control."""
+        easier = tuple(replace(terrain, slope=part * terrain.slope) for part in self.rungs)
+        return GaitProblem((*easier, terrain), ladder=bool(easier), **self.problem, **where)
 
 
 SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
@@ -48,6 +55,13 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
         ),
         "memetic": HuntSearch(
             "evolution with gradients on cycles", "memetic", {"population": 32, "every": 4, "refine": 8}
+        ),
+        "ladder": HuntSearch(
+            "genetic search of patterns, up a ladder",
+            "genetic",
+            {"population": 48, "starts": 256, "elites": 48, "crossover": 0.2, "mutation": 0.06},
+            STEPPED,
+            (0.0, 1 / 3, 2 / 3),
         ),
     }
 )

@@ -63,7 +63,7 @@ class Hunt:
 
 
 SCALES: dict[Budget, Hunt] = {
-    "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient"), geometry="small", finalists=2, runs=2),
+    "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
     "full": Hunt(300, (0, 1, 2, 3, 4)),
 }
 
@@ -120,7 +120,7 @@ def study(folder: Path, hunt: Hunt, progress: Progress = None, **where: Any) -> 
 def _hunt(folder: Path, hunt: Hunt, name: str, seed: int, progress: Progress, where: dict[str, Any]) -> Found:
     """One run and its finalists."""
     terrain, search = Terrain(hunt.slope), SEARCHES[name]
-    problem = search.problem_on((terrain,), geometry=hunt.geometry, **where)
+    problem = search.problem_on(terrain, geometry=hunt.geometry, **where)
     path = folder / "runs" / f"{name}-{seed}"
     settings = {**search.settings, "seed": seed}
     history = search_within(problem, search.method, settings, path, hunt.budget, part_of(progress, 0, 10, 9))
