@@ -218,11 +218,16 @@ def simulate(
     program = build_program([designs[i] for i in order], grounds, actuation, record_every, geometry)
     run = engine.run(program, progress)
     back = np.argsort(order)
-    run = LatticeResult(*(getattr(run, f)[back] for f in ("status", "steps", "positions", "orientations", "strains")))
+    run = reordered(run, back)
     headings = np.array([d.orientation for d in designs])
     nominal = np.array([nominal_steps(d.schedule.columns * d.schedule.repeats, actuation) for d in designs])
     sizes = rest_sizes(body, program)[back]
     return summarise(run, program.snapshots[back], sizes, headings, nominal, geometry, record_every)
+
+
+def reordered(run: LatticeResult, order: np.ndarray) -> LatticeResult:
+    """What a batch did, with its robots in another order, shape (B,)."""
+    return LatticeResult(*(getattr(run, f)[order] for f in ("status", "steps", "positions", "orientations", "strains")))
 
 
 def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:

@@ -5,14 +5,16 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.checks import number, whole_number
+from robots.cores import highest_pressure
 from robots.dual import Array
-from robots.inflatable import InflatableResult, scattered, stage_order, summarise, travel_directions
+from robots.inflatable import InflatableResult, reordered, scattered, stage_order, summarise, travel_directions
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
 from robots.relaxed_motion import gait_steps, nominal_gait_steps
-from robots.relaxed_program import DesignGradient, RelaxedProgram, build_relaxed_program
+from robots.relaxed_program import DesignGradient, Parameters, RelaxedProgram, build_relaxed_program
 from robots.relaxed_schedule import RelaxedDesign
 from robots.rest_sizes import pull_back_rest_sizes, rest_sizes
 from robots.terrain import Terrain
@@ -85,14 +87,22 @@ def simulate_relaxed(
     seed = whole_number("seed", seed, 0)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     terrain = terrain or Terrain()
-    program = build_relaxed_program(designs, terrain, actuation, ramp_steps, warm_up, stages, record_every, geometry)
+    Parameters.of(designs)  # refuses what goes not together
+    # Robots of a block wait for its slowest: put those of like length together.
+    lengths = [actuation.initial_steps(highest_pressure(d.pressure), ramp_steps) + gait_steps(d.schedule, actuation)
+               for d in designs]  # fmt: skip
+    order = np.argsort(lengths, kind="stable")
+    program = build_relaxed_program(
+        [designs[i] for i in order], terrain, actuation, ramp_steps, warm_up, stages, record_every, geometry
+    )
     engine = LatticeEngine(
         geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
         precision=precision, threads=threads, driver=driver,
     )  # fmt: skip
     if perturbation > 0:
-        engine.set_positions(scattered(geometry.body, perturbation, seed, range(len(designs))))
-    return _summary(designs, program, engine.run(program.program, progress), geometry, actuation, stages, record_every)
+        engine.set_positions(scattered(geometry.body, perturbation, seed, order))
+    run = engine.run(program.program, progress)
+    return _summary(designs, program, run, geometry, actuation, stages, record_every, np.argsort(order))
 
 
 def differentiate(
@@ -189,12 +199,16 @@ def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDes
 
 def _summary(
     designs: list[RelaxedDesign], program: RelaxedProgram, run: LatticeResult, geometry: InflatableGeometry,
-    actuation: InflatableActuation, stages: int, record_every: int | None = None,
+    actuation: InflatableActuation, stages: int, record_every: int | None = None, back: NDArray[np.intp] | None = None,
 ) -> InflatableResult:  # fmt: skip
+    """What a run says of designs; ``back`` says where they are in it."""
+    if back is None:
+        back = np.arange(len(designs))
     headings = np.array([d.orientation for d in designs])
     nominal = [nominal_gait_steps(d.schedule, gait_steps(d.schedule, actuation), actuation) for d in designs]
-    sizes = rest_sizes(geometry.body, program.program)
-    return summarise(run, program.program.snapshots, sizes, headings, np.array(nominal), geometry, record_every, stages)
+    sizes, marks = rest_sizes(geometry.body, program.program)[back], program.program.snapshots[back]
+    run = reordered(run, back)
+    return summarise(run, marks, sizes, headings, np.array(nominal), geometry, record_every, stages)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:

@@ -161,3 +161,22 @@ def test_there_are_no_harder_conditions_in_water_and_that_is_said_before_any_sim
     ):
         with pytest.raises(ValueError, match=r"^low_friction: 0.2 is not allowed in a fluid, which has no ground"):
             refused()
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_a_batch_of_gaits_of_any_lengths_is_each_of_them_alone(precision):
+    """Robots of like length are simulated side by side; noise and frames are still each one's own."""
+    gaits_ = [
+        RelaxedDesign(pressure, 60.0, settling(np.full((10, 2), 0.5), [settle, 20]))
+        for pressure, settle in ((2000.0, 10), (0.0, 300), (1000.0, 150))
+    ]
+    options = {"geometry": TINY, "actuation": QUICK, "precision": precision, "threads": 1}
+    together = simulate_relaxed(gaits_, Terrain(5.0), **options, record_every=100)
+    for place, design in enumerate(gaits_):
+        alone = simulate_relaxed(design, Terrain(5.0), **options, record_every=100)
+        assert alone.distance[0] == together.distance[place] and alone.steps[0] == together.steps[place]
+        count = int(np.isfinite(together.frames.positions[:, place, 0, 0]).sum())
+        np.testing.assert_array_equal(alone.frames.positions[:count, 0], together.frames.positions[:count, place])
+    noisy = simulate_relaxed(gaits_, Terrain(5.0), **options, perturbation=1e-6)
+    first = simulate_relaxed(gaits_[:1], Terrain(5.0), **options, perturbation=1e-6)
+    assert noisy.distance[0] == first.distance[0] != together.distance[0]

@@ -43,7 +43,7 @@ def _plans(package: Package) -> Section:
             f"Plans, by the mean speed over stretches of {package.task.stretch:g} body lengths with changes of shape",
             ("Plan", "Gaits", "Speed [BL/s]"), compared,
         ),
-        *(paragraph(line) for line in package.rejected),
+        *(paragraph(f"With faults in changes of shape: {line}") for line in package.rejected),
     ]  # fmt: skip
     return Section("Which gait where", content)
 
