@@ -97,8 +97,9 @@ def _crossings(package: Package) -> Section:
             (f"{first} to {second}", crossing.gait, *map(number, single.tolist()), _yes(crossing.survived[1])),
         ]
     header = ("Terrains", "Robot", "First [BL/s]", "Second [BL/s]", "Gets ahead on both")
+    note = paragraph("Speeds by the time that the legs take, not by that of a published gait.")
     link = Html(f'<p><a href="{PLAYER}">Play the journeys.</a></p>')
-    return Section("A change of terrain mid-way", [table("In one simulation", header, rows), link])
+    return Section("A change of terrain mid-way", [table("In one simulation", header, rows), note, link])
 
 
 def _yes(value: bool) -> str:
