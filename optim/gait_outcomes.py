@@ -14,6 +14,8 @@ from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, Infl
 from robots.schedule import BLADDERS
 from robots.terrain import Terrain
 
+AHEAD = 1e-3  # body lengths/s: gaits that are faster get ahead; about every other gait that trembles is above zero
+
 
 @dataclass(frozen=True)
 class Condition:
@@ -35,7 +37,7 @@ class Condition:
 
     def simulated(self, speeds: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
         """Which gaits are simulated here, by their speeds under all conditions, shape (N,)."""
-        return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > 0
+        return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > AHEAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ def outcomes(
         if before is None:
             found[condition.name] = simulate(number, condition, np.arange(count))
             continue
-        ahead = np.flatnonzero((before.speeds > 0) & (before.status == OK))
+        ahead = np.flatnonzero((before.speeds > AHEAD) & (before.status == OK))
         again = simulate(number, condition, ahead) if ahead.size else None
         found[condition.name] = (before if condition.carries else before.nothing).replaced(ahead, again)
     return found
