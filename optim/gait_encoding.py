@@ -131,7 +131,7 @@ class GradedGait(GaitEncoding):
 
     Attributes:
         steps: time steps that a gait may take.
-        warm_up: time steps that do not count: a gait takes more than these in any case.
+        warm_up: time steps that do not count: a gait is played until a whole cycle after them does.
     """
 
     steps: int = PUBLISHED_STEPS
@@ -162,11 +162,11 @@ class GradedGait(GaitEncoding):
 
     def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
         """With feet that grip a little, sharpened; as often as the steps allow."""
-        from robots.relaxed_motion import gait_steps, most_repeats
+        from robots.relaxed_motion import cycle_starts, most_repeats
 
         gait = self._graded(values)
         repeats = most_repeats(gait, self.steps)
-        while gait_steps(dataclasses.replace(gait, repeats=repeats)) <= self.warm_up:
+        while self.warm_up and cycle_starts(dataclasses.replace(gait, repeats=repeats))[-1] < self.warm_up:
             repeats += 1
         return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=repeats)
 

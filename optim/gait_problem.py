@@ -77,9 +77,10 @@ class GaitProblem:
             pressure is free: as published, the length of the ramp depends on it, and jumps.
         steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
             gait, 186,719. Fewer are a cheaper judgement of the same gait.
-        warm_up: time steps of a graded gait that do not count: what a robot does while it finds its stride.
-        stages: equally long parts of a graded gait, of which the slowest tells the speed: a gait that goes on beats one
-            that lurches once.
+        warm_up: time steps of a graded gait that do not count, nor does the cycle in which they end: what a robot does
+            while it finds its stride. The time of the whole cycles that follow counts the speed.
+        stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
+            speed: a gait that goes on beats one that lurches once.
         ladder: whether a terrain is for those gaits alone that get ahead on the one before; for the others it counts
             nothing, a speed of 0, and they are not simulated there. So gaits are led from easy ground to hard.
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
@@ -281,8 +282,10 @@ class GaitProblem:
 
     def _counted(self, result: InflatableResult) -> NDArray[np.int64]:
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
-        if self._timed:  # the steps of a result are without the warm-up
-            return np.maximum(result.steps, (self.steps or PUBLISHED_STEPS) - self.warm_up)
+        if self.warm_up:  # whole cycles that follow it
+            return result.steps
+        if self._timed:
+            return np.maximum(result.steps, self.steps or PUBLISHED_STEPS)
         return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self._actuation))
 
     @property

@@ -145,6 +145,30 @@ def gait_steps(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> int
     return relaxed_columns(gait, a)[1]
 
 
+def cycle_starts(gait: RelaxedSchedule, a: InflatableActuation = ACTUATION) -> list[int]:
+    """Steps of a gait at which it begins its columns anew; cheap."""
+    return [column.start for column in relaxed_columns(gait, a)[0][:: gait.columns]]
+
+
+def stage_starts(cycles: list[int], steps: int, warm_up: int, stages: int) -> list[int]:
+    """Steps of a gait at which the stages that count begin.
+
+    After a warm-up whole cycles count, of which every stage has as many: else a stroke forward counts that is not
+    taken back. Where there are too few cycles, and without a warm-up, stages are equally long in time.
+
+    Args:
+        cycles: steps at which cycles begin.
+        steps: of the gait.
+        warm_up: that do not count; the cycle in which they end does not, either.
+        stages: how many.
+    """
+    later = [start for start in cycles if start >= warm_up] if warm_up else []
+    if each := len(later) // stages:
+        return later[len(later) - each * stages :: each]
+    first = later[0] if later else warm_up
+    return [first + (steps - first) * part // stages for part in range(stages)]
+
+
 def most_repeats(gait: RelaxedSchedule, steps: int, a: InflatableActuation = ACTUATION) -> int:
     """How often a gait's columns can be played in so many time steps, at least once; ``MOST_COLUMNS`` at most."""
     lengths = [gait_steps(replace(gait, repeats=count), a) for count in (1, 2, 3)]

@@ -22,7 +22,7 @@ from robots.inflatable import InflatableDesign
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import PUBLISHED, InflatableGeometry
 from robots.inflatable_program import snapshot_steps, snapshot_table, weights, write_robot
-from robots.relaxed_motion import play_relaxed
+from robots.relaxed_motion import play_relaxed, stage_starts
 from robots.relaxed_schedule import RelaxedDesign
 from robots.schedule import BLADDERS, FEET
 from robots.terrain import Terrain
@@ -211,9 +211,10 @@ def build_relaxed_program(
         ramp_steps: steps in which the core pressure first rises to the design's, linearly; so the length of a program
             does not depend on it. By default the published ramp, of a given rate. From 6000 steps on, the small robot
             is left as by the published one, within what noise of 1e-6 m does to it; 3000 shake it too much.
-        warm_up: steps of the gait before snapshot 0: what it does first is not counted.
-        stages: snapshots between the first and the second divide the gait in so many equally long parts; they come
-            after these two.
+        warm_up: steps of the gait before snapshot 0, and the rest of the cycle in which they end: what it does first is
+            not counted.
+        stages: snapshots between the first and the second divide the gait in so many parts, see ``stage_starts``; they
+            come after these two.
         record_every: steps between recorded poses.
         geometry: that they have; its cores count.
 
@@ -239,6 +240,7 @@ def build_relaxed_program(
             raise ValueError(f"warm_up: {warm_up} is not allowed; a gait takes {steps} steps")
         lengths.append(begin + steps)
         _, end, *recorded = snapshot_steps(begin, begin + steps, record_every)
-        parts = [begin + warm_up + (steps - warm_up) * part // stages for part in range(stages)]
+        starts = [column.start for column in columns[:: parameters.columns]]
+        parts = [begin + start for start in stage_starts(starts, steps, warm_up, stages)]
         marks.append([parts[0], end, *parts[1:], *recorded])
     return recorder.build(lengths, marks, parameters)

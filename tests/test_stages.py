@@ -13,6 +13,7 @@ from robots.inflatable import INCHING, Frames, InflatableResult
 from robots.inflatable_body import FOOT_1, FOOT_2
 from robots.inflatable_gradient import differentiate, simulate_relaxed
 from robots.judgement import GaitJudgement, judge_gait
+from robots.relaxed_motion import cycle_starts, stage_starts
 from robots.relaxed_schedule import RelaxedDesign
 from robots.slip import slip_under_load
 from robots.terrain import Terrain
@@ -35,6 +36,26 @@ def test_stages_add_up_to_the_distance_and_what_warms_up_does_not_count():
     later = simulate_relaxed([gait(), gait(1)], warm_up=warm, **ROBOT)
     np.testing.assert_allclose(later.distance, staged.stages[:, 2:].sum(axis=1), atol=1e-15)
     assert later.steps.tolist() == [warm, warm]
+
+
+def test_what_counts_after_a_warm_up_is_whole_cycles():
+    """A cycle begins at every hundredth step, but for the first, which is shorter."""
+    cycles = [0, *range(60, 660, 100)]
+    assert stage_starts(cycles, 660, 0, 2) == [0, 330]
+    assert stage_starts(cycles, 660, 1, 1) == [60]
+    assert stage_starts(cycles, 660, 61, 1) == [160]
+    assert stage_starts(cycles, 660, 61, 2) == [260, 460]  # of five cycles two each
+    assert stage_starts(cycles, 660, 300, 5) == [360, 420, 480, 540, 600]  # three cycles are too few
+    assert stage_starts([0], 660, 60, 2) == [60, 360]
+
+
+def test_the_steps_of_a_result_are_those_of_the_cycles_that_count():
+    levels = np.zeros((10, 2))
+    levels[:4, 1], levels[8:] = 0.6, 1.0
+    design = RelaxedDesign(0.0, 90.0, settling(levels, [300, 300], 4))
+    warm = cycle_starts(design.schedule, QUICK)[1] + 1
+    found = simulate_relaxed(design, warm_up=warm, **ROBOT)
+    assert found.steps[0] == gaits.steps_of(design, QUICK) - cycle_starts(design.schedule, QUICK)[2]
 
 
 def test_frames_are_the_same_with_stages():
