@@ -14,6 +14,7 @@ from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, Infl
 from robots.schedule import BLADDERS
 from robots.terrain import Terrain
 
+RUNG = 1.0  # body lengths/s that each terrain counts which a gait on a ladder has left behind
 AHEAD = 1e-3  # body lengths/s: gaits that are faster get ahead; about every other gait that trembles is above zero
 
 
@@ -101,6 +102,34 @@ def outcomes(
         again = simulate(number, condition, ahead) if ahead.size else None
         found[condition.name] = (before if condition.carries else before.nothing).replaced(ahead, again)
     return found
+
+
+def height(
+    conditions: Sequence[Condition], found: Mapping[str, Outcome]
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """How high gaits come on a ladder: ``RUNG`` for each terrain left behind, and the speed on the last one reached.
+
+    Args:
+        conditions: of the ladder.
+        found: what came out under them, by their names.
+
+    Returns:
+        Heights, shape (N,), and their slopes, shape (N, D), if the outcomes have some.
+    """
+    speeds = {name: outcome.speeds for name, outcome in found.items()}
+    rungs: dict[str, list[Condition]] = {}
+    for condition in conditions:
+        rungs.setdefault(condition.terrain.name, []).append(condition)
+    score = np.zeros_like(found[conditions[0].name].speeds)
+    slopes = None
+    for number, group in enumerate(rungs.values()):
+        reached = group[0].simulated(speeds)
+        score = np.where(reached, number * RUNG + np.mean([speeds[each.name] for each in group], axis=0), score)
+        here = [slope for each in group if (slope := found[each.name].slopes) is not None]
+        if here:
+            mean = np.mean(here, axis=0)
+            slopes = mean if slopes is None else np.where(reached[:, None], mean, slopes)
+    return score, slopes
 
 
 def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, NDArray[np.float64]]:

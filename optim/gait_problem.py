@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
-from optim.gait_outcomes import Batch, Condition, Outcome, effort, outcomes
+from optim.gait_outcomes import Batch, Condition, Outcome, effort, height, outcomes
 from optim.gait_shape import EMPTY_CORE, ShapeGenes
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Vector
@@ -81,8 +81,9 @@ class GaitProblem:
             while it finds its stride. The time of the whole cycles that follow counts the speed.
         stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
             speed: a gait that goes on beats one that lurches once.
-        ladder: whether a terrain is for those gaits alone that get ahead on the one before; for the others it counts
-            nothing, a speed of 0, and they are not simulated there. So gaits are led from easy ground to hard.
+        ladder: whether a terrain is for those gaits alone that get ahead on the one before; the others are not
+            simulated there, their speed is 0. So gaits are led from easy ground to hard: instead of the mean the
+            objective is the speed on the last terrain that a gait has reached, and ``RUNG`` for each before.
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
@@ -181,9 +182,9 @@ class GaitProblem:
 
     @property
     def objective_names(self) -> tuple[str, ...]:
-        """The mean speed, or that on each terrain."""
+        """The mean speed, how high a ladder is climbed, or the speed on each terrain."""
         if self.objectives == "mean":
-            return ("speed",)
+            return ("height" if self.ladder else "speed",)
         return tuple(condition.name for condition in self.conditions)
 
     @cached_property
@@ -316,9 +317,13 @@ class GaitProblem:
         status = np.full(len(each), OK, dtype=object)
         for outcome in found.values():
             status = np.where(status == OK, outcome.status, status)
-        slopes = [outcome.slopes for outcome in found.values() if outcome.slopes is not None]
-        objectives = each if self.objectives == "terrains" else each.mean(axis=1)
-        gradients: NDArray[np.float64] | None = np.mean(slopes, axis=0) if slopes else None
+        objectives: Vector = each
+        gradients: Vector | None = None
+        if self.objectives == "mean" and self.ladder:
+            objectives, gradients = height(self.conditions, found)
+        elif self.objectives == "mean":
+            slopes = [outcome.slopes for outcome in found.values() if outcome.slopes is not None]
+            objectives, gradients = each.mean(axis=1), np.mean(slopes, axis=0) if slopes else None
         details = {name: outcome.speeds for name, outcome in found.items()}
         if self.effort:
             details["effort"], by_effort = self._efforts(batch)

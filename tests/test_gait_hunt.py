@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.gait_outcomes import effort
+from optim.gait_outcomes import AHEAD, RUNG, effort
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
 from optim.runs.requests import Request
@@ -104,7 +104,7 @@ def test_gaits_that_get_ahead_are_simulated_again_under_harder_conditions(hill):
 
 
 def test_gaits_climb_a_ladder_as_far_as_they_get_ahead(hill):
-    """Steeper ground is for those that got ahead before; for the others it counts nothing."""
+    """Steeper ground is for those that got ahead before; what counts is how many, and the speed on the last."""
     terrains = (Terrain(5.0), Terrain(10.0), Terrain(15.0))
     problem = GaitProblem(terrains, **{**SMALL, "hard": False}, ladder=True)
     points = problem.space.sample(np.random.default_rng(1), 6)
@@ -113,7 +113,9 @@ def test_gaits_climb_a_ladder_as_far_as_they_get_ahead(hill):
     each = [found.details[f"speed_hill:{slope}"] for slope in (5, 10, 15)]
     assert np.all(each[0][:3] == 0) and np.all(each[0][3:] > 0)
     assert np.all(each[2][each[1] <= 0] == 0) and np.any(each[1] > 0)
-    np.testing.assert_allclose(found.objectives[:, 0], np.mean(each, axis=0))
+    left = [int(each[0][i] > AHEAD) + int(each[1][i] > AHEAD) for i in range(6)]
+    assert found.objectives[:, 0].tolist() == [RUNG * left[i] + each[left[i]][i] for i in range(6)]
+    assert problem.objective_names == ("height",)
     alone = GaitProblem(terrains[:1], **{**SMALL, "hard": False}).evaluate(points)
     np.testing.assert_array_equal(alone.details["speed_hill:5"], each[0])
     simulations = problem.robot_steps(points, found) / [gaits_initial(d.pressure) + steps_of(d)

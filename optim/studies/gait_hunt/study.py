@@ -64,6 +64,7 @@ class Hunt:
 
 SCALES: dict[Budget, Hunt] = {
     "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
+    "medium": Hunt(60, (0, 1, 2, 3, 4), finalists=2, runs=2),
     "full": Hunt(300, (0, 1, 2, 3, 4)),
 }
 
@@ -92,7 +93,7 @@ def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> Non
 
     Args:
         folder: new, or that of the same study, which goes on.
-        budget: ``"small"`` or ``"full"``.
+        budget: ``"small"``, ``"medium"`` or ``"full"``.
         progress: called with the fraction done.
     """
     study(folder, scale_of(budget, SCALES), progress)
