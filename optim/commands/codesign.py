@@ -122,7 +122,8 @@ def _add_design(design: Any) -> None:
         "--ladder",
         action="store_true",
         default=None,
-        help="of several terrains, the easiest first, a gait is tried on the next if it gets ahead on the one before",
+        help="of several terrains, the easiest first, a gait is tried on the next if it gets ahead on the one before; "
+        "each left behind counts 1, beside the speed on the last",
     )
     design.add_argument(
         "--hard",
