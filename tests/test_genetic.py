@@ -85,6 +85,16 @@ def test_a_mutation_changes_what_it_meets_by_the_steps_of_the_space():
     assert (children[:, 3] == 0).all()
 
 
+def test_what_is_reset_is_drawn_from_all_of_its_range():
+    """Of a range of ten steps, a child is as likely to be anywhere; without resetting it stays near its parent."""
+    space = Space((Variable("a", 0.0, 10.0, step=0.1), Variable("b", 0, 9, "integer", step=0.1)))
+    parents = [[0.0, 0.0], [0.0, 0.0]]
+    for resetting, mean in ((1.0, 5.0), (0.5, 2.5), (0.0, 0.08)):
+        children = one_family(space, parents, crossover=0.0, mutation=1.0, resetting=resetting).ask()
+        assert children[:, 0].mean() == pytest.approx(mean, abs=0.3)
+    assert set(one_family(space, parents, crossover=0.0, mutation=1.0, resetting=1.0).ask()[:, 1]) == set(range(10))
+
+
 def test_one_variable_in_d_mutates_and_clones_change_in_one():
     parent = np.zeros(40)
     flips = one_family(BITS, [parent, parent]).ask().sum(axis=1)

@@ -37,6 +37,7 @@ class GeneticSearch(PopulationSearch):
         tournament: int = 2,
         crossover: float = 0.9,
         mutation: float | None = None,
+        resetting: float = 0.0,
         elites: int | None = None,
         starts: int | None = None,
     ) -> None:
@@ -51,11 +52,15 @@ class GeneticSearch(PopulationSearch):
             tournament: members drawn for a parent, of which the best becomes it.
             crossover: probability that a child has two parents, not one.
             mutation: probability that a variable of a child mutates; one in D if None.
+            resetting: probability that a variable which mutates is drawn anew from all of its range ("random
+                resetting", Eiben & Smith, Introduction to Evolutionary Computing, 2015, 4.3.1), where steps lead
+                nowhere.
             elites: members that compete with the children for a place: 0, none survives its generation; N, the best
                 of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
             starts: points of generation 0, at least N, which is meant by None. Many find what is rare.
         """
         check_number("crossover", crossover, 0.0, 1.0)
+        check_number("resetting", resetting, 0.0, 1.0)
         check_whole("tournament", tournament, 1, 1000)
         if mutation is not None:
             check_number("mutation", mutation, 0.0, 1.0)
@@ -65,7 +70,7 @@ class GeneticSearch(PopulationSearch):
         super().__init__(space, population=population, seed=seed, start=start)
         if elites is not None:
             check_whole("elites", elites, 0)
-        self.tournament, self.crossover = tournament, crossover
+        self.tournament, self.crossover, self.resetting = tournament, crossover, resetting
         self.mutation = 1 / space.size if mutation is None else mutation
         self.elites = max(1, population // 10) if elites is None else min(elites, population)
         self.steps = mutation_steps(space)
@@ -105,7 +110,11 @@ class GeneticSearch(PopulationSearch):
         alone = rng.integers(0, self.space.size, self.population)
         clones = (children == first).all(axis=1) | (children == second).all(axis=1)
         chosen[np.arange(self.population), alone] |= clones & ~chosen.any(axis=1)
-        return self.space.reflect(self.space.round(np.where(chosen, self._mutated(rng, children), children)))
+        mutants = self._mutated(rng, children)
+        if self.resetting:
+            anew = rng.random(children.shape) < self.resetting
+            mutants = np.where(anew, self.space.sample(rng, self.population), mutants)
+        return self.space.reflect(self.space.round(np.where(chosen, mutants, children)))
 
     def _parents(self, rng: np.random.Generator) -> NDArray[np.intp]:
         """The winners of N tournaments, shape (N,)."""
