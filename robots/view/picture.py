@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from robots.checks import whole_number
 from robots.cores import kilopascals
+from robots.files import write_bytes
 from robots.gaits import GaitDesign, PlayedGait, played, simulate, steps_of
 from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.schedule import BLADDERS
@@ -15,6 +17,7 @@ from robots.terrain import Terrain
 from robots.view import shape
 from robots.view.drawing import draw_pose, draw_schedule
 from robots.view.scene import INK, Array, Camera
+from robots.view.still import figure_content
 from robots.view.strip import draw_strip
 
 __all__ = ["draw_pose", "draw_schedule", "motion_picture", "save_motion_picture"]
@@ -57,7 +60,8 @@ def save_motion_picture(
     if counted_steps is not None:
         result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
     figure = motion_picture(result, design, terrain, actuation=actuation, frames=frames)
-    figure.savefig(path, dpi=DOTS_PER_INCH)
+    form = Path(path).suffix[1:].lower() or "png"
+    write_bytes(path, figure_content(figure, form, DOTS_PER_INCH))
     return result
 
 
