@@ -7,14 +7,18 @@ from inspect import signature
 import pytest
 
 from optim.studies.catalogue import CATALOGUE
+from optim.studies.sweep_study import SensorPlacement
+from optim.studies.training import sample_designs
+from robots.braitenberg import Sweep
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_study_is_there_and_takes_what_it_says(name):
     item = CATALOGUE[name]
-    run = import_module(f"optim.studies.{item.module}").run
-    assert list(signature(run).parameters)[:3] == ["folder", "budget", "progress"]
-    assert ("sweep_folder" in signature(run).parameters) == item.sweep
+    module = import_module(f"optim.studies.{item.module}")
+    taken = signature(module.study).parameters
+    assert list(taken)[:3] == ["folder", "settings", "progress"] and {"small", "full"} <= set(module.SCALES)
+    assert ("sweep_folder" in taken) == item.sweep
     assert item.source and item.title and item.writes
 
 
@@ -25,15 +29,13 @@ def test_studies_are_listed(morpholab):
 
 
 def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
-    monkeypatch.setattr("optim.studies.sweep_study.Sweep", lambda weights: Sweep(weights=7, steps=800))
-    monkeypatch.setattr("optim.studies.sweep_study.sample_designs", lambda count: [80, 200])
-    from robots.braitenberg import Sweep
-
+    scales = {"small": SensorPlacement(2, Sweep(weights=7, steps=800))}
+    monkeypatch.setattr("optim.studies.sweep_study.SCALES", scales)
     code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")
     assert code == 0 and all((tmp_path / "a" / name).is_file() for name in CATALOGUE["sensor-placement"].writes)
     assert "table.csv" in out
     table = (tmp_path / "a/table.csv").read_text().splitlines()
-    assert [line.split(",")[0] for line in table] == ["design", "80", "162", "200", "6553"]
+    assert [line.split(",")[0] for line in table] == ["design", *map(str, sorted([162, 6553, *sample_designs(2)]))]
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
