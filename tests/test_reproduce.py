@@ -6,9 +6,11 @@ from inspect import signature
 
 import pytest
 
+from optim.studies import sweep_study, training_study
 from optim.studies.catalogue import CATALOGUE
 from optim.studies.sweep_study import SensorPlacement
-from optim.studies.training import sample_designs
+from optim.studies.training import Training, sample_designs
+from optim.studies.training_study import TrainingInBodies
 from robots.braitenberg import Sweep
 
 
@@ -58,3 +60,27 @@ def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_pa
 def test_mistakes_are_one_line(morpholab, line, message):
     code, _, error = morpholab(line)
     assert code == 2 and message in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SensorPlacement(0), "sample: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: TrainingInBodies(7000), "sample: 7000 is not allowed; give at most 6561"),
+        (lambda: TrainingInBodies(weights=1), "weights: 1 is not allowed"),
+    ],
+)
+def test_settings_that_are_not_allowed_are_one_line(make, message):
+    with pytest.raises(ValueError) as raised:
+        make()
+    assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+def test_folders_know_their_study_by_these_settings_in_this_order():
+    """A folder of before goes on only where the text of its settings is the same."""
+    placement = sweep_study.SCALES["small"].describe()
+    assert list(placement) == ["weights", "radius", "time_step", "steps", "precision", "bodies"]
+    assert (placement["weights"], placement["bodies"]) == (41, 100)
+    trained = training_study.SCALES["small"].describe()
+    assert list(trained) == [*Training().describe(), "bodies", "weights"]
+    assert (trained["repetitions"], trained["bodies"], trained["weights"]) == (2, 20, 41)

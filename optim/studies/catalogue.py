@@ -20,6 +20,9 @@ class Item:
       One of something else is refused by a ValueError of one line, before any work.
     * ``settings`` are any, those in ``SCALES`` or others.
     * ``progress`` is called with the fraction done.
+    * ``threads``, where it is taken, are CPU threads, all available if None; they change no result.
+
+    It writes ``summary.json`` or a table, and figures; where it returns anything, that is what ``summary.json`` holds.
 
     Attributes:
         source: where in the dissertation.

@@ -69,12 +69,7 @@ def study(
 ) -> dict[str, Any]:
     """Write a table and a figure of both sweeps, and all numbers.
 
-    Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
-        threads: CPU threads, all available if None; changes no result.
-
-    Returns:
-        What ``summary.json`` holds.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
     cases = settings.cases
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}

@@ -93,12 +93,7 @@ def study(
 ) -> dict[str, Any]:
     """Write a table, heat maps and all numbers; more bodies may follow in the same folder.
 
-    Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
-        threads: CPU threads, all available if None; changes no result.
-
-    Returns:
-        What ``summary.json`` holds.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
     about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
     parts = ResultsFolder(folder, KIND, {**about, "robot": settings.robot.describe()})

@@ -100,14 +100,9 @@ SCALES: Mapping[Budget, Sensitivity] = {
 
 
 def study(folder: Path, settings: Sensitivity, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """Write a table, a figure and all numbers, robot by robot.
+    """Write a table, a figure and all numbers; more factors may follow in the same folder.
 
-    Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
-        threads: CPU threads, all available if None; changes no result.
-
-    Returns:
-        What ``summary.json`` holds.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = ResultsFolder(folder, KIND, about)  # more factors may follow

@@ -54,12 +54,7 @@ SCALES: Mapping[Budget, SlopeSweep] = {
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a table, a figure, the transition and all numbers.
 
-    Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
-        threads: CPU threads, all available if None; changes no result.
-
-    Returns:
-        What ``summary.json`` holds.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
     parts = ResultsFolder(folder, KIND, {"slopes": settings.slopes, "robot": settings.robot.describe()})
     cases = [Case(design, Terrain(slope)) for slope in settings.slopes for design in GAITS.values()]

@@ -25,12 +25,7 @@ BEFORE, SEARCHES, AFTER = 1, 16, 3  # shares of the progress
 def study(folder: Path, settings: ShapeChange, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a run folder for each experiment in ``runs``, the table, curves and all numbers, after every generation.
 
-    Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
-        threads: CPU threads, all available if None; changes no result.
-
-    Returns:
-        What ``summary.json`` holds.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
     check_folder(folder, (*FILES, RUNS, KIND))
     beside = open_played(settings, folder)
