@@ -6,15 +6,21 @@ from inspect import signature
 
 import pytest
 
+from optim.studies import sweep_study, training_study
 from optim.studies.catalogue import CATALOGUE
+from optim.studies.sweep_study import SensorPlacement
+from optim.studies.training import Training, sample_designs
+from optim.studies.training_study import TrainingInBodies
+from robots.braitenberg import Sweep
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_study_is_there_and_takes_what_it_says(name):
     item = CATALOGUE[name]
-    run = import_module(f"optim.studies.{item.module}").run
-    assert list(signature(run).parameters)[:3] == ["folder", "budget", "progress"]
-    assert ("sweep_folder" in signature(run).parameters) == item.sweep
+    module = import_module(f"optim.studies.{item.module}")
+    taken = signature(module.study).parameters
+    assert list(taken)[:3] == ["folder", "settings", "progress"] and {"small", "full"} <= set(module.SCALES)
+    assert ("sweep_folder" in taken) == item.sweep
     assert item.source and item.title and item.writes
 
 
@@ -25,15 +31,13 @@ def test_studies_are_listed(morpholab):
 
 
 def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
-    monkeypatch.setattr("optim.studies.sweep_study.Sweep", lambda weights: Sweep(weights=7, steps=800))
-    monkeypatch.setattr("optim.studies.sweep_study.sample_designs", lambda count: [80, 200])
-    from robots.braitenberg import Sweep
-
+    scales = {"small": SensorPlacement(2, Sweep(weights=7, steps=800))}
+    monkeypatch.setattr("optim.studies.sweep_study.SCALES", scales)
     code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")
     assert code == 0 and all((tmp_path / "a" / name).is_file() for name in CATALOGUE["sensor-placement"].writes)
     assert "table.csv" in out
     table = (tmp_path / "a/table.csv").read_text().splitlines()
-    assert [line.split(",")[0] for line in table] == ["design", "80", "162", "200", "6553"]
+    assert [line.split(",")[0] for line in table] == ["design", *map(str, sorted([162, 6553, *sample_designs(2)]))]
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -56,3 +60,27 @@ def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_pa
 def test_mistakes_are_one_line(morpholab, line, message):
     code, _, error = morpholab(line)
     assert code == 2 and message in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SensorPlacement(0), "sample: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: TrainingInBodies(7000), "sample: 7000 is not allowed; give at most 6561"),
+        (lambda: TrainingInBodies(weights=1), "weights: 1 is not allowed"),
+    ],
+)
+def test_settings_that_are_not_allowed_are_one_line(make, message):
+    with pytest.raises(ValueError) as raised:
+        make()
+    assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+def test_folders_know_their_study_by_these_settings_in_this_order():
+    """A folder of before goes on only where the text of its settings is the same."""
+    placement = sweep_study.SCALES["small"].describe()
+    assert list(placement) == ["weights", "radius", "time_step", "steps", "precision", "bodies"]
+    assert (placement["weights"], placement["bodies"]) == (41, 100)
+    trained = training_study.SCALES["small"].describe()
+    assert list(trained) == [*Training().describe(), "bodies", "weights"]
+    assert (trained["repetitions"], trained["bodies"], trained["weights"]) == (2, 20, 41)

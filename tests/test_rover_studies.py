@@ -10,6 +10,7 @@ from optim.studies.catalogue import CATALOGUE
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.rover_pre_optimisation import Front, PreOptimisation
 from optim.studies.rover_problem import RoverProblem
+from optim.studies.rover_success import RoverSuccess
 from optim.studies.rover_sweep import RoverSweep
 from optim.studies.tables import read_table
 from optim.studies.trials import Trials
@@ -77,7 +78,7 @@ THEORY = Sweep(5, radius=0.5, time_step=0.2, steps=500)
 
 
 def small_success(folder, grid=GRID):
-    rover_success.study(folder, grid, THEORY)
+    rover_success.study(folder, RoverSuccess(grid, THEORY))
 
 
 def small_sweep(folder, grid=GRID):

@@ -7,17 +7,29 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from optim.studies.results import scale_of
+
 
 @dataclass(frozen=True)
 class Item:
     """A study that repeats or extends something published.
 
+    Its module has ``SCALES``, the study's settings by budget, and ``study(folder, settings, progress=None, ...)``:
+
+    * ``folder`` takes the results; it is new, or that of a study of the same settings, which goes on from where it was.
+      One of something else is refused by a ValueError of one line, before any work.
+    * ``settings`` are any, those in ``SCALES`` or others.
+    * ``progress`` is called with the fraction done.
+    * ``threads``, where it is taken, are CPU threads, all available if None; they change no result.
+
+    It writes ``summary.json`` or a table, and figures; where it returns anything, that is what ``summary.json`` holds.
+
     Attributes:
         source: where in the dissertation.
         title: in a line.
-        module: of ``optim.studies``; its ``run(folder, budget, progress)`` does the study.
+        module: of ``optim.studies``.
         writes: files in the folder, beside raw results.
-        sweep: whether ``run`` also takes ``sweep_folder``, a sweep to read bodies from.
+        sweep: whether ``study`` also takes ``sweep_folder``, a sweep to read bodies from.
     """
 
     source: str
@@ -36,8 +48,12 @@ class Item:
             budget: ``"small"``, to see that it works, ``"full"``, or ``"medium"``, where the study has that.
             progress: called with the fraction done.
             given: ``sweep_folder``, where the study takes it.
+
+        Raises:
+            ValueError: in one line, for a budget that the study does not have, or a folder of something else.
         """
-        import_module(f"optim.studies.{self.module}").run(folder, budget, progress, **given)
+        module = import_module(f"optim.studies.{self.module}")
+        module.study(folder, scale_of(budget, module.SCALES), progress, **given)
 
 
 CATALOGUE: Mapping[str, Item] = MappingProxyType(

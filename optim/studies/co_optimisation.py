@@ -7,6 +7,7 @@ the defaults of BlackBoxOptim.jl: 50 members, boxes of 0.1 m, one child at a tim
 The chapter has the first two arms; the third gives the baseline's controller all four connections.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from optim.measures.statistics import mean_band
 from optim.search.method import check_whole
 from optim.studies.comparison import compare, describe_times, ranked
-from optim.studies.results import Budget, Progress, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, part_of, write_json
 from optim.studies.tables import write_table
 from optim.studies.trials import Trials, first_time, kept_trials
 from optim.vehicle_problem import VehicleProblem
@@ -70,7 +71,7 @@ class CoOptimisation:
         return {**numbers, "problem": self.problem().describe()}
 
 
-SCALES: dict[Budget, CoOptimisation] = {"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()}
+SCALES: Mapping[Budget, CoOptimisation] = {"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()}
 
 
 def co_optimise(settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None) -> dict[str, Trials]:
@@ -116,22 +117,11 @@ def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dic
     return summary
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
-    """Do the study: ``summary.json``, curves and raw data as CSV, ``co-optimisation.png``; resumable.
-
-    Args:
-        folder: new, or that of the same study, which goes on.
-        budget: ``"small"``: few short searches, to see that it works; ``"full"``: as published.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
-    """The same with any settings."""
+    """Write ``summary.json``, curves and raw data as CSV, and ``co-optimisation.png``.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     from optim.studies.co_optimisation_figure import draw
     from optim.studies.sensor_homeostasis import follow_homeostasis
 

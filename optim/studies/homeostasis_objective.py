@@ -7,6 +7,7 @@ well the solution stands perturbations. Until the first solution both searches a
 objective cannot change how soon it comes.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,7 @@ from optim.studies.comparison import compare, describe_times
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
 from optim.studies.homeostasis_problem import HomeostasisProblem
 from optim.studies.perturbations import PERTURBATIONS, survival
-from optim.studies.results import Arrays, Budget, Progress, kept, part_of, scale_of, write_json
+from optim.studies.results import Arrays, Budget, Progress, kept, part_of, write_json
 from optim.studies.sensor_homeostasis import decimation, sensor_distances
 from optim.studies.tables import write_table
 from optim.studies.trials import NOTHING, Trials, kept_trials
@@ -67,7 +68,7 @@ class HomeostasisObjective:
         return {**self.searches.describe(), **numbers, "borg": BORG, "box": BOX}
 
 
-SCALES: dict[Budget, HomeostasisObjective] = {
+SCALES: Mapping[Budget, HomeostasisObjective] = {
     "small": HomeostasisObjective(CoOptimisation(runs=3, budget=100), weights=15, draws=2),
     "full": HomeostasisObjective(),
 }
@@ -148,13 +149,11 @@ def judge(settings: HomeostasisObjective, points: NDArray[np.float64], sweep_fol
     return arrays
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
-    """Do the study: ``summary.json``, ``reported.csv``, a figure; arguments as of ``co_optimisation.run``."""
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
-    """The same with any settings."""
+    """Write ``summary.json``, ``reported.csv`` and a figure.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     results = ResultsFolder(folder, "homeostasis-objective", settings.describe())
     found = search(settings, results, part_of(progress, 0, 2))
     outcomes: dict[str, Arrays] = {}

@@ -5,6 +5,7 @@ proposes signal similarity as a proxy of learnability. Bodies are drawn from the
 controller that solves all environments; a body's homeostasis is the mean over such controllers, drawn from its sweep.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
 from optim.search.method import check_whole
 from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.studies.results import Arrays, Budget, Progress, kept, part_of, scale_of, write_json
+from optim.studies.results import Arrays, Budget, Progress, kept, part_of, write_json
 from optim.studies.sensor_homeostasis import decimation, sensor_distances
 from optim.studies.sensor_placement import some_solving_controllers
 from optim.studies.sweep_table import overlaps_of
@@ -60,7 +61,7 @@ class BodyHomeostasis:
         return {name: value for name, value in asdict(self).items() if name != "threads"}
 
 
-SCALES: dict[Budget, BodyHomeostasis] = {
+SCALES: Mapping[Budget, BodyHomeostasis] = {
     "small": BodyHomeostasis(bodies=10, controllers=3, sweep=Sweep(weights=31)),
     "full": BodyHomeostasis(),
 }
@@ -118,18 +119,13 @@ def correlate(arrays: Arrays) -> dict[str, Any]:
     return found
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Do the study: ``summary.json``, ``bodies.csv``, ``homeostasis-of-bodies.png``; resumable.
+def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sweep_folder: Path | None = None) -> None:
+    """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``.
 
     Args:
-        folder, budget, progress: see :func:`optim.studies.co_optimisation.run`.
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
     """
-    study(folder, scale_of(budget, SCALES), progress, sweep_folder)
-
-
-def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """The same with any settings."""
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
     bodies = chosen_bodies(settings, sweep_folder or folder / "sweep", part_of(progress, 0, 2))
     designs, parts = list(bodies), []

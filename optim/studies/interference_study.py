@@ -16,7 +16,7 @@ from optim.studies.interference_evolution import Run, evolve
 from optim.studies.interference_likeness import likeness, write_likeness
 from optim.studies.interference_settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
 from optim.studies.interference_tables import measure, write_tables
-from optim.studies.results import Budget, Progress, check_folder, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 
 TABLES = (
     "tables.md",
@@ -50,9 +50,9 @@ class Effort:
     alone: Alone
 
 
-EFFORTS: Mapping[Budget, Effort] = {
+SCALES: Mapping[Budget, Effort] = {
     "small": Effort(20, 3, 40, Alone(2, 40)),
-    "full": Effort(100, 30, 3000, Alone(5, 400)),
+    "full": Effort(100, 30, 3000, Alone(5, 400)),  # as published
 }
 
 
@@ -103,23 +103,17 @@ def _draw_changes(found: Mapping[Run, Arrays], out: Path) -> None:
     draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
 
 
-def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """The nine treatments in two and in four environments, and each robot on each light alone; resumable.
+def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
+    """The nine treatments in two and in four environments, and each robot on each light alone.
 
-    Args:
-        folder: takes ``two``, ``four``, with tables and pictures each, and ``alone.csv``.
-        budget: ``"small"``, to see that it works, or ``"full"``: 30 runs of 3000 generations, as published.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
+    Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``; for the arguments see
+    :class:`optim.studies.catalogue.Item`.
     """
-    effort = scale_of(budget, EFFORTS)
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
-    settings = Interference(population=effort.population)
+    interference = Interference(population=settings.population)
     for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
-        train(replace(settings, lights=LIGHTS[environments]), treatments(), effort.runs, effort.generations,
+        train(replace(interference, lights=LIGHTS[environments]), treatments(), settings.runs, settings.generations,
               folder / name, figures=True, progress=part_of(progress, n, 3))  # fmt: skip
-    alone = train_alone(replace(settings, lights=LIGHTS[4]), tuple(ROBOTS), effort.alone, folder,
+    alone = train_alone(replace(interference, lights=LIGHTS[4]), tuple(ROBOTS), settings.alone, folder,
                         progress=part_of(progress, 2, 3))  # fmt: skip
     write_json(folder / "summary.json", {"alone": alone})

@@ -4,6 +4,7 @@ Source: dissertation, chapter 6 (figure of the two weight manifolds), which expe
 controllers lose fewer of them. Bodies are the baseline, and those with the highest metrics of the published sweep.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from optim.search.method import check_whole
 from optim.studies.comparison import compare
 from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.studies.perturbations import PERTURBATIONS, survival
-from optim.studies.results import Arrays, Budget, Progress, kept, scale_of, write_json
+from optim.studies.results import Arrays, Budget, Progress, kept, write_json
 from optim.studies.sensor_placement import some_solving_controllers
 from optim.studies.sweep_table import overlaps_of
 from optim.studies.tables import read_table, write_table
@@ -55,7 +56,7 @@ class RealityGap:
         return {**{n: v for n, v in asdict(self).items() if n != "threads"}, "perturbations": kinds}
 
 
-SCALES: dict[Budget, RealityGap] = {"small": RealityGap(controllers=10, draws=2), "full": RealityGap()}
+SCALES: Mapping[Budget, RealityGap] = {"small": RealityGap(controllers=10, draws=2), "full": RealityGap()}
 
 
 def measure(settings: RealityGap, design: int, sweep_folder: Path) -> Arrays:
@@ -71,18 +72,13 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path) -> Arrays:
     return {"weights": drawn, "survival": np.array(after).reshape(len(PERTURBATIONS), len(drawn))}
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Do the study: ``summary.json``, ``survival.csv``, ``reality-gap.png``; resumable, arguments as of other studies.
+def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_folder: Path | None = None) -> None:
+    """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``.
 
     Args:
-        folder, budget, progress: see :func:`optim.studies.co_optimisation.run`.
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
     """
-    study(folder, scale_of(budget, SCALES), progress, sweep_folder)
-
-
-def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """The same with any settings."""
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     found: dict[int, Arrays] = {}
     for design in DESIGNS:

@@ -1,12 +1,13 @@
 """What studies share: budgets, results of parts that are computed once, progress, and summaries."""
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from numpy.typing import NDArray
 
+from optim.studies.tables import write_records
 from robots.files import ASIDE, write_text
 from robots.results_folder import ResultsFolder
 
@@ -58,6 +59,25 @@ def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays])
     return found
 
 
+def kept_in_turn(
+    folder: ResultsFolder, key: str, parts: Iterable[tuple[str, Callable[[Progress], NDArray[Any]]]], progress: Progress
+) -> list[NDArray[Any]]:
+    """An array of each part of a study, those of the folder or computed now, one after the other: see :func:`kept`.
+
+    Args:
+        folder: takes each as it comes.
+        key: of the arrays, in their files.
+        parts: their names and what computes them, which is given its own progress.
+        progress: called with the fraction done.
+    """
+    parts = list(parts)
+
+    def one(number: int, name: str, compute: Callable[[Progress], NDArray[Any]]) -> NDArray[Any]:
+        return kept(folder, name, lambda: {key: compute(part_of(progress, number, len(parts)))})[key]
+
+    return [one(number, *part) for number, part in enumerate(parts)]
+
+
 def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
     """Progress of a part of so much work, after what is done of the total; None for None."""
     return progress and (lambda fraction: progress((done + length * fraction) / total))
@@ -66,3 +86,19 @@ def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progr
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
     """Write numbers as JSON; what is not finite is refused."""
     write_text(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+
+
+def write_summary(folder: Path, name: str, header: Sequence[str], summary: Mapping[str, Any], page: str = "") -> None:
+    """Write what a study found: its rows as CSV, a page of Markdown if there is one, and ``summary.json``.
+
+    Args:
+        folder: of the study.
+        name: of table and page.
+        header: columns of the table.
+        summary: all numbers; ``rows`` are those of the table, by column.
+        page: Markdown; none if empty.
+    """
+    write_records(folder / f"{name}.csv", header, summary["rows"])
+    if page:
+        write_text(folder / f"{name}.md", page)
+    write_json(folder / "summary.json", summary)

@@ -6,7 +6,7 @@ reaches the light in all environments.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from optim.plots.fronts import draw_points
 from optim.search.method import check_whole
 from optim.space import Vector
 from optim.studies.figures import COLOURS, COLUMN, figure
-from optim.studies.results import Arrays, Budget, kept, scale_of, write_json
+from optim.studies.results import Arrays, Budget, Progress, kept, write_json
 from optim.studies.rover_grid import RoverGrid
 from optim.studies.rover_problem import (
     CONTROLLERS,
@@ -106,22 +106,11 @@ class Front:
 SCALES: Mapping[Budget, PreOptimisation] = {"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()}
 
 
-def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None) -> None:
-    """Do the study: ``summary.json``, the fronts as CSV, a figure; resumable, search by search.
+def study(folder: Path, settings: PreOptimisation, progress: Progress = None) -> None:
+    """Write ``summary.json``, the fronts as CSV and a figure, search by search.
 
-    Args:
-        folder: new, or that of the same study.
-        budget: ``"small"``: short searches, to see that it works; or ``"full"``.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
-def study(folder: Path, settings: PreOptimisation, progress: Callable[[float], None] | None = None) -> None:
-    """The same with any settings."""
     numbers = {name: value for name, value in asdict(settings).items() if name != "threads"}
     problems = {name: settings.problem(name) for name in CONTROLLERS}
     described = {name: problem.describe() for name, problem in problems.items()}

@@ -4,7 +4,8 @@ Source: dissertation, chapter 3, figures "landscape" (D to F) and section "Empir
 of the same bodies (``robots.braitenberg``).
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from optim.measures.overlap import interference, learnability
 from optim.plots.vehicles import add_overlap_bar, draw_overlap
 from optim.studies.figures import COLUMN, figure, letter, save_arrays
-from optim.studies.results import check_folder, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.sweep_table import overlaps_of
 from optim.studies.tables import write_table
@@ -30,30 +31,37 @@ COLUMNS = ("body", "model", "controllers", "solving_0", "solving_1", "solving_2"
            "M_CF", "published_solving_4", "published_M_L", "published_M_CF")  # fmt: skip
 
 
-def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None) -> None:
-    """Success on 31 x 31 (``"small"``) or 121 x 121 weights; ``summary.json``, a table, a figure. Resumable.
+@dataclass(frozen=True)
+class RoverSuccess:
+    """Settings.
 
-    Args:
-        folder: takes the results.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
+    Attributes:
+        grid: of weights, of the rigid bodies.
+        theory: of the theoretical model.
     """
-    grid, theory = scale_of(budget, {"small": (RoverGrid(31), Sweep(31)), "full": (RoverGrid(), Sweep())})
-    study(folder, grid, theory, progress)
+
+    grid: RoverGrid = field(default_factory=RoverGrid)
+    theory: Sweep = field(default_factory=Sweep)
 
 
-def study(folder: Path, grid: RoverGrid, theory: Sweep, progress: Callable[[float], None] | None = None) -> None:
-    """The same with any settings."""
+SCALES: Mapping[Budget, RoverSuccess] = {
+    "small": RoverSuccess(RoverGrid(31), Sweep(31)),
+    "full": RoverSuccess(),
+}
+
+
+def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> None:
+    """Write ``summary.json``, a table and a figure, its numbers beside it.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     check_folder(
         folder, ("success", "theory", "summary.json", *(f"rover-success.{end}" for end in ("csv", "npz", "png")))
     )
     vehicles = [rover.vehicle for rover in BODIES.values()]
     designs = [vehicle.design for vehicle in vehicles if vehicle.design is not None]  # both are of the grid
-    reached = successes(designs, grid, folder / "success", progress=part_of(progress, 0, 2))
-    expected = overlaps_of(vehicles, theory, folder / "theory", progress=part_of(progress, 1, 2))
+    reached = successes(designs, settings.grid, folder / "success", progress=part_of(progress, 0, 2))
+    expected = overlaps_of(vehicles, settings.theory, folder / "theory", progress=part_of(progress, 1, 2))
     overlaps = {
         (body, model): overlap
         for model, found in zip(MODELS, (reached.sum(-1, dtype=np.uint8), expected), strict=True)

@@ -3,7 +3,7 @@
 Source: dissertation, chapter 3, figure "histogram": the distributions of both metrics in both models.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
 from optim.search.method import check_whole
 from optim.studies.figures import COLOURS, PAGE, figure, letter
-from optim.studies.results import Budget, check_folder, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.rover_grid import RoverGrid, successes
 from optim.studies.rover_success import BODIES, MODELS
 from optim.studies.sweep_table import overlaps_of
@@ -62,29 +62,18 @@ class RoverSweep:
         return sample_designs(self.bodies, self.seed)
 
 
-FULL_GRID = RoverSweep(DESIGNS, grid=RoverGrid(), theory=Sweep(), device="cuda")
+FULL_GRID = RoverSweep(DESIGNS, grid=RoverGrid(), theory=Sweep(), device="cuda")  # all there is
 SCALES: Mapping[Budget, RoverSweep] = {
     "small": RoverSweep(12, grid=RoverGrid(11), theory=Sweep(11)),
     "full": RoverSweep(),
 }
 
 
-def run(folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None) -> None:
-    """Sweep 12 bodies coarsely (``"small"``) or 500 (``"full"``): ``summary.json``, a table, a figure. Resumable.
+def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None:
+    """Write ``summary.json``, a table and a figure.
 
-    Args:
-        folder: takes the results.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
+    For the arguments see :class:`optim.studies.catalogue.Item`.
     """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
-def study(folder: Path, settings: RoverSweep, progress: Callable[[float], None] | None = None) -> None:
-    """The same with any settings, such as ``FULL_GRID``."""
     check_folder(folder, ("success", "theory", "summary.json", "rover-sweep.csv", "rover-sweep.png"))
     named = {name: rover.vehicle for name, rover in BODIES.items()}
     vehicles = [*named.values(), *map(VehicleBody.published, settings.designs)]

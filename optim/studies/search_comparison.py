@@ -8,6 +8,7 @@ moves, and beside that at random. The settings were chosen on other seeds.
 """
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.plots.curves import draw_share_solved
-from optim.studies.co_optimisation import BORG, SCALES, CoOptimisation
+from optim.studies import co_optimisation
+from optim.studies.co_optimisation import BORG, CoOptimisation
 from optim.studies.comparison import compare, describe_times, ranked
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
-from optim.studies.results import Budget, Progress, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, part_of, write_json
 from optim.studies.tables import write_table
 from optim.studies.trials import Trials, kept_trials
 from robots.braitenberg import BASELINE
@@ -40,6 +42,8 @@ PAIRS = (
     ("cma_random", "random"),
     ("borg", "random"),
 )
+
+SCALES: Mapping[Budget, CoOptimisation] = co_optimisation.SCALES
 
 
 def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -115,13 +119,11 @@ def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int
         letter(panels)
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
-    """Do the study: ``summary.json``, raw data as CSV, a figure; arguments as of ``co_optimisation.run``."""
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
-    """The same with any settings."""
+    """Write ``summary.json``, raw data as CSV and a figure.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
     results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})
     write_json(folder / "summary.json", report(settings, search(settings, results, progress), folder))

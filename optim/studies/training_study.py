@@ -1,9 +1,11 @@
 """Whether the metrics of bodies predict how many evaluations trainers need in them (chapter 4)."""
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
-from optim.studies.results import Budget, Progress, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, part_of, write_json
 from optim.studies.sensor_placement import correlation_of_metrics
 from optim.studies.sweep_table import overlaps_of, read_sweep_table
 from optim.studies.training import TRAINERS, Training, sample_designs, train
@@ -13,23 +15,59 @@ from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from robots.results_folder import ResultsFolder
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Four trainers in 20 random bodies, twice (``"small"``), or in all bodies, five times; resumable.
+@dataclass(frozen=True)
+class TrainingInBodies:
+    """Settings.
 
-    Writes ``runs.csv``, ``summary.json`` and ``training.png``.
+    Attributes:
+        bodies: how many, drawn from the published grid.
+        weights: values of each weight in the sweep that gives their metrics.
+        training: repetitions, budget and seed of the trainers.
+    """
+
+    bodies: int = DESIGNS
+    weights: int = 121
+    training: Training = Training()  # noqa: RUF009 (immutable)
+
+    def __post_init__(self) -> None:
+        _ = self.designs, self.sweep  # refuse numbers that are not allowed
+
+    @property
+    def designs(self) -> list[int]:
+        """Numbers of the bodies, ascending."""
+        return sample_designs(self.bodies)
+
+    @property
+    def sweep(self) -> Sweep:
+        """Settings of the sweep."""
+        return Sweep(weights=self.weights)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on."""
+        return {**self.training.describe(), "bodies": self.bodies, "weights": self.weights}
+
+
+SCALES: Mapping[Budget, TrainingInBodies] = {
+    "small": TrainingInBodies(20, 41, Training(repetitions=2)),
+    "full": TrainingInBodies(),
+}
+
+
+def study(
+    folder: Path, settings: TrainingInBodies, progress: Progress = None, sweep_folder: Path | None = None
+) -> None:
+    """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``.
 
     Args:
-        folder, budget, progress: see :func:`optim.studies.sweep_study.run`.
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
         sweep_folder: of a sweep of these bodies, or that takes it; one beside the results if None.
     """
-    count, weights, repetitions = scale_of(budget, {"small": (20, 41, 2), "full": (DESIGNS, 121, 5)})
-    designs, settings = sample_designs(count), Training(repetitions)
-    ResultsFolder(folder, "training", {**settings.describe(), "bodies": count, "weights": weights})
-    swept = sweep_folder or folder / "overlaps"
+    ResultsFolder(folder, "training", settings.describe())
+    designs, swept = settings.designs, sweep_folder or folder / "overlaps"
     bodies = [VehicleBody.published(design) for design in designs]
-    overlaps_of(bodies, Sweep(weights=weights), swept, progress=part_of(progress, 0, 2))
+    overlaps_of(bodies, settings.sweep, swept, progress=part_of(progress, 0, 2))
     sweep = read_sweep_table(swept).rows(designs)
-    table = train(designs, TRAINERS, settings, out=folder / "runs", progress=part_of(progress, 1, 2))
+    table = train(designs, TRAINERS, settings.training, out=folder / "runs", progress=part_of(progress, 1, 2))
     table.write(folder / "runs.csv")
     found = [asdict(one) for one in metric_correlations(table, sweep)]
     write_json(folder / "summary.json", {"correlations": found, "metrics": asdict(correlation_of_metrics(sweep))})

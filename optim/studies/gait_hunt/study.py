@@ -7,7 +7,7 @@ best are played in full, with noise, under both conditions of ``robots.judgement
 has found.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of
 from optim.studies.gait_hunt.searches import SEARCHES
 from optim.studies.gait_hunt.spending import read_spent, search_within
-from optim.studies.results import Budget, Progress, check_folder, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_table
 from robots.files import write_text
 from robots.gaits import save_gait
@@ -62,7 +62,7 @@ class Hunt:
         return self.evaluations * PUBLISHED_COST
 
 
-SCALES: dict[Budget, Hunt] = {
+SCALES: Mapping[Budget, Hunt] = {
     "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
     "medium": Hunt(60, (0, 1, 2, 3, 4), finalists=2, runs=2),
     "full": Hunt(300, (0, 1, 2, 3, 4)),
@@ -88,32 +88,19 @@ class Found:
     best: Finalist | None
 
 
-def run(folder: Path, budget: Budget = "full", progress: Progress = None) -> None:
-    """Do the study: runs, ``summary.json``, ``table.md``, ``table.csv``, ``hunt.png``, and each run's best gait.
+def study(folder: Path, settings: Hunt, progress: Progress = None, **where: Any) -> None:
+    """Write runs, ``summary.json``, ``table.md``, ``table.csv``, ``hunt.png``, and each run's best gait.
 
     Args:
-        folder: new, or that of the same study, which goes on.
-        budget: ``"small"``, ``"medium"`` or ``"full"``.
-        progress: called with the fraction done.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
-def study(folder: Path, hunt: Hunt, progress: Progress = None, **where: Any) -> None:
-    """The same with any settings.
-
-    Args:
-        folder: see :func:`run`.
-        hunt: how large.
-        progress: see there.
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
         where: precision, device and threads of the simulations.
     """
     check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"))
-    parts = [(name, seed) for seed in hunt.seeds for name in hunt.searches]
+    parts = [(name, seed) for seed in settings.seeds for name in settings.searches]
     found = []
     for number, (name, seed) in enumerate(parts):
-        found.append(_hunt(folder, hunt, name, seed, part_of(progress, number, len(parts)), where))
-        report(folder, hunt, found)  # what there is so far is of use
+        found.append(_hunt(folder, settings, name, seed, part_of(progress, number, len(parts)), where))
+        report(folder, settings, found)  # what there is so far is of use
     if progress:
         progress(1.0)
 

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 
 from optim.studies.figures import COLOURS, PAGE, figure, legend_above, letter
-from optim.studies.results import Budget, Progress, scale_of, write_json
+from optim.studies.results import Budget, Progress, write_summary
 from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
 from optim.studies.shape_change.published import FRICTION
-from optim.studies.tables import write_records
-from robots.files import write_text
 from robots.inflatable import INCHING
 from robots.results_folder import ResultsFolder
 from robots.terrain import Terrain
@@ -66,32 +64,19 @@ SCALES: Mapping[Budget, FrictionSweeps] = {
 }
 
 
-def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """Both sweeps with 2 copies a point (``"small"``) or 8 (``"full"``): a table and a figure. Resumable.
-
-    Args:
-        folder: takes the results.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(
     folder: Path, settings: FrictionSweeps, progress: Progress = None, threads: int | None = None
 ) -> dict[str, Any]:
-    """The same with any settings; returns what ``summary.json`` holds."""
+    """Write a table and a figure of both sweeps, and all numbers.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     cases = settings.cases
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
     speeds = speeds_in_parts(settings.robot, cases, ResultsFolder(folder, KIND, about), threads, progress)
     rows = rows_of(settings, speeds)
-    write_records(folder / "friction.csv", HEADER, rows)
-    write_text(folder / "friction.md", page(rows))
     summary = {"largest_deviation": largest_deviation(rows), "tolerance": TOLERANCE, "rows": rows}
-    write_json(folder / "summary.json", summary)
+    write_summary(folder, "friction", HEADER, summary, page(rows))
     draw(rows, speeds, folder / "friction.png")
     return summary
 

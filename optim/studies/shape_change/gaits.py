@@ -6,13 +6,14 @@ any single run, a published one too, is one draw of them.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.search.method import check_whole
-from optim.studies.results import Progress, kept, part_of
+from optim.studies.results import Progress, kept_in_turn
 from robots import inflatable
 from robots.checks import number
 from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
@@ -99,13 +100,9 @@ def speeds_in_parts(
 ) -> Floats:
     """As ``Robot.speeds``, in batches whose results are kept in a folder: a kill loses at most one of them."""
     size = -(-BATCH // robot.copies)
-    parts = [cases[n : n + size] for n in range(0, len(cases), size)]
-    found = []
-    for number_, part in enumerate(parts):
-        report = part_of(progress, number_, len(parts))
-        compute = lambda part=part, report=report: {"speeds": robot.speeds(part, threads, report)}  # noqa: E731
-        found.append(kept(folder, f"speeds_{number_}", compute)["speeds"])
-    return np.concatenate(found)
+    batches = [cases[first : first + size] for first in range(0, len(cases), size)]
+    parts = [(f"speeds_{n}", partial(robot.speeds, batch, threads)) for n, batch in enumerate(batches)]
+    return np.concatenate(kept_in_turn(folder, "speeds", parts, progress))
 
 
 def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:

@@ -5,8 +5,9 @@ too. There a body is a place of sensors and a controller two weights; here a bod
 a controller is a gait, and the environments are flat ground and a hill.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,9 @@ from numpy.typing import NDArray
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman, wilson
 from optim.search.method import check_whole
-from optim.studies.results import Budget, Progress, kept, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, kept_in_turn, write_summary
 from optim.studies.shape_change.gaits import Case, Floats, Robot
 from optim.studies.shape_change.metrics_figure import draw
-from optim.studies.tables import write_records
 from robots.checks import number
 from robots.inflatable import InflatableDesign
 from robots.results_folder import ResultsFolder
@@ -81,47 +81,34 @@ class SoftRobotMetrics:
         return [GaitSchedule.from_codes(f, phi, COLUMNS) for f, phi in codes]
 
 
-SCALES: dict[Budget, SoftRobotMetrics] = {
+SCALES: Mapping[Budget, SoftRobotMetrics] = {
     "small": SoftRobotMetrics((0.0, 12e3), (0.0, 90.0), gaits=32),
     "medium": SoftRobotMetrics((0.0, 6e3, 12e3), (0.0, 45.0, 90.0), gaits=128),
     "full": SoftRobotMetrics(),
 }
 
 
-def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """M_L and M_CI of a grid of bodies: a table, heat maps. Resumable by body.
-
-    Args:
-        folder: takes the results.
-        budget: ``"small"`` (4 bodies, 32 gaits), ``"medium"`` (9, 128) or ``"full"`` (25, 512).
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(
     folder: Path, settings: SoftRobotMetrics, progress: Progress = None, threads: int | None = None
 ) -> dict[str, Any]:
-    """The same with any settings; returns what ``summary.json`` holds. More bodies may follow in the same folder."""
+    """Write a table, heat maps and all numbers; more bodies may follow in the same folder.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
     parts = ResultsFolder(folder, KIND, {**about, "robot": settings.robot.describe()})
-    found = []
-    for index, body in enumerate(settings.bodies):
-        report = part_of(progress, index, len(settings.bodies))
-        compute = lambda body=body, report=report: {"speeds": speeds_of(settings, body, threads, report)}  # noqa: E731
-        found.append(kept(parts, f"body_{body[0]:g}_{body[1]:g}", compute)["speeds"])
-    rows = rows_of(settings.bodies, np.array(found))
-    write_records(folder / "metrics.csv", HEADER, rows)
+    work = (
+        (f"body_{pressure:g}_{orientation:g}", partial(speeds_of, settings, (pressure, orientation), threads))
+        for pressure, orientation in settings.bodies
+    )
+    rows = rows_of(settings.bodies, np.array(kept_in_turn(parts, "speeds", work, progress)))
     summary = {
         **about,
         "thresholds": {name: list(least) for name, least in THRESHOLDS.items()},
         "correlations": correlations(rows),
         "rows": rows,
     }
-    write_json(folder / "summary.json", summary)
+    write_summary(folder, "metrics", HEADER, summary)
     draw(rows, folder / "metrics.png")
     return summary
 

@@ -7,6 +7,7 @@ bladder and density "could be adjusted without causing drastic changes in behavi
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,10 @@ import numpy as np
 from optim.hints import nearest
 from optim.search.method import check_whole
 from optim.studies.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.studies.results import Budget, Progress, kept, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, kept_in_turn, write_summary
 from optim.studies.shape_change.gaits import Case, Floats, Robot, repeated, shown, spread
 from optim.studies.shape_change.variations import VARIATIONS, Variant
-from optim.studies.tables import write_records
 from robots.checks import number
-from robots.files import write_text
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable_actuation import nominal_steps
 from robots.results_folder import ResultsFolder
@@ -94,40 +93,29 @@ class Sensitivity:
                 yield name, factor, VARIATIONS[name](factor)
 
 
-SCALES: dict[Budget, Sensitivity] = {
+SCALES: Mapping[Budget, Sensitivity] = {
     "small": Sensitivity(FEW_FACTORS, Robot(precision="f32", copies=5), repeats=1),
     "full": Sensitivity(),
 }
 
 
-def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """10 changes in f32, gaits played once (``"small"``), or 21 in f64 (``"full"``): table, figure. Resumable.
-
-    Args:
-        folder: takes the results.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(folder: Path, settings: Sensitivity, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """The same with any settings; returns what ``summary.json`` holds."""
+    """Write a table, a figure and all numbers; more factors may follow in the same folder.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = ResultsFolder(folder, KIND, about)  # more factors may follow
-    variants, found = list(settings.variants), {}
-    for number_, (name, factor, variant) in enumerate(variants):
-        report = part_of(progress, number_, len(variants))
-        compute = lambda variant=variant, report=report: {"lengths": travelled(settings, variant, threads, report)}  # noqa: E731
-        found[name, factor] = kept(parts, re.sub(r"\W+", "_", f"{name} {factor:.6g}"), compute)["lengths"]
+    variants = list(settings.variants)
+    work = (
+        (re.sub(r"\W+", "_", f"{name} {factor:.6g}"), partial(travelled, settings, variant, threads))
+        for name, factor, variant in variants
+    )
+    lengths = kept_in_turn(parts, "lengths", work, progress)
+    found = {(name, factor): each for (name, factor, _), each in zip(variants, lengths, strict=True)}
     rows = rows_of(found, tuple(settings.behaviours))
-    write_records(folder / "sensitivity.csv", HEADER, rows)
-    write_text(folder / "sensitivity.md", page(rows))
     summary = {**about, "survives_from": SURVIVES, "rows": rows}
-    write_json(folder / "summary.json", summary)
+    write_summary(folder, "sensitivity", HEADER, summary, page(rows))
     draw(rows, folder / "sensitivity.png")
     return summary
 

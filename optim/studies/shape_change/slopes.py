@@ -4,7 +4,7 @@ Source: Powers 2021 dissertation, ch. 5, "Transferring to a physical robot": a t
 shape and gait switch; its hardware rolled up to about 9 degrees and inched up to about 14.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,8 @@ from numpy.typing import ArrayLike
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
 from optim.studies.figures import COLOURS, COLUMN, figure, legend_above
-from optim.studies.results import Budget, Progress, scale_of, write_json
+from optim.studies.results import Budget, Progress, write_summary
 from optim.studies.shape_change.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
-from optim.studies.tables import write_records
-from robots.files import write_text
 from robots.inflatable import INCHING, ROLLING
 from robots.results_folder import ResultsFolder
 from robots.terrain import Terrain
@@ -47,28 +45,17 @@ class SlopeSweep:
         object.__setattr__(self, "slopes", tuple(slopes))
 
 
-SCALES: dict[Budget, SlopeSweep] = {
+SCALES: Mapping[Budget, SlopeSweep] = {
     "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), Robot(copies=2)),
     "full": SlopeSweep(),
 }
 
 
-def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """6 slopes with 2 copies (``"small"``) or 16 with 8 (``"full"``): table, figure, transition. Resumable by slope.
-
-    Args:
-        folder: takes the results.
-        budget: ``"small"`` or ``"full"``.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """The same with any settings; returns what ``summary.json`` holds."""
+    """Write a table, a figure, the transition and all numbers.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     parts = ResultsFolder(folder, KIND, {"slopes": settings.slopes, "robot": settings.robot.describe()})
     cases = [Case(design, Terrain(slope)) for slope in settings.slopes for design in GAITS.values()]
     found = speeds_in_parts(settings.robot, cases, parts, threads, progress)
@@ -80,9 +67,7 @@ def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads
     ]
     place = transition(settings.slopes, speeds[:, 0], speeds[:, 1])
     summary = {"transition": place, "rows": rows}
-    write_records(folder / "slopes.csv", HEADER, rows)
-    write_text(folder / "slopes.md", page(settings, summary))
-    write_json(folder / "summary.json", summary)
+    write_summary(folder, "slopes", HEADER, summary, page(settings, summary))
     draw(settings.slopes, speeds, place, folder / "slopes.png")
     return summary
 

@@ -1,9 +1,10 @@
 """Changing shape beside changing control only: the searches of chapter 5, the gaits made by hand, and their table."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from optim.studies.results import Budget, Progress, check_folder, part_of, scale_of, write_json
+from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.shape_change.champions import KIND, Played, open_played, play_by_hand, play_found
 from optim.studies.shape_change.comparison import summarise
 from optim.studies.shape_change.costs import Costs
@@ -13,31 +14,19 @@ from optim.studies.shape_change.table import write_tables
 
 RUNS = "runs"
 FILES = ("table.md", "table.csv", "summary.json", "curves.png", "curves.csv", "costs.jsonl")
-SCALES: dict[Budget, ShapeChange] = {
+SCALES: Mapping[Budget, ShapeChange] = {
     "small": ShapeChange(climbers=16, generations=1, geometry="small", repeats=1, copies=4, others=8),
-    "medium": ShapeChange(generations=1),
-    "full": ShapeChange(),
+    "medium": ShapeChange(generations=1),  # of random starts
+    "full": ShapeChange(),  # as published; goes on in a folder of "medium"
 }
 BEFORE, SEARCHES, AFTER = 1, 16, 3  # shares of the progress
 
 
-def run(folder: Path, budget: str = "full", progress: Progress = None) -> None:
-    """The searches and gaits: a table, curves, all numbers. Resumable; ``"full"`` goes on in a folder of ``"medium"``.
-
-    Args:
-        folder: takes a run folder for each experiment in ``runs``, the table, curves and ``summary.json``.
-        budget: ``"small"`` (half the robot, its gaits played once, 16 climbers, 1 generation), ``"medium"`` (60
-            climbers, random starts and 1 generation) or ``"full"`` (60 climbers, 200 generations, as published).
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: in one line, for an unknown budget or a folder of something else.
-    """
-    study(folder, scale_of(budget, SCALES), progress)
-
-
 def study(folder: Path, settings: ShapeChange, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """The same with any settings; returns what ``summary.json`` holds. Tables are written after every generation."""
+    """Write a run folder for each experiment in ``runs``, the table, curves and all numbers, after every generation.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
     check_folder(folder, (*FILES, RUNS, KIND))
     beside = open_played(settings, folder)
     costs = Costs(folder / "costs.jsonl")
