@@ -28,6 +28,7 @@ class Condition:
         actuation: how the robot is driven.
         follows: name of the condition under which a gait has to get ahead to be simulated here.
         carries: whether one that does not counts here as it did there; else it counts nothing, a speed of 0.
+        least: speed there that is getting ahead, if exceeded [body lengths/s].
     """
 
     name: str
@@ -35,10 +36,11 @@ class Condition:
     actuation: InflatableActuation
     follows: str | None = None
     carries: bool = True
+    least: float = AHEAD
 
     def simulated(self, speeds: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
         """Which gaits are simulated here, by their speeds under all conditions, shape (N,)."""
-        return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > AHEAD
+        return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > self.least
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def outcomes(
         if before is None:
             found[condition.name] = simulate(number, condition, np.arange(count))
             continue
-        ahead = np.flatnonzero((before.speeds > AHEAD) & (before.status == OK))
+        ahead = np.flatnonzero((before.speeds > condition.least) & (before.status == OK))
         again = simulate(number, condition, ahead) if ahead.size else None
         found[condition.name] = (before if condition.carries else before.nothing).replaced(ahead, again)
     return found

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
-from optim.gait_outcomes import Batch, Condition, Outcome, effort, height, outcomes
+from optim.gait_outcomes import AHEAD, Batch, Condition, Outcome, effort, height, outcomes
 from optim.gait_shape import EMPTY_CORE, ShapeGenes
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Vector
@@ -45,6 +45,7 @@ LATER_OPTIONS = {
     "warm_up": 0,
     "stages": 1,
     "ladder": False,
+    "ahead": AHEAD,
     "hard": False,
     "effort": 0.0,
 }
@@ -84,6 +85,7 @@ class GaitProblem:
         ladder: whether a terrain is for those gaits alone that get ahead on the one before; the others are not
             simulated there, their speed is 0. So gaits are led from easy ground to hard: instead of the mean the
             objective is the speed on the last terrain that a gait has reached, and ``RUNG`` for each before.
+        ahead: speed that leaves a terrain of the ladder behind [body lengths/s].
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
@@ -110,6 +112,7 @@ class GaitProblem:
     warm_up: int = 0
     stages: int = 1
     ladder: bool = False
+    ahead: float = AHEAD
     hard: bool = False
     effort: float = 0.0
     geometry: str = "published"
@@ -149,6 +152,9 @@ class GaitProblem:
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
         if self.ladder and len(self.terrains) < 2:
             raise ValueError("ladder: one terrain is not allowed; give several, the easiest first")
+        object.__setattr__(self, "ahead", number("ahead", self.ahead, 0.0))
+        if self.ahead != AHEAD and not self.ladder:
+            raise ValueError(f"ahead: {self.ahead:g} is not allowed without a ladder")
         _ = self.conditions  # refuses terrains that have no harder ones
         object.__setattr__(self, "effort", number("effort", self.effort, 0.0))
         if self.effort and self.objectives != "mean":
@@ -193,7 +199,7 @@ class GaitProblem:
         found: list[Condition] = []
         below = None
         for terrain in self.terrains:
-            usual = Condition(f"speed_{terrain.name}", terrain, self._actuation, below, carries=False)
+            usual = Condition(f"speed_{terrain.name}", terrain, self._actuation, below, False, self.ahead)
             found.append(usual)
             if self.hard:
                 found.append(Condition(usual.name + HARD, *harder(terrain), usual.name))

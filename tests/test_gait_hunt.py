@@ -123,6 +123,19 @@ def test_gaits_climb_a_ladder_as_far_as_they_get_ahead(hill):
     assert simulations.tolist() == [1 + (each[0][i] > 0) + (each[1][i] > 0) for i in range(6)]
 
 
+def test_a_ladder_may_ask_for_more_speed(hill):
+    """Between the speeds of two gaits, the slower one stays where it is."""
+    terrains = (Terrain(5.0), Terrain(15.0))
+    points = GaitProblem(terrains, **SMALL).space.sample(np.random.default_rng(1), 6)
+    given = {**SMALL, "hard": False}
+    slow = GaitProblem(terrains[:1], **given).evaluate(points).objectives[:, 0]
+    least = float(np.median(slow))
+    found = GaitProblem(terrains, **given, ladder=True, ahead=least).evaluate(points)
+    assert ((found.objectives[:, 0] > RUNG / 2) == (slow > least)).all() and (slow > least).any()
+    with pytest.raises(ValueError, match="^ahead: 0.02 is not allowed without a ladder$"):
+        GaitProblem(terrains, **given, ahead=0.02)
+
+
 def test_a_graded_pattern_tells_alike_what_lies_alike():
     """Networks that know only the side of a bladder and the time treat the four of a side alike; times are genes."""
     problem = GaitProblem(HILL, **{**SMALL, "encoding": "graded-pattern"})

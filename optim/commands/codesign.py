@@ -126,6 +126,12 @@ def _add_design(design: Any) -> None:
         "each left behind counts 1, beside the speed on the last",
     )
     design.add_argument(
+        "--ahead",
+        type=options.number(0.0),
+        metavar="SPEED",
+        help="speed that leaves a terrain of the ladder behind, in body lengths a second (default: 0.001)",
+    )
+    design.add_argument(
         "--hard",
         action="store_true",
         default=None,

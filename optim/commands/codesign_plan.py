@@ -95,7 +95,7 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
         _same("problem.encoding", args.encoding, known.encoding, args.out)
     settings.setdefault("encoding", args.encoding or ("bits" if method == "gradient" else "codes"))
     _choose_objectives(settings, args, known, method)
-    for name in (*OPTIONS, "steps", "warm_up", "stages", "ladder", "hard", "effort", "threads"):
+    for name in (*OPTIONS, "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "threads"):
         if getattr(args, name) is not None:
             settings[name] = getattr(args, name)
     terrains = settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))

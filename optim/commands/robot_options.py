@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from optim.lattice_robot_problem import LatticeRobotProblem
 
 # Options about gaits of the inflatable robot.
-_GAITS = ("free", "encoding", "steps", "warm_up", "stages", "ladder", "hard", "effort", "gait", "orientation",
-          "pressure", "objective", "start_orientation", "start_pressure", "geometry", "columns", "repeats",
+_GAITS = ("free", "encoding", "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "gait",
+          "orientation", "pressure", "objective", "start_orientation", "start_pressure", "geometry", "columns", "repeats",
           "weight")  # fmt: skip
 CYCLES = (1, 2, 4)  # horizons of ``gradient-check``
 
