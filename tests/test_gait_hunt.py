@@ -132,7 +132,7 @@ def test_a_ladder_may_ask_for_more_speed(hill):
     least = float(np.median(slow))
     found = GaitProblem(terrains, **given, ladder=True, ahead=least).evaluate(points)
     assert ((found.objectives[:, 0] > RUNG / 2) == (slow > least)).all() and (slow > least).any()
-    with pytest.raises(ValueError, match="^ahead: 0.02 is not allowed without a ladder$"):
+    with pytest.raises(ValueError, match=r"^ahead: 0\.02 is not allowed without a ladder$"):
         GaitProblem(terrains, **given, ahead=0.02)
 
 
