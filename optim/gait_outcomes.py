@@ -14,7 +14,7 @@ from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, Infl
 from robots.schedule import BLADDERS
 from robots.terrain import Terrain
 
-RUNG = 1.0  # body lengths/s that each terrain counts which a gait on a ladder has left behind
+NEXT = 0.02  # body lengths/s: faster gaits on a ladder are tried on its next terrain
 AHEAD = 1e-3  # body lengths/s: gaits that are faster get ahead; about every other gait that trembles is above zero
 
 
@@ -106,32 +106,26 @@ def outcomes(
     return found
 
 
-def height(
-    conditions: Sequence[Condition], found: Mapping[str, Outcome]
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """How high gaits come on a ladder: ``RUNG`` for each terrain left behind, and the speed on the last one reached.
+def capped(found: Mapping[str, Outcome], conditions: Sequence[Condition], most: float) -> dict[str, Outcome]:
+    """The same with speeds of at most so much on all terrains but the last, where the slopes are zero.
+
+    On a ladder nobody gains by being faster on easy ground than is asked for there, but loses by sliding down the next
+    slope.
 
     Args:
-        conditions: of the ladder.
-        found: what came out under them, by their names.
-
-    Returns:
-        Heights, shape (N,), and their slopes, shape (N, D), if the outcomes have some.
+        found: what came out under the conditions, by their names.
+        conditions: of the ladder, in order.
+        most: [body lengths/s].
     """
-    speeds = {name: outcome.speeds for name, outcome in found.items()}
-    rungs: dict[str, list[Condition]] = {}
+    top = conditions[-1].terrain
+    result = dict(found)
     for condition in conditions:
-        rungs.setdefault(condition.terrain.name, []).append(condition)
-    score = np.zeros_like(found[conditions[0].name].speeds)
-    slopes = None
-    for number, group in enumerate(rungs.values()):
-        reached = group[0].simulated(speeds)
-        score = np.where(reached, number * RUNG + np.mean([speeds[each.name] for each in group], axis=0), score)
-        here = [slope for each in group if (slope := found[each.name].slopes) is not None]
-        if here:
-            mean = np.mean(here, axis=0)
-            slopes = mean if slopes is None else np.where(reached[:, None], mean, slopes)
-    return score, slopes
+        if condition.terrain == top:
+            continue
+        outcome = found[condition.name]
+        slopes = None if outcome.slopes is None else np.where((outcome.speeds < most)[:, None], outcome.slopes, 0.0)
+        result[condition.name] = Outcome(np.minimum(outcome.speeds, most), outcome.status, slopes)
+    return result
 
 
 def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, NDArray[np.float64]]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
-from optim.gait_outcomes import AHEAD, Batch, Condition, Outcome, effort, height, outcomes
+from optim.gait_outcomes import NEXT, Batch, Condition, Outcome, capped, effort, outcomes
 from optim.gait_shape import EMPTY_CORE, ShapeGenes
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Vector
@@ -45,7 +45,7 @@ LATER_OPTIONS = {
     "warm_up": 0,
     "stages": 1,
     "ladder": False,
-    "ahead": AHEAD,
+    "ahead": NEXT,
     "hard": False,
     "effort": 0.0,
 }
@@ -82,10 +82,10 @@ class GaitProblem:
             while it finds its stride. The time of the whole cycles that follow counts the speed.
         stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
             speed: a gait that goes on beats one that lurches once.
-        ladder: whether a terrain is for those gaits alone that get ahead on the one before; the others are not
-            simulated there, their speed is 0. So gaits are led from easy ground to hard: instead of the mean the
-            objective is the speed on the last terrain that a gait has reached, and ``RUNG`` for each before.
-        ahead: speed that leaves a terrain of the ladder behind [body lengths/s].
+        ladder: whether a terrain is for those gaits alone that are faster than ``ahead`` on the one before; the
+            others are not simulated there, their speed is 0. In the mean all terrains but the last count ``ahead``
+            at most. So gaits are led from easy ground to hard.
+        ahead: speed that leads to the next terrain of the ladder [body lengths/s].
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robots.judgement``, where
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
@@ -112,7 +112,7 @@ class GaitProblem:
     warm_up: int = 0
     stages: int = 1
     ladder: bool = False
-    ahead: float = AHEAD
+    ahead: float = NEXT
     hard: bool = False
     effort: float = 0.0
     geometry: str = "published"
@@ -153,7 +153,7 @@ class GaitProblem:
         if self.ladder and len(self.terrains) < 2:
             raise ValueError("ladder: one terrain is not allowed; give several, the easiest first")
         object.__setattr__(self, "ahead", number("ahead", self.ahead, 0.0))
-        if self.ahead != AHEAD and not self.ladder:
+        if self.ahead != NEXT and not self.ladder:
             raise ValueError(f"ahead: {self.ahead:g} is not allowed without a ladder")
         _ = self.conditions  # refuses terrains that have no harder ones
         object.__setattr__(self, "effort", number("effort", self.effort, 0.0))
@@ -188,9 +188,9 @@ class GaitProblem:
 
     @property
     def objective_names(self) -> tuple[str, ...]:
-        """The mean speed, how high a ladder is climbed, or the speed on each terrain."""
+        """The mean speed, or that on each terrain."""
         if self.objectives == "mean":
-            return ("height" if self.ladder else "speed",)
+            return ("speed",)
         return tuple(condition.name for condition in self.conditions)
 
     @cached_property
@@ -319,17 +319,15 @@ class GaitProblem:
             self.conditions, len(batch.designs),
             lambda number, condition, chosen: self._outcome(batch.part(chosen), condition, more, number),
         )  # fmt: skip
-        each = np.stack([outcome.speeds for outcome in found.values()], axis=1)
+        mean = self.objectives == "mean"
+        counted = capped(found, self.conditions, self.ahead) if self.ladder and mean else found
+        each = np.stack([outcome.speeds for outcome in counted.values()], axis=1)
         status = np.full(len(each), OK, dtype=object)
         for outcome in found.values():
             status = np.where(status == OK, outcome.status, status)
-        objectives: Vector = each
-        gradients: Vector | None = None
-        if self.objectives == "mean" and self.ladder:
-            objectives, gradients = height(self.conditions, found)
-        elif self.objectives == "mean":
-            slopes = [outcome.slopes for outcome in found.values() if outcome.slopes is not None]
-            objectives, gradients = each.mean(axis=1), np.mean(slopes, axis=0) if slopes else None
+        slopes = [outcome.slopes for outcome in counted.values() if outcome.slopes is not None]
+        objectives = each.mean(axis=1) if mean else each
+        gradients: NDArray[np.float64] | None = np.mean(slopes, axis=0) if slopes else None
         details = {name: outcome.speeds for name, outcome in found.items()}
         if self.effort:
             details["effort"], by_effort = self._efforts(batch)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.gait_outcomes import AHEAD, RUNG, effort
+from optim.gait_outcomes import Condition, Outcome, capped, effort
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
 from optim.runs.requests import Request
@@ -103,37 +103,37 @@ def test_gaits_that_get_ahead_are_simulated_again_under_harder_conditions(hill):
     np.testing.assert_allclose(found.objectives[:, 0], (usual + hard) / 2)
 
 
-def test_gaits_climb_a_ladder_as_far_as_they_get_ahead(hill):
-    """Steeper ground is for those that got ahead before; what counts is how many, and the speed on the last."""
+def test_gaits_climb_a_ladder_as_far_as_they_are_fast_enough(hill):
+    """Steeper ground is for those that were; the others are not simulated there, and easy ground counts no more."""
     terrains = (Terrain(5.0), Terrain(10.0), Terrain(15.0))
-    problem = GaitProblem(terrains, **{**SMALL, "hard": False}, ladder=True)
-    points = problem.space.sample(np.random.default_rng(1), 6)
-    points[:3, [problem.space.names.index(f"bladder{b}_{c}") for b in (1, 2) for c in (1, 2)]] = 0.5
+    given = {**SMALL, "hard": False}
+    points = GaitProblem(terrains, **given).space.sample(np.random.default_rng(1), 6)
+    usual = GaitProblem(terrains, **given).evaluate(points)
+    each = np.stack([usual.details[f"speed_hill:{slope}"] for slope in (5, 10, 15)], axis=1)
+    ahead = float(np.median(each[:, 0]))
+    problem = GaitProblem(terrains, **given, ladder=True, ahead=ahead)
     found = problem.evaluate(points)
-    each = [found.details[f"speed_hill:{slope}"] for slope in (5, 10, 15)]
-    assert np.all(each[0][:3] == 0) and np.all(each[0][3:] > 0)
-    assert np.all(each[2][each[1] <= 0] == 0) and np.any(each[1] > 0)
-    left = [int(each[0][i] > AHEAD) + int(each[1][i] > AHEAD) for i in range(6)]
-    assert found.objectives[:, 0].tolist() == [RUNG * left[i] + each[left[i]][i] for i in range(6)]
-    assert problem.objective_names == ("height",)
-    alone = GaitProblem(terrains[:1], **{**SMALL, "hard": False}).evaluate(points)
-    np.testing.assert_array_equal(alone.details["speed_hill:5"], each[0])
+    reached = np.stack([np.full(6, True), each[:, 0] > ahead, (each[:, :2] > ahead).all(axis=1)], axis=1)
+    assert 0 < reached[:, 1].sum() < 6
+    counted = np.where(reached, each, 0.0)
+    np.testing.assert_array_equal(found.details["speed_hill:10"], counted[:, 1])
+    counted[:, :2] = np.minimum(counted[:, :2], ahead)
+    np.testing.assert_allclose(found.objectives[:, 0], counted.mean(axis=1))
     simulations = problem.robot_steps(points, found) / [gaits_initial(d.pressure) + steps_of(d)
                                                         for d in map(problem.design, points)]  # fmt: skip
-    assert simulations.tolist() == [1 + (each[0][i] > 0) + (each[1][i] > 0) for i in range(6)]
+    assert simulations.tolist() == reached.sum(axis=1).tolist()
+    with pytest.raises(ValueError, match=r"^ahead: 0\.01 is not allowed without a ladder$"):
+        GaitProblem(terrains, **given, ahead=0.01)
 
 
-def test_a_ladder_may_ask_for_more_speed(hill):
-    """Between the speeds of two gaits, the slower one stays where it is."""
-    terrains = (Terrain(5.0), Terrain(15.0))
-    points = GaitProblem(terrains, **SMALL).space.sample(np.random.default_rng(1), 6)
-    given = {**SMALL, "hard": False}
-    slow = GaitProblem(terrains[:1], **given).evaluate(points).objectives[:, 0]
-    least = float(np.median(slow))
-    found = GaitProblem(terrains, **given, ladder=True, ahead=least).evaluate(points)
-    assert ((found.objectives[:, 0] > RUNG / 2) == (slow > least)).all() and (slow > least).any()
-    with pytest.raises(ValueError, match=r"^ahead: 0\.02 is not allowed without a ladder$"):
-        GaitProblem(terrains, **given, ahead=0.02)
+def test_what_is_fast_enough_has_no_slope():
+    """But on the last terrain."""
+    ladder = [Condition(terrain.name, terrain, ACTUATION) for terrain in (Terrain(), Terrain(5.0))]
+    speeds = np.array([0.01, 0.05])
+    found = {each.name: Outcome(speeds, np.array(["ok", "ok"], object), np.ones((2, 3))) for each in ladder}
+    first, last = capped(found, ladder, 0.02).values()
+    assert first.speeds.tolist() == [0.01, 0.02] and first.slopes.tolist() == [[1] * 3, [0] * 3]
+    assert last.speeds.tolist() == speeds.tolist() and (last.slopes == 1).all()
 
 
 def test_a_graded_pattern_tells_alike_what_lies_alike():

@@ -122,14 +122,14 @@ def _add_design(design: Any) -> None:
         "--ladder",
         action="store_true",
         default=None,
-        help="of several terrains, the easiest first, a gait is tried on the next if it gets ahead on the one before; "
-        "each left behind counts 1, beside the speed on the last",
+        help="of several terrains, the easiest first, a gait is tried on the next if it is fast enough on the one before, "
+        "which is no faster than --ahead in the mean",
     )
     design.add_argument(
         "--ahead",
         type=options.number(0.0),
         metavar="SPEED",
-        help="speed that leaves a terrain of the ladder behind, in body lengths a second (default: 0.001)",
+        help="speed that leads to the next terrain of the ladder, in body lengths a second (default: 0.02)",
     )
     design.add_argument(
         "--hard",
