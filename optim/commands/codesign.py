@@ -122,8 +122,8 @@ def _add_design(design: Any) -> None:
         "--ladder",
         action="store_true",
         default=None,
-        help="of several terrains, the easiest first, a gait is tried on the next if it is faster than --ahead on the one "
-        "before, which counts no more than that in the mean",
+        help="of several terrains, the easiest first, a gait is tried on the next if it is faster than --ahead on the "
+        "one before, which counts no more than that in the mean",
     )
     design.add_argument(
         "--ahead",
