@@ -14,7 +14,7 @@ from robots.inflatable import NAMED_GEOMETRIES
 from robots.journey import JourneyResult, Leg, simulate_journey
 from robots.judgement import NOISE
 
-FRAMES = 600  # of the journey that is shown
+FRAMES = 300  # of the journey that is shown
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,9 +94,11 @@ def journey_motion(result: JourneyResult, legs: Sequence[Leg], *, robot: int = 0
     regions = np.asarray(result.body.regions)
     nodes = [_inflatable_node(v, int(r)) for v, r in enumerate(kinds_of(regions))]
     fluid = legs[0].terrain if legs[0].terrain.is_fluid else None
+    leg = np.searchsorted(starts[1:-1] * result.time_step, frames.times, side="left")
+    headings = np.array([each.design.orientation for each in legs])[leg]
     return _voxels(
         name, frames, result.body, robot, nodes, _gait_channels(gait, result.time_step),
-        _core_channels(gait, result.time_step), fluid, legs[0].design.orientation,
+        _core_channels(gait, result.time_step), fluid, headings,
         np.broadcast_to(np.array(legs[0].design.pressure), cores_of(regions).max() + 1)[cores_of(regions)],
     )  # fmt: skip
 
@@ -195,24 +197,31 @@ def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 def _voxels(
     name: str, frames: Frames, body: LatticeBody, robot: int, nodes: list[Node], driven: list[Channel],
-    more: list[Channel], terrain: Terrain | None, direction: float = 0.0, pressure: float | Floats = 0.0,
+    more: list[Channel], terrain: Terrain | None, direction: float | Floats = 0.0, pressure: float | Floats = 0.0,
 ) -> Motion:  # fmt: skip
-    """Cubes that are as large as the voxels, and in the middle between their sides."""
+    """Cubes that are as large as the voxels, and in the middle between their sides; one direction, or one a frame."""
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
     last = whole_frames(*poses)
     places, turns, extents, rest = (a[:last].astype(float) for a in poses)
     path, times = mean_of_face_corners(body, places, turns, extents), frames.times[:last]
-    heading = np.deg2rad(direction)
+    direction = np.broadcast_to(direction, len(frames.times))[:last]
     middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
-    way = path[:, :2] @ np.array([np.cos(heading), np.sin(heading)])
-    channels = [*driven, *more, *speed_channels(times, way, _colour(INK))]
+    channels = [*driven, *more, *speed_channels(times, _way(path, direction), _colour(INK))]
     sizes = extents[..., 1::2] + extents[..., 0::2]
     states = LatticeStates(body, places, turns, extents, rest, pressure)
-    ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, direction)
+    first = float(direction[0])
+    ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, first)
     if terrain is not None and terrain.is_fluid:
-        ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, direction, solid=False)
+        ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, first, solid=False)
     return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground,
                   skin=Skin(knots(body), body.topology.faces), lattice=states)  # fmt: skip
+
+
+def _way(path: Floats, direction: Floats) -> Floats:
+    """How far a path, shape (F, 3), has come along the direction of each frame [degrees], shape (F,)."""
+    heading = np.deg2rad(direction[1:])
+    along = (np.diff(path[:, :2], axis=0) * np.stack([np.cos(heading), np.sin(heading)], axis=1)).sum(axis=1)
+    return np.append(0.0, np.cumsum(along))
 
 
 def _gait_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
