@@ -15,6 +15,7 @@ from robots.journey import Leg, simulate_journey
 from robots.relaxed_schedule import RelaxedDesign
 from robots.terrain import Terrain
 from robots.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
+from robots.view.soft_motion import journey_motion
 
 HILL = Terrain(10.0)
 OPTIONS = {"geometry": TINY, "actuation": QUICK, "threads": 1}
@@ -153,3 +154,14 @@ def test_a_change_has_the_faults_that_its_numbers_tell():
 
 def unit(vector):
     return vector / np.linalg.norm(vector)
+
+
+def test_the_way_of_a_journey_that_is_shown_is_along_the_heading_of_each_leg():
+    turned = replace(part(slice(2, 4)), orientation=0.0)
+    legs = [Leg(part(slice(0, 2)), HILL), Leg(turned, Terrain())]
+    found = simulate_journey(legs, record_every=1, **OPTIONS)
+    motion = journey_motion(found, legs, actuation=QUICK)
+    shown = next(channel for channel in motion.channels if channel.name == "distance")
+    assert shown.values[-1] == pytest.approx(found.distances[0].sum(), abs=1e-5)
+    middle = np.interp(found.steps[0] * found.time_step, shown.times, shown.values)
+    assert middle == pytest.approx(found.distances[0, 0], abs=1e-5)

@@ -70,12 +70,22 @@ def inflatable_motion(
     )  # fmt: skip
 
 
-def journey_motion(result: JourneyResult, legs: Sequence[Leg], *, robot: int = 0, name: str = "journey") -> Motion:
+def journey_motion(
+    result: JourneyResult,
+    legs: Sequence[Leg],
+    *,
+    actuation: InflatableActuation = ACTUATION,
+    robot: int = 0,
+    name: str = "journey",
+) -> Motion:
     """The motion of a robot over several terrains, as of :func:`inflatable_motion`; drawn on level ground.
+
+    Distance and speed are along the heading of each leg.
 
     Args:
         result: of ``simulate_journey``, with frames.
         legs: of the journey.
+        actuation: how it was driven.
         robot: place in the batch.
         name: of the motion.
 
@@ -83,7 +93,7 @@ def journey_motion(result: JourneyResult, legs: Sequence[Leg], *, robot: int = 0
         ValueError: in one line, for results without frames.
     """
     frames = _recorded(result.frames, result.body, robot)
-    parts, starts = [played(leg.design) for leg in legs], np.append(0, np.cumsum(result.steps))
+    parts, starts = [played(leg.design, actuation) for leg in legs], np.append(0, np.cumsum(result.steps))
     gait = PlayedGait(
         edges=np.concatenate([*(part.edges[:-1] + start for part, start in zip(parts, starts, strict=False)),
                               starts[-1:]]),
