@@ -58,6 +58,11 @@ def _add_search(search: Any) -> None:
     )
     search.add_argument("--seed", type=options.whole(0), metavar="N", help="of all random numbers (default: 0)")
     search.add_argument(
+        "--start",
+        metavar="GAIT",
+        help="a gait, or the file of one, near which a search of bits or graded levels starts (default: random)",
+    )
+    search.add_argument(
         "--start-orientation",
         type=options.number(0.0, 90.0, "degrees"),
         metavar="DEGREES",

@@ -165,9 +165,12 @@ def _method(
 ) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
     given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}
-    start = {"orientation": args.start_orientation, **_start_shape(args.start_pressure, problem)}
-    if any(value is not None for value in start.values()):
-        given["start"] = {variable: value for variable, value in start.items() if value is not None}
+    start: dict[str, float | None] = {
+        "orientation": args.start_orientation, **_start_shape(args.start_pressure, problem)
+    }  # fmt: skip
+    said = {variable: value for variable, value in start.items() if value is not None}
+    if said or args.start:
+        given["start"] = _start_gait(args.start, problem) | said
     given |= dict(_setting(text) for text in args.set or ())
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
@@ -178,6 +181,16 @@ def _method(
         body = [name for name in problem.space.names if name == "orientation" or name.startswith("pressure")]
         settings.setdefault("descriptors", body or list(problem.space.names[:2]))
     return settings
+
+
+def _start_gait(gait: str | None, problem: "GaitProblem | LatticeRobotProblem") -> dict[str, float]:
+    """Where all variables start: at a gait."""
+    from optim.gait_problem import GaitProblem
+    from optim.gait_start import start_values
+
+    if gait is None or not isinstance(problem, GaitProblem):
+        return {}
+    return start_values(problem, options.load_gait(gait))
 
 
 def _start_shape(given: "Pressure | None", problem: "GaitProblem | LatticeRobotProblem") -> "dict[str, float | None]":
