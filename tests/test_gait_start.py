@@ -17,7 +17,8 @@ from robots.terrain import Terrain
 
 HILL = (Terrain(15.0),)
 LEVELS = np.random.default_rng(0).random((8, 2)).round(3)
-GRADED = RelaxedDesign(3000.0, 70.0, RelaxedSchedule(LEVELS, np.eye(2), 5, settle_steps=np.array([0, 700]), motion_steps=np.full(2, 100)))
+TIMES = {"motion_steps": np.full(2, 100), "settle_steps": np.array([0, 700])}
+GRADED = RelaxedDesign(3000.0, 70.0, RelaxedSchedule(LEVELS, np.eye(2), 5, **TIMES))
 
 
 def point(problem, design):
