@@ -81,7 +81,7 @@ def find_change(
         legs = [*first, Leg(design, ground), Leg(designs[1], terrains[1])]
         key = f"change {names} {[slug(t) for t in terrains]} {slug(ground)} {together} {grip}"
         part = part_of(progress, number, len(ways))
-        found = kept(folder, _name(key), lambda legs=legs, part=part: _play(legs, task, part, threads))  # type: ignore[misc]
+        found = kept(folder, part_name(key), lambda legs=legs, part=part: _play(legs, task, part, threads))  # type: ignore[misc]
         way = f"{'while' if together else 'after'} the bladders empty, feet {'grip' if grip else 'slide'}"
         tried.append(_judged(names, ground, design, way, found, task))
         if not tried[-1].faults:
@@ -89,7 +89,8 @@ def find_change(
     return min(tried, key=lambda change: (len(change.faults), -np.nan_to_num(change.next_speed, nan=-np.inf)))
 
 
-def _name(key: str) -> str:
+def part_name(key: str) -> str:
+    """A key as the name of a part in a results folder."""
     return "".join(c if c.isalnum() else "_" for c in key)
 
 

@@ -5,14 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optim.pipeline.changes import Change
+from optim.pipeline.candidates import slug
+from optim.pipeline.changes import Change, part_name
 from optim.pipeline.machine import State
 from optim.pipeline.task import PipelineTask
-from optim.studies.results import Progress, part_of
+from optim.studies.results import Arrays, Progress, kept, part_of
 from robots.gaits import GaitDesign
 from robots.inflatable import NAMED_GEOMETRIES
 from robots.journey import JourneyResult, Leg, simulate_journey
 from robots.judgement import NOISE
+from robots.results_folder import ResultsFolder
 
 FRAMES = 300  # of the journey that is shown
 
@@ -43,7 +45,7 @@ class Crossing:
 
 def cross(
     states: tuple[State, State], change: Change | None, single: tuple[str, GaitDesign], task: PipelineTask,
-    progress: Progress = None, threads: int | None = None,
+    folder: ResultsFolder, progress: Progress = None, threads: int | None = None,
 ) -> Crossing:  # fmt: skip
     """Simulate a change of terrain; both terrains are ground, or both fluids.
 
@@ -52,6 +54,7 @@ def cross(
         change: of shape between them; None where it stays.
         single: name and design of the gait to compare with.
         task: what it is for.
+        folder: keeps the speeds.
         progress: called with the fraction done.
         threads: CPU threads.
     """
@@ -61,14 +64,18 @@ def cross(
     alone = [Leg(single[1], state.terrain, state.name) for state in states]
     where = {"geometry": NAMED_GEOMETRIES[task.geometry], "precision": task.precision, "threads": threads}
     noise = {"runs": task.runs, "perturbation": NOISE, "seed": task.seed}
-    machine = simulate_journey(legs, **where, **noise, progress=part_of(progress, 0, 3))  # type: ignore[arg-type]
-    steps = int(machine.steps.sum())
-    lone = simulate_journey(alone, **where, **noise, progress=part_of(progress, 1, 3))  # type: ignore[arg-type]
+
+    def play() -> Arrays:
+        machine = simulate_journey(legs, **where, **noise, progress=part_of(progress, 0, 3))  # type: ignore[arg-type]
+        lone = simulate_journey(alone, **where, **noise, progress=part_of(progress, 1, 3))  # type: ignore[arg-type]
+        return {"machine": machine.speeds[:, [0, -1]], "single": lone.speeds, "steps": machine.steps}
+
+    played = kept(folder, part_name(f"crossing {slug(first.terrain)} {slug(second.terrain)}"), play)
     shown = simulate_journey(
-        legs, **{**where, "precision": "f32"}, record_every=-(-steps // FRAMES),  # type: ignore[arg-type]
-        progress=part_of(progress, 2, 3),
+        legs, **{**where, "precision": "f32"}, progress=part_of(progress, 2, 3),  # type: ignore[arg-type]
+        record_every=-(-int(played["steps"].sum()) // FRAMES),
     )  # fmt: skip
-    return Crossing(legs, shown, machine.speeds[:, [0, -1]], lone.speeds, single[0])
+    return Crossing(legs, shown, played["machine"], played["single"], single[0])
 
 
 def best_single_gait(speeds: Mapping[str, np.ndarray]) -> str:

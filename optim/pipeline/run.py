@@ -52,7 +52,7 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
     pairs = [(a, b) for a, b in pairwise(states) if a.terrain.is_fluid == b.terrain.is_fluid and a.gait != b.gait]
     crossings = {
         (a.name, b.name): cross((a, b), changes[a.name, b.name], (single, candidates[single]), task,
-                                part_of(progress, 18, 20, 2), threads)
+                                beside, part_of(progress, 18, 20, 2), threads)
         for a, b in pairs
     }  # fmt: skip
     others = best_of_one_gait(plans), best_of_one_shape(plans, candidates)
