@@ -6,7 +6,6 @@ import numpy as np
 
 from optim.gait_encoding import ENCODINGS, BitwiseGait, GradedGait
 from optim.gait_problem import GaitProblem
-from optim.gait_shape import EMPTY_CORE
 from robots.cores import each_pressure
 from robots.gaits import GaitDesign, as_graded
 
@@ -25,8 +24,7 @@ def start_values(problem: GaitProblem, design: GaitDesign) -> dict[str, float]:
     """
     values = [design.orientation] if problem.orientation is None else []
     if problem.pressure is None:
-        least = EMPTY_CORE if problem.graded else 0.0
-        values += [p if p > 0 else least / 2 for p in each_pressure(design.pressure, problem.body)]
+        values += [p if p > 0 else problem.shape.least / 2 for p in each_pressure(design.pressure, problem.body)]
     if problem.schedule is None:
         values += _genes(problem, design)
     return dict(zip(problem.space.names, values, strict=True))
