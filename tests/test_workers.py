@@ -9,6 +9,7 @@ import threading
 
 import numpy as np
 import pytest
+from graded import settling
 from worker_checks import PATHS, Workers, lives, numbers, same, stopped, wait_for
 from worker_problems import Awkward, Bowl, Fatal, Threads, Unloadable, sample
 
@@ -243,12 +244,21 @@ def test_importing_workers_imports_no_ray():
 
 
 def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
-    small = {"columns": 1, "repeats": 1, "geometry": "small", "pressure": 100.0, "encoding": "bits"}
-    problem = GaitProblem((Terrain(),), **small, precision="f64", threads=1)
-    request = Request(problem.space.relaxed().sample(np.random.default_rng(1), 3), "gradients", 0.3)
+    levels = np.zeros((10, 2))
+    levels[:5, 0], levels[8:, 0] = 0.05, 1.0
+    problem = GaitProblem(
+        (Terrain(),),
+        schedule=settling(levels, [50, 50], 1),
+        ramp_steps=200,
+        geometry="small",
+        precision="f64",
+        threads=1,
+    )
+    points = np.array([[10.0, 50.0], [45.0, 100.0], [80.0, 200.0]])  # orientations and pressures
+    request = Request(points, "gradients", 0.3)
     with workers.open(problem) as evaluate:  # parts of two and of one, where here there is one of three
         judgement = evaluate(request)
-    assert same(judgement, judge(problem, request))
+    assert np.all(judgement.gradients != 0) and same(judgement, judge(problem, request))
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
