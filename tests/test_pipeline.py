@@ -1,6 +1,7 @@
 """The pipeline: tasks, plans, changes of shape, packages that play from their tables alone."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ from graded import settling
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.pipeline import changes
+from optim.pipeline import changes, crossing
 from optim.pipeline import run as pipeline_run
 from optim.pipeline.candidates import NoWorkingGait, check_working
 from optim.pipeline.crossing import best_single_gait
+from optim.pipeline.machine import State
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.task import read_task
 from robots import transition
@@ -19,6 +21,7 @@ from robots.gaits import save_gait
 from robots.hardware import read_csv
 from robots.inflatable import INCHING, ROLLING
 from robots.relaxed_schedule import RelaxedDesign
+from robots.results_folder import ResultsFolder
 
 TIMES = (11.5, 4.7)
 speeds = st.floats(0.001, 1.0)
@@ -70,6 +73,7 @@ def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
         ("terrains = ['flat']\ngaits = ['gone.json']", "gone.json"),
         ("terrains = ['flat']\ngaits = ['rolling', 'rolling']", "gaits: 'rolling' is given twice"),
         ("terrains = ['flat']\ngaits = ['rolling']\nruns = 1", "runs: 1 is not allowed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nframes = 0", "frames: 0 is not allowed"),
         ("terrains = ['flat']\ngaits = ['rolling']\nstretch = -1.0", "stretch: -1"),
         ("terrains = ['flat']\ngaits = ['rolling']\nprecision = 'f16'", "precision: 'f16' is unknown"),
         ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nleast_sped = 1", "least_sped.*did you mean least_speed"),
@@ -210,6 +214,24 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
     assert morpholab(f"pipeline {task} --out {parts} --quiet --threads 1")[0] in (0, 1)
     for name in ("machine.json", "numbers.json", "tables/flat.csv"):
         assert (parts / "package" / name).read_bytes() == (package / name).read_bytes()
+
+
+def test_a_crossing_is_kept_for_its_own_gaits_alone(tmp_path, monkeypatch):
+    """With other limits another plan may come out in the same folder."""
+    played = []
+
+    def journey(legs, **_options):
+        played.append([leg.name for leg in legs])
+        return SimpleNamespace(speeds=np.full((2, len(legs)), 0.1), steps=np.array([10] * len(legs)))
+
+    monkeypatch.setattr(crossing, "simulate_journey", journey)
+    task = task_of(tmp_path, "terrains = ['flat', 'hill:15']\ngaits = ['rolling']\nruns = 2")
+    folder = ResultsFolder(tmp_path / "kept", "pipeline", {})
+    rolling, inching = ([State(t, name, DESIGNS[name], [0.1, 0.1]) for t in task.terrains] for name in DESIGNS)
+    for states, again in ((rolling, 3), (rolling, 1), (inching, 3)):
+        played.clear()
+        crossing.cross(tuple(states), None, ("inching", INCHING), task, folder)
+        assert len(played) == again  # those with noise if they are new, and the one that is shown
 
 
 def interrupted(*_args, **_options):

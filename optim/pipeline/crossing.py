@@ -16,8 +16,6 @@ from robots.journey import JourneyResult, Leg, simulate_journey
 from robots.judgement import NOISE
 from robots.results_folder import ResultsFolder
 
-FRAMES = 300  # of the journey that is shown
-
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
@@ -70,10 +68,12 @@ def cross(
         lone = simulate_journey(alone, **where, **noise, progress=part_of(progress, 1, 3))  # type: ignore[arg-type]
         return {"machine": machine.speeds[:, [0, -1]], "single": lone.speeds, "steps": machine.steps}
 
-    played = kept(folder, part_name(f"crossing {slug(first.terrain)} {slug(second.terrain)}"), play)
+    way = "" if change is None else f"{slug(change.terrain)} {change.way}"
+    key = f"crossing {[f'{slug(state.terrain)} {state.gait}' for state in states]} {way} {single[0]}"
+    played = kept(folder, part_name(key), play)
     shown = simulate_journey(
         legs, **{**where, "precision": "f32"}, progress=part_of(progress, 2, 3),  # type: ignore[arg-type]
-        record_every=-(-int(played["steps"].sum()) // FRAMES),
+        record_every=-(-int(played["steps"].sum()) // task.frames),
     )  # fmt: skip
     return Crossing(legs, shown, played["machine"], played["single"], single[0])
 

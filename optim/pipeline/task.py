@@ -19,6 +19,7 @@ from robots.terrain import Terrain
 
 BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 LEAST_RUNS = 2
+PLAIN = ("geometry", "runs", "stretch", "seed", "precision", "frames")  # keys whose values are taken as they are
 PROBLEM = ("encoding", "columns", "repeats", "steps", "warm_up", "stages", "effort")  # keys of [search] about gaits
 
 
@@ -78,6 +79,7 @@ class PipelineTask:
         stretch: way on a terrain before the next one comes [body lengths].
         seed: of noise and searches.
         precision: of all simulations.
+        frames: of the player page, about; fewer make it smaller.
         limits: see there.
         rig: that plays the package.
     """
@@ -90,6 +92,7 @@ class PipelineTask:
     stretch: float = 20.0
     seed: int = 0
     precision: str = "f64"
+    frames: int = 300
     limits: Limits = field(default_factory=Limits)
     rig: PneumaticRig = field(default_factory=PneumaticRig)
 
@@ -110,6 +113,7 @@ class PipelineTask:
             raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
         whole_number("runs", self.runs, LEAST_RUNS)
         whole_number("seed", self.seed, 0)
+        whole_number("frames", self.frames, 2)
         if not number("stretch", self.stretch, 0.0):
             raise ValueError("stretch: 0 is not allowed; give a positive number of body lengths")
         if self.search is not None:
@@ -142,7 +146,7 @@ def read_task(path: Path) -> PipelineTask:
     _check_keys(path, "", given, known)
     if "terrains" not in given:
         raise ValueError(f"task: {path} has no terrains; give some, such as terrains = ['flat', 'hill:15']")
-    plain = {name: given[name] for name in ("geometry", "runs", "stretch", "seed", "precision") if name in given}
+    plain = {name: given[name] for name in PLAIN if name in given}
     terrains = given["terrains"]
     if not isinstance(terrains, list) or not all(isinstance(name, str) for name in terrains):
         raise ValueError(f"terrains: {terrains!r} is not allowed; give names, such as ['flat', 'hill:15']")
