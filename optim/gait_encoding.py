@@ -260,6 +260,33 @@ class GradedPatternGait(GradedGait):
         return output[:BLADDERS] + 0.5, (output[BLADDERS:] > 0).astype(float), values[-self.columns :]
 
 
+class GradedWaveGait(GradedGait):
+    """A wave around the robot: every bladder plays the same levels, each so many columns before the one before it.
+
+    Bladders 1 to 8 are a ring: over the top, and back underneath. Whatever the ring does, it does again once the robot
+    has turned by a bladder. Rolling is such a wave, of one bladder in eight columns with a shift of 1. Feet, which are
+    not part of the ring, have bits of their own. After all columns the robot settles for as long.
+    """
+
+    def variables(self) -> list[Variable]:
+        """Levels ``level_1`` to ``level_T``, ``shift``, bits ``foot1_1`` to ``foot2_T``, steps ``settle``."""
+        feet = [variable for variable in super().variables() if variable.kind == "binary"]
+        levels = [Variable(f"level_{column + 1}", -0.5, 1.5, step=LEVEL_STEP) for column in range(self.columns)]
+        shift = Variable("shift", 0, max(1, self.columns - 1), "integer", step=1.0)
+        return [*levels, shift, *feet, Variable("settle", -SETTLING, SETTLING, step=SETTLING_STEP)]
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """Zero: waves are searched without gradients."""
+        return np.zeros(len(values))
+
+    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+        """The levels, shifted from bladder to bladder, grip, and settling."""
+        values = np.asarray(values, float)
+        levels, shift, feet = values[: self.columns], int(values[self.columns]), values[self.columns + 1 : -1]
+        inflation = np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
+        return inflation, feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
+
+
 def _pattern(values: Vector, columns: int) -> NDArray[np.float64]:
     """What a network of such genes says of all actuators and columns, shape (10, T)."""
     column = np.arange(columns)
@@ -275,4 +302,5 @@ ENCODINGS: dict[str, type[GaitEncoding]] = {
     "pattern": PatternGait,
     "graded": GradedGait,
     "graded-pattern": GradedPatternGait,
+    "graded-wave": GradedWaveGait,
 }

@@ -72,7 +72,7 @@ class GaitProblem:
         columns: of a free schedule.
         repeats: of a free schedule.
         encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``,
-            ``"graded-pattern"``; only bits and graded levels have gradients.
+            ``"graded-pattern"``, ``"graded-wave"``; only bits and graded levels have gradients.
         objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.

@@ -103,7 +103,7 @@ def _add_design(design: Any) -> None:
     design.add_argument("--free", metavar="PARTS", help="what may change (default: orientation,shape,control)")
     design.add_argument(
         "--encoding",
-        choices=("codes", "bits", "pattern", "graded", "graded-pattern"),
+        choices=("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave"),
         help="of the control: frequency and offset of each actuator, every bit, a network that makes patterns, or "
         "how far bladders inflate and how long the robot settles, played as often as --steps allow (default: codes; "
         "bits with --method gradient)",
