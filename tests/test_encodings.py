@@ -3,6 +3,7 @@
 import importlib
 import json
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,25 @@ def test_patterns_can_say_the_published_gaits(gait, genome):
     problem = gaits("pattern")
     point = np.concatenate([[gait.orientation, gait.pressure], *genome])
     assert problem.space.size == 2 + 6 * 8 + 7 + 6 and problem.design(point) == gait
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 12), st.integers(0, 10**6))
+def test_a_wave_runs_around_the_robot(columns, seed):
+    encoding = GAIT_ENCODINGS["graded-wave"](columns, 1)
+    names, point = [v.name for v in encoding.variables()], any_values(encoding.variables(), seed)
+    gait, shift = encoding.schedule(point), int(point[names.index("shift")])
+    levels = np.clip([point[names.index(f"level_{column + 1}")] for column in range(columns)], 0, 1)
+    assert np.array_equal(gait.inflation[0], levels) and np.all(gait.settle_steps == gait.settle_steps[0])
+    for before, after in pairwise(gait.inflation):
+        assert np.array_equal(after, np.roll(before, -shift))
+    assert gait.grip.ravel().tolist() == [p for name, p in zip(names, point, strict=True) if name.startswith("foot")]
+
+
+def test_rolling_is_a_wave():
+    encoding = GAIT_ENCODINGS["graded-wave"](8, 1)
+    values = [float(v.name in ("level_8", "shift")) for v in encoding.variables()]
+    assert np.array_equal(encoding.schedule(np.array(values)).levels, ROLLING.schedule.bits)
 
 
 def test_a_pattern_is_of_the_whole_robot():

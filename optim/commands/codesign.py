@@ -105,8 +105,8 @@ def _add_design(design: Any) -> None:
         "--encoding",
         choices=("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave"),
         help="of the control: frequency and offset of each actuator, every bit, a network that makes patterns, or "
-        "how far bladders inflate and how long the robot settles, played as often as --steps allow (default: codes; "
-        "bits with --method gradient)",
+        "how far bladders inflate and how long the robot settles, played as often as --steps allow, level by level, by "
+        "a network, or as a wave around the robot (default: codes; bits with --method gradient)",
     )
     design.add_argument(
         "--steps",
