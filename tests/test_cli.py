@@ -395,12 +395,28 @@ def test_any_design_that_a_search_keeps_can_be_exported(morpholab, tmp_path):
     assert "as runs/a/best.json is the file of one" in morpholab("export runs/a/best.json --member 1 --csv a.csv")[2]
 
 
-def test_bench_forwards_its_options(morpholab, monkeypatch):
+def test_bench_forwards_its_options(morpholab, monkeypatch, tmp_path):
     seen = []
+    (tmp_path / "lanes.py").touch()
     monkeypatch.setattr("robots.bench.main", lambda args: seen.append(args) or {"speed": 1})
     code, out, _ = morpholab("bench --quick --precision f32 --prototype lanes.py --json")
     assert code == 0 and json.loads(out) == {"speed": 1}
     assert (seen[0].quick, seen[0].precision, str(seen[0].prototype)) == (True, "f32", "lanes.py")
+
+
+@pytest.mark.parametrize(
+    ("program", "expected"),
+    [
+        (None, (2, "error: prototype: lanes.py is no file\n")),
+        ("raise SystemExit('no such precision')", (1, "failed: lanes.py ended with code 1: no such precision\n")),
+        ("print('fast')", (2, "error: prototype: lanes.py prints no number after f32: on its last line\n")),
+    ],
+)
+def test_a_reference_program_that_does_not_work_is_one_line(morpholab, tmp_path, program, expected):
+    if program is not None:
+        (tmp_path / "lanes.py").write_text(program)
+    code, _, error = morpholab("bench inflatable --quick --precision f32 --prototype lanes.py")
+    assert (code, error.partition("bench: ")[2]) == expected
 
 
 # the problem behind codesign
