@@ -135,6 +135,8 @@ BAD_INPUT = {
     "rolling --picture a.doc": "picture: a.doc is not allowed; give a name that ends in .png or .pdf or .svg",
     "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
     "rolling --out a.html --at 1": "at: there is no picture; give --picture file.png",
+    "rolling --out a.html --colour strain": "colour: strain is of pictures and films; give --picture file.png",
+    "rolling --strip a.png --seconds 5": "seconds: there is no film; give --gif file.gif or --mp4 file.mp4",
     "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
     "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a finite number from 0 to ",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
