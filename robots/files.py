@@ -61,6 +61,11 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise ValueError(f"{path}: is not a text file") from None
 
 
+def why_unread(error: Exception) -> str:
+    """Why a file could not be read or understood, in one line that leaves its name out."""
+    return (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
+
+
 def write_record(path: str | os.PathLike[str], form: str, record: Mapping[str, Any]) -> None:
     """Write a design as JSON, its format first."""
     write_text(path, json.dumps({"format": form, **record}, indent=2) + "\n")
