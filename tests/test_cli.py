@@ -397,6 +397,13 @@ def test_any_design_that_a_search_keeps_can_be_exported(morpholab, tmp_path):
     assert "as runs/a/best.json is the file of one" in morpholab("export runs/a/best.json --member 1 --csv a.csv")[2]
 
 
+def test_versions_are_told(morpholab):
+    code, out, _ = morpholab("--version")
+    assert (
+        code == 0 and re.match(r"morpholab \d+\.\d+\.\d+, python 3\.\d+\.\d+, numpy \d", out) and out.count("\n") == 1
+    )
+
+
 def test_bench_forwards_its_options(morpholab, monkeypatch, tmp_path):
     seen = []
     (tmp_path / "lanes.py").touch()
