@@ -136,6 +136,7 @@ BAD_INPUT = {
     "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
     "rolling --out a.html --at 1": "at: there is no picture; give --picture file.png",
     "rolling --out a.html --colour strain": "colour: strain is of pictures and films; give --picture file.png",
+    "legged rover --slope 10 --out a.html": "terrain: it is of soft robots; leave it out",
     "rolling --strip a.png --seconds 5": "seconds: there is no film; give --gif file.gif or --mp4 file.mp4",
     "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
     "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a finite number from 0 to ",

@@ -19,6 +19,7 @@ from robots.view.motion import Motion
 
 Progress = Callable[[float], None]
 QUADRUPEDS = ("legged", "wheeled", "whegged")
+RIGID = (*QUADRUPEDS, "vehicle", "rover")
 
 
 def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Motion:
@@ -43,7 +44,7 @@ def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Moti
         return _of_run(path, args, progress)
     if path.is_file():
         return _of_file(path, args, progress)
-    known = ", ".join((*options.GAITS, *QUADRUPEDS, "vehicle", "rover"))
+    known = ", ".join((*options.GAITS, *RIGID))
     raise ValueError(f"source: {source!r} is no robot ({known}), no run and no file of a design")
 
 
