@@ -80,8 +80,11 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
     text = read_text(path)
     try:
         record = json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: it is no JSON of the format {form!r} ({error})") from None
+    try:
         if not isinstance(record, dict) or record.get("format") != form:
-            raise ValueError(f"it is not a design file (format {form!r})")
+            raise ValueError(f"it is not of the format {form!r}")
         return build(record)
     except KeyError as missing:
         raise ValueError(f"{path}: {missing} is missing") from None
