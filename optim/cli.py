@@ -39,9 +39,22 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: error: {message}\n")
 
 
+class _Version(argparse.Action):
+    """Prints versions and ends; looks for them only when asked."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from optim.runs.environment import versions
+
+        found = versions()
+        names = ["morpholab", *(name for name in found if name != "morpholab")]
+        print(", ".join(f"{name} {found[name] or 'not installed'}" for name in names))
+        parser.exit()
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser of all commands; each sets ``run`` to the function that does the work."""
     parser = _Parser(prog="morpholab", description="Simulate soft and rigid robots, and design bodies and behaviours.")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show versions, also of what results depend on")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for command in (simulate, view, codesign, status, compare, report, gradient_check, export, sweep, train,
                     interference, reproduce, pipeline, calibrate, bench):  # fmt: skip

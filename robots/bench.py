@@ -6,6 +6,7 @@ program whose last line of output reads "f32: 36000 robot-steps ..."), and to th
 """
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -91,8 +92,10 @@ def prototype_rate(path: Path, precision: str) -> float:
     run = subprocess.run(
         [sys.executable, path.name, precision], cwd=path.parent, capture_output=True, text=True, check=True
     )
-    words = run.stdout.strip().splitlines()[-1].split()
-    return float(words[words.index(f"{precision}:") + 1])
+    found = re.search(rf"{precision}: *([0-9.]+)[^\n]*\s*$", run.stdout)
+    if not found:
+        raise ValueError(f"prototype: {path} prints no number after {precision}: on its last line")
+    return float(found[1])
 
 
 def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:

@@ -61,6 +61,11 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise ValueError(f"{path}: is not a text file") from None
 
 
+def why_unread(error: Exception) -> str:
+    """Why a file could not be read or understood, in one line that leaves its name out."""
+    return (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
+
+
 def write_record(path: str | os.PathLike[str], form: str, record: Mapping[str, Any]) -> None:
     """Write a design as JSON, its format first."""
     write_text(path, json.dumps({"format": form, **record}, indent=2) + "\n")
@@ -75,8 +80,11 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
     text = read_text(path)
     try:
         record = json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: it is no JSON of the format {form!r} ({error})") from None
+    try:
         if not isinstance(record, dict) or record.get("format") != form:
-            raise ValueError(f"it is not a design file (format {form!r})")
+            raise ValueError(f"it is not of the format {form!r}")
         return build(record)
     except KeyError as missing:
         raise ValueError(f"{path}: {missing} is missing") from None

@@ -184,7 +184,11 @@ class QuadrupedResult:
 
 
 def engine(robots: Quadruped | Sequence[Quadruped], variant: Variant = AS_RUN, **settings: Any) -> RigidEngine:
-    """An engine for robots of one kind, in the world of the published experiment; settings as of ``RigidEngine``."""
+    """An engine for robots of one kind, in the world of the published experiment; settings as of ``RigidEngine``.
+
+    Raises:
+        ValueError: in one line, for no robot, or several kinds.
+    """
     several = [robots] if isinstance(robots, Quadruped) else list(robots)
     if not several:
         raise ValueError("robots: an empty list is not allowed; give at least one")

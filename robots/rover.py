@@ -189,7 +189,11 @@ def controllers(weights: object) -> Floats:
 
 
 def engine(rovers: Rover | Sequence[Rover], **settings: Any) -> RigidEngine:
-    """An engine for vehicles in the world of the published experiment; settings as of ``RigidEngine``."""
+    """An engine for vehicles in the world of the published experiment; settings as of ``RigidEngine``.
+
+    Raises:
+        ValueError: in one line, for no vehicle.
+    """
     several = [rovers] if isinstance(rovers, Rover) else list(rovers)
     if not several:
         raise ValueError("rovers: an empty list is not allowed; give at least one")

@@ -118,7 +118,11 @@ class GaitSchedule:
 
     @classmethod
     def from_text(cls, text: str, repeats: int = 2) -> Self:
-        """The schedule of ten rows of 0 and 1 separated by ``/``, such as ``"10/10/01/..."``."""
+        """The schedule of ten rows of 0 and 1 separated by ``/``, such as ``"10/10/01/..."``.
+
+        Raises:
+            ValueError: in one line, for any other text.
+        """
         rows = [row.strip() for row in text.split("/")]
         if set("".join(rows)) - {"0", "1"} or len(set(map(len, rows))) != 1:
             raise ValueError(f"schedule: {text!r} is not allowed; give {ROWS} rows of 0 and 1, joined by /")

@@ -103,7 +103,11 @@ class Terrain:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The terrain of a name: ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, or ``"water"``."""
+        """The terrain of a name: ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, or ``"water"``.
+
+        Raises:
+            ValueError: in one line, for any other name or slope.
+        """
         kind, _, degrees = text.partition(":")
         if text == "flat":
             return cls()

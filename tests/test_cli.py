@@ -116,7 +116,9 @@ BAD_LINES = [
     ("simulate --gait rollin", "gait: 'rollin' is neither a known gait (inching, rolling) nor a file"),
     ("simulate", "the following arguments are required: --gait"),
     ("simulate --gait broken.json", "broken.json: "),
-    ("codesign --out new", "terrain: none given"),
+    ("codesign --out new", "terrain: none given; say where"),
+    ("codesign --out new --resume", "terrain: none given, and new holds no run to continue; say where"),
+    ("codesign --out new --task gone.toml", "task: gone.toml cannot be read (No such file or directory)"),
     ("codesign --out new --terrain hill:abc", "argument --terrain: 'hill:abc' is unknown"),
     ("codesign --out new --terrain hill:nan", "argument --terrain: nan is not allowed"),
     ("codesign --out broken.json --terrain flat", "out: broken.json is a file; name a new folder"),
@@ -395,12 +397,35 @@ def test_any_design_that_a_search_keeps_can_be_exported(morpholab, tmp_path):
     assert "as runs/a/best.json is the file of one" in morpholab("export runs/a/best.json --member 1 --csv a.csv")[2]
 
 
-def test_bench_forwards_its_options(morpholab, monkeypatch):
+def test_versions_are_told(morpholab):
+    code, out, _ = morpholab("--version")
+    assert (
+        code == 0 and re.match(r"morpholab \d+\.\d+\.\d+, python 3\.\d+\.\d+, numpy \d", out) and out.count("\n") == 1
+    )
+
+
+def test_bench_forwards_its_options(morpholab, monkeypatch, tmp_path):
     seen = []
+    (tmp_path / "lanes.py").touch()
     monkeypatch.setattr("robots.bench.main", lambda args: seen.append(args) or {"speed": 1})
     code, out, _ = morpholab("bench --quick --precision f32 --prototype lanes.py --json")
     assert code == 0 and json.loads(out) == {"speed": 1}
     assert (seen[0].quick, seen[0].precision, str(seen[0].prototype)) == (True, "f32", "lanes.py")
+
+
+@pytest.mark.parametrize(
+    ("program", "expected"),
+    [
+        (None, (2, "error: prototype: lanes.py is no file\n")),
+        ("raise SystemExit('no such precision')", (1, "failed: lanes.py ended with code 1: no such precision\n")),
+        ("print('fast')", (2, "error: prototype: lanes.py prints no number after f32: on its last line\n")),
+    ],
+)
+def test_a_reference_program_that_does_not_work_is_one_line(morpholab, tmp_path, program, expected):
+    if program is not None:
+        (tmp_path / "lanes.py").write_text(program)
+    code, _, error = morpholab("bench inflatable --quick --precision f32 --prototype lanes.py")
+    assert (code, error.partition("bench: ")[2]) == expected
 
 
 # the problem behind codesign

@@ -210,7 +210,7 @@ def test_equal_gaits_are_those_of_equal_numbers():
         ({"settle": [1, 2]}, "settle: is unknown; a graded gait has inflation, grip, core_pressure, motion_steps, s"),
         ({"repeats": 1.5}, "repeats: 1.5 is not allowed"),
         ({"pressure": -1}, "pressure: -1 is not allowed"),
-        ({"format": "morpholab-graded-design-2"}, "it is not a design file"),
+        ({"format": "morpholab-graded-design-2"}, "it is not of the format"),
     ],
 )
 def test_a_damaged_file_is_refused_in_one_line(tmp_path, change, message):

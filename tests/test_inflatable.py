@@ -195,7 +195,7 @@ def test_designs_survive_the_disk(tmp_path):
     ("content", "message"),
     [
         ("{", "Expecting property name"),
-        ("[]", "it is not a design file"),
+        ("[]", "it is not of the format"),
         (json.dumps({"format": "morpholab-inflatable-design-1"}), "'schedule' is missing"),
     ],
 )

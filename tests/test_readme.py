@@ -2,6 +2,7 @@
 
 import functools
 import json
+import pkgutil
 import re
 import shlex
 import tomllib
@@ -59,6 +60,16 @@ def test_what_documents_say_to_type_exists(name):
             assert all(option in helps[command] for option in options), said
         elif words[0].startswith("--") and words[0] != "--help":
             assert any(words[0] in text for text in helps.values()), said
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_name_that_documents_give_in_full_exists(name):
+    text, package = (ROOT / name).read_text(), r"(?:taichi_sim|robots|optim)"
+    names = re.findall(rf"`({package}(?:\.\w+)+)", text)
+    for module, imported in re.findall(rf"^from ({package}[\w.]*) import ([\w, ]+)$", text, re.MULTILINE):
+        names += [f"{module}.{each.strip()}" for each in imported.split(",")]
+    for said in names:
+        pkgutil.resolve_name(said)
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)

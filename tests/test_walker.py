@@ -128,8 +128,8 @@ def test_designs_survive_files(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "Expecting property name"),
-        ("{}", "it is not a design file"),
+        ("{", "it is no JSON of the format"),
+        ("{}", "it is not of the format"),
         ('{"format": "morpholab-walker-design-1"}', "'layers' is missing"),
         ('{"format": "morpholab-walker-design-1", "layers": [["00", "0"]]}', "layers: they differ in size"),
         ('{"format": "morpholab-walker-design-1", "layers": []}', "layers: they differ in size"),

@@ -1,6 +1,7 @@
 """``morpholab bench``: how fast the simulator is on this machine."""
 
 import argparse
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -40,4 +41,12 @@ def run(args: argparse.Namespace) -> Report:
     """Measure; the benchmark itself prints its table."""
     from robots.bench import main
 
-    return Report(main(args), "")
+    for option in ("prototype", "vehicle_prototype", "rigid_prototype"):
+        path = getattr(args, option)
+        if path is not None and not path.is_file():
+            raise ValueError(f"{option.replace('_', '-')}: {path} is no file")
+    try:
+        return Report(main(args), "")
+    except subprocess.CalledProcessError as error:
+        last = (error.stderr.strip().splitlines() or ["without a word"])[-1]
+        raise RuntimeError(f"{error.cmd[1]} ended with code {error.returncode}: {last}") from None

@@ -36,7 +36,11 @@ def add_parser(commands: Any) -> None:
     _add_search(parser.add_argument_group("search"))
     _add_gradients(parser.add_argument_group("search by gradients (gradient, memetic and cma-gradient)"))
     _add_design(parser.add_argument_group("what is designed"))
-    options.add_robot(parser, precision="f32")
+    options.add_robot(
+        parser,
+        precision="f32, with --robot f64",
+        schedule=("8, or all of the gait if control is not free", "2, or the gait's own if control is not free"),
+    )
     add_workers(parser)
     parser.set_defaults(run=run, parser=parser)
 

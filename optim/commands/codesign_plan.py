@@ -100,7 +100,8 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
             settings[name] = getattr(args, name)
     terrains = settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
     if not terrains:
-        raise ValueError("terrain: none given; say where the robot shall travel, such as --terrain flat")
+        new = f", and {args.out} holds no run to continue" if args.resume else ""
+        raise ValueError(f"terrain: none given{new}; say where the robot shall travel, such as --terrain flat")
     free = args.free.split(",") if args.free is not None else known.free if known else PARTS
     unknown = [part for part in free if part not in PARTS]
     if unknown:

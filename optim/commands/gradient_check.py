@@ -57,7 +57,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for gradient.png and gradient.json")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_json(parser)
-    options.add_robot(parser, precision="f64", schedule=False)
+    options.add_robot(parser, precision="f64", schedule=None)
     parser.set_defaults(run=run)
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 GAITS = ("inching", "rolling")  # that commands know by name
 GEOMETRIES = ("published", "small", "two-core")  # likewise
+GAIT_SCHEDULE = ("all of the gait", "the gait's own")  # columns and repeats by default
 
 
 def checked(check: Callable[[str], T]) -> Callable[[str], T]:
@@ -83,19 +84,31 @@ def chosen_terrain(args: argparse.Namespace) -> Terrain | None:
     return args.terrain if args.slope is None else Terrain(args.slope)
 
 
-def add_robot(parser: argparse.ArgumentParser, precision: str, schedule: bool = True) -> None:
-    """Options about the robot's body and its simulation; ``precision`` is what the help calls the default."""
+def add_robot(
+    parser: argparse.ArgumentParser, precision: str, schedule: tuple[str, str] | None = GAIT_SCHEDULE, own: str = ""
+) -> None:
+    """Options about the robot's body and its simulation.
+
+    Args:
+        parser: of the command.
+        precision: what the help calls the default.
+        schedule: likewise of columns and repeats; None for commands without these options.
+        own: what the help says after the other defaults.
+    """
     group = parser.add_argument_group("robot and simulation")
-    group.add_argument("--geometry", choices=GEOMETRIES, help="the robot's body (default: published)")
+    group.add_argument("--geometry", choices=GEOMETRIES, help=f"the robot's body (default: published{own})")
     if schedule:
-        group.add_argument("--columns", type=whole(1), metavar="T", help="columns of the schedule")
+        columns, repeats = schedule
         group.add_argument(
-            "--repeats", type=whole(1), metavar="N", help="how often the columns are played (default: 2)"
+            "--columns", type=whole(1), metavar="T", help=f"columns of the schedule (default: {columns})"
+        )
+        group.add_argument(
+            "--repeats", type=whole(1), metavar="N", help=f"how often the columns are played (default: {repeats})"
         )
     group.add_argument(
         "--weight",
         choices=("published", "physical"),
-        help="of bladders: none while they move or stay inflated, or always (default: published)",
+        help=f"of bladders: none while they move or stay inflated, or always (default: published{own})",
     )
     group.add_argument("--precision", choices=("f32", "f64"), help=f"of the numbers (default: {precision})")
     group.add_argument("--device", choices=("cpu", "cuda", "vulkan", "metal"), help="(default: cpu)")

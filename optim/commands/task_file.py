@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.hints import nearest
+from robots.files import why_unread
 
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
 
@@ -34,7 +35,7 @@ def take_task(args: argparse.Namespace) -> None:
     try:
         task = tomllib.loads(args.task.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ValueError(f"task: {args.task} cannot be read ({' '.join(str(error).split())})") from None
+        raise ValueError(f"task: {args.task} cannot be read ({why_unread(error)})") from None
     arguments: list[str] = []
     for key, value in task.items():
         action = known.get(key.replace("-", "_"))

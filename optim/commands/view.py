@@ -49,20 +49,22 @@ def add_parser(commands: Any) -> None:
         "(default: 1)",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_robot(parser, precision="f32, of rigid robots f64")
+    options.add_robot(parser, precision="f32, of rigid robots and vehicles f64", own=", of runs their own")
     options.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
-    from optim.commands.view_sources import motion_of
+    from optim.commands.view_sources import RIGID, motion_of
     from robots.view.player import MOST_MOTIONS
 
     count = len(args.sources)
     if count > MOST_MOTIONS:
         raise ValueError(f"sources: {count} robots are not allowed; give up to {MOST_MOTIONS}")
     check_outputs(args)
+    if options.chosen_terrain(args) is not None and all(source in RIGID for source in args.sources):
+        raise ValueError("terrain: it is of soft robots; leave it out")
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
         motions = []
         for done, source in enumerate(args.sources):

@@ -72,6 +72,11 @@ def check_outputs(args: argparse.Namespace) -> None:
             raise ValueError(f"{output.option}: {len(args.sources)} robots are not allowed in one file; give one")
     if args.at is not None and args.picture is None:
         raise ValueError("at: there is no picture; give --picture file.png")
+    films = args.gif is not None or args.mp4 is not None
+    if args.seconds is not None and not films:
+        raise ValueError("seconds: there is no film; give --gif file.gif or --mp4 file.mp4")
+    if args.colour != "material" and args.picture is None and args.strip is None and not films:
+        raise ValueError(f"colour: {args.colour} is of pictures and films; give --picture file.png or --gif file.gif")
     if args.strip is not None and args.colour == "beams":
         raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
     if args.mp4 is not None:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from optim.commands import options
 from optim.commands.kept_points import kept_point
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER
-from robots.files import read_text
+from robots.files import read_text, why_unread
 from robots.terrain import Terrain
 from robots.view.motion import Motion
 
 Progress = Callable[[float], None]
 QUADRUPEDS = ("legged", "wheeled", "whegged")
+RIGID = (*QUADRUPEDS, "vehicle", "rover")
 
 
 def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Motion:
@@ -43,7 +44,7 @@ def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Moti
         return _of_run(path, args, progress)
     if path.is_file():
         return _of_file(path, args, progress)
-    known = ", ".join((*options.GAITS, *QUADRUPEDS, "vehicle", "rover"))
+    known = ", ".join((*options.GAITS, *RIGID))
     raise ValueError(f"source: {source!r} is no robot ({known}), no run and no file of a design")
 
 
@@ -197,7 +198,7 @@ def _matrix(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
         found = np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))
         weights = np.asarray(found, float)
     except (OSError, ValueError, TypeError) as error:
-        raise ValueError(f"controller: {path} cannot be read ({' '.join(str(error).split())})") from None
+        raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None
     if weights.shape != shape:
         raise ValueError(f"controller: {path} has shape {weights.shape}, which is not allowed; give {shape}")
     return weights

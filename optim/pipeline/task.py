@@ -11,6 +11,7 @@ from optim.hints import nearest
 from optim.search import METHODS, build_method, default_settings
 from robots.checks import number, whole_number
 from robots.cores import common_pressure, kilopascals
+from robots.files import why_unread
 from robots.gaits import GaitDesign, load_gait
 from robots.hardware import PneumaticRig
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
@@ -141,7 +142,7 @@ def read_task(path: Path) -> PipelineTask:
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ValueError(f"task: {path} cannot be read ({' '.join(str(error).split())})") from None
+        raise ValueError(f"task: {path} cannot be read ({why_unread(error)})") from None
     known = [each.name for each in fields(PipelineTask)]
     _check_keys(path, "", given, known)
     if "terrains" not in given:

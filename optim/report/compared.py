@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from optim.plots.curves import draw_curves
+from optim.problem import GAIT
 from optim.report.charts import chart
 from optim.report.condition import state_of
 from optim.report.markup import Html, Section, code, number, paragraph, picture, table
@@ -22,8 +23,9 @@ def check_comparable(histories: Sequence[History]) -> None:
     """Raise a one-line ValueError unless the scores of all runs mean the same."""
     first = histories[0]
     for other in histories[1:]:
+        problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
         for name in JUDGED:
-            values = [json.dumps(history.config["problem"].get(name)) for history in (first, other)]
+            values = [json.dumps(problem.get(name)) for problem in problems]
             if values[0] != values[1]:
                 raise ValueError(
                     f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "

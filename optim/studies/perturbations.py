@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, rollout
 
 Floats = NDArray[np.float64]
-Vehicles = tuple[Floats, Floats]
 Change = Callable[[Floats, Floats, VehicleTask, np.random.Generator], tuple[Floats, Floats, VehicleTask]]
 
 

@@ -41,7 +41,11 @@ class VehicleBody:
 
     @classmethod
     def published(cls, design: int) -> Self:
-        """The body of a number, from 1 to 6561, in the published grid of 9 x 9 places for each of two sensors."""
+        """The body of a number, from 1 to 6561, in the published grid of 9 x 9 places for each of two sensors.
+
+        Raises:
+            ValueError: in one line, for any other number.
+        """
         whole = isinstance(design, int | np.integer) and not isinstance(design, bool)
         if not whole or not 1 <= design <= DESIGNS:
             raise ValueError(f"design: {design!r} is not allowed; give a whole number from 1 to {DESIGNS}")
