@@ -47,6 +47,7 @@ class SlopeSweep:
 
 SCALES: Mapping[Budget, SlopeSweep] = {
     "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), Robot(copies=2)),
+    "medium": SlopeSweep(robot=Robot(copies=2)),
     "full": SlopeSweep(),
 }
 
