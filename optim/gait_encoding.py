@@ -279,12 +279,31 @@ class GradedWaveGait(GradedGait):
         """Zero: waves are searched without gradients."""
         return np.zeros(len(values))
 
+    @staticmethod
+    def genome(schedule: "RelaxedSchedule") -> Vector:
+        """Genes of a wave.
+
+        Raises:
+            ValueError: in one line, for what is none, and for what graded genes cannot say.
+        """
+        levels, grip, settle = np.split(
+            GradedGait.genome(dataclasses.replace(schedule, repeats=1)).reshape(-1, schedule.columns), [BLADDERS, ROWS]
+        )
+        shifts = [s for s in range(schedule.columns) if np.array_equal(levels, _wave(levels[0], s))]
+        if not shifts or np.ptp(settle):
+            raise ValueError("inflation: it is no wave, the same levels in every bladder, shifted, and even settling")
+        return np.concatenate([levels[0], shifts[:1], grip.ravel(), settle[0, :1]])
+
     def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
         """The levels, shifted from bladder to bladder, grip, and settling."""
         values = np.asarray(values, float)
         levels, shift, feet = values[: self.columns], int(values[self.columns]), values[self.columns + 1 : -1]
-        inflation = np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
-        return inflation, feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
+        return _wave(levels, shift), feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
+
+
+def _wave(levels: Vector, shift: int) -> NDArray[np.float64]:
+    """What all bladders play if the first plays such levels, shape (8, T)."""
+    return np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
 
 
 def _pattern(values: Vector, columns: int) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from optim.gait_encoding import ENCODINGS, BitwiseGait, GradedGait
+from optim.gait_encoding import ENCODINGS, BitwiseGait, GradedGait, GradedWaveGait
 from optim.gait_problem import GaitProblem
 from robots.cores import each_pressure
 from robots.gaits import GaitDesign, as_graded
@@ -16,7 +16,7 @@ def start_values(problem: GaitProblem, design: GaitDesign) -> dict[str, float]:
     A core that is empty begins in the middle of the pressures that say so, see ``optim.gait_shape``.
 
     Args:
-        problem: of bits, or of graded levels with the columns of the design.
+        problem: of bits, graded levels or waves, with the columns of the design.
         design: the gait.
 
     Raises:
@@ -33,13 +33,13 @@ def start_values(problem: GaitProblem, design: GaitDesign) -> dict[str, float]:
 def _genes(problem: GaitProblem, design: GaitDesign) -> list[float]:
     """Of the schedule."""
     encoding, columns = ENCODINGS[problem.encoding], design.schedule.columns
-    if encoding not in (BitwiseGait, GradedGait):
-        raise ValueError(f"start: encoding {problem.encoding!r} cannot say a gait; choose bits or graded")
+    if encoding not in (BitwiseGait, GradedGait, GradedWaveGait):
+        raise ValueError(f"start: encoding {problem.encoding!r} cannot say a gait; choose bits, graded or graded-wave")
     if columns != problem.columns:
         raise ValueError(f"start: a gait of {columns} columns is not allowed; the search has {problem.columns}")
     schedule = as_graded(design).schedule
-    if encoding is GradedGait:
-        return [float(gene) for gene in GradedGait.genome(dataclasses.replace(schedule, repeats=1))]
+    if encoding is GradedGait or encoding is GradedWaveGait:
+        return [float(gene) for gene in encoding.genome(dataclasses.replace(schedule, repeats=1))]
     if schedule.timed or np.any((schedule.levels != 0) & (schedule.levels != 1)):
         raise ValueError("start: bits cannot say levels between 0 and 1, nor times; choose encoding graded")
     return [float(level) for level in schedule.levels.ravel()]

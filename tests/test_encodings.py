@@ -82,6 +82,20 @@ def test_a_wave_runs_around_the_robot(columns, seed):
     assert gait.grip.ravel().tolist() == [p for name, p in zip(names, point, strict=True) if name.startswith("foot")]
 
 
+@settings(max_examples=40)
+@given(st.integers(1, 12), st.integers(0, 10**6))
+def test_a_wave_can_be_the_start_of_a_search(columns, seed):
+    encoding = GAIT_ENCODINGS["graded-wave"](columns, 1)
+    gait = encoding.schedule(any_values(encoding.variables(), seed))
+    assert encoding.schedule(encoding.genome(gait)) == gait
+
+
+def test_what_is_no_wave_cannot():
+    encoding = GAIT_ENCODINGS["graded"](4, 1)
+    with pytest.raises(ValueError, match="inflation: it is no wave"):
+        GAIT_ENCODINGS["graded-wave"].genome(encoding.schedule(any_values(encoding.variables(), 1)))
+
+
 def test_rolling_is_a_wave():
     encoding = GAIT_ENCODINGS["graded-wave"](8, 1)
     values = [float(v.name in ("level_8", "shift")) for v in encoding.variables()]

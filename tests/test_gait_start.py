@@ -57,7 +57,7 @@ def test_what_is_fixed_does_not_start():
 @pytest.mark.parametrize(
     ("encoding", "columns", "design", "message"),
     [
-        ("codes", 2, GRADED, "start: encoding 'codes' cannot say a gait; choose bits or graded"),
+        ("codes", 2, GRADED, "start: encoding 'codes' cannot say a gait; choose bits, graded or graded-wave"),
         ("graded-pattern", 2, GRADED, "start: encoding 'graded-pattern' cannot say a gait"),
         ("graded", 4, GRADED, "start: a gait of 2 columns is not allowed; the search has 4"),
         ("bits", 2, GRADED, "start: bits cannot say levels between 0 and 1, nor times; choose encoding graded"),

@@ -64,7 +64,7 @@ def _add_search(search: Any) -> None:
     search.add_argument(
         "--start",
         metavar="GAIT",
-        help="a gait, or the file of one, near which a search of bits or graded levels starts (default: random)",
+        help="a gait, or the file of one, near which a search of bits, graded levels or waves starts (default: random)",
     )
     search.add_argument(
         "--start-orientation",

@@ -5,9 +5,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def shown_progress(
-    text: str, total: float, quiet: bool = False
-) -> Iterator[Callable[[float, str | None], None]]:
+def shown_progress(text: str, total: float, quiet: bool = False) -> Iterator[Callable[[float, str | None], None]]:
     """Yields a function to call with what is done of the total, and a new text or None.
 
     On a terminal there is a bar with the time left; elsewhere every new text is a line.

@@ -50,10 +50,10 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
         "hill-climb": HuntSearch("12 hill climbers, as published", "hill-climb", {"climbers": 12}, {}),
         "genetic": HuntSearch("genetic search on cycles", "genetic", {"population": 32}),
         "gradient": HuntSearch(
-            "gradient ascent on cycles", "gradient", {"climbers": 8, "candidates": 4, "learning_rate": 0.1}
+            "gradient ascent on cycles", "gradient", {"climbers": 16, "candidates": 2, "learning_rate": 0.1}
         ),
         "memetic": HuntSearch(
-            "evolution with gradients on cycles", "memetic", {"population": 32, "every": 4, "refine": 8}
+            "evolution with gradients on cycles", "memetic", {"population": 32, "every": 4, "refine": 16}
         ),
         "ladder": HuntSearch(
             "genetic search of patterns, up a ladder",

@@ -14,8 +14,8 @@ from optim.runs.requests import Request, judge
 from optim.search import build_method, default_settings
 from robots.files import write_text
 
-# A gradient takes as long as so many simulations without, by ``benchmarks/gradients.py``; see docs/performance.md.
-GRADIENT_COST = 5.0
+# A gradient takes as long as so many simulations without, for robots that fill vectors; see docs/performance.md.
+GRADIENT_COST = 7.5
 ENDLESS = 1_000_000  # generations
 SPENT = "spent.json"
 
