@@ -338,6 +338,8 @@ def stand_in():
 BAD_LINES = [
     ("calibrate", "data: give either a file of measurements, or --example FILE"),
     ("calibrate a.toml --example b.toml", "data: give either"),
+    ("calibrate --example b.toml --out d", "out: it is of a fit; leave it out with --example"),
+    ("calibrate --example b.toml --fit modulus", "fit: it is of a fit; leave it out with --example"),
     ("calibrate none.toml", "none.toml: cannot be read"),
     ("calibrate empty.toml", "empty.toml: holds no experiment"),
     ("calibrate --example a.toml", "path: a.toml exists; name a new file"),

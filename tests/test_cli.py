@@ -414,6 +414,19 @@ def test_bench_forwards_its_options(morpholab, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("vehicle --prototype lanes.py", "prototype: it is of the inflatable benchmark; leave it out with vehicle"),
+        ("rigid --precision f32", "precision: it is of the inflatable benchmark; leave it out with rigid"),
+        ("inflatable --rigid-prototype a.py", "rigid-prototype: it is of the rigid benchmark; leave it out with"),
+    ],
+)
+def test_bench_refuses_options_of_other_robots(morpholab, line, message):
+    code, out, error = morpholab(f"bench {line}")
+    assert (code, out) == (2, "") and f"error: {message}" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     ("program", "expected"),
     [
         (None, (2, "error: prototype: lanes.py is no file\n")),

@@ -18,6 +18,20 @@ from robots.walker import ACTIVE, PASSIVE, WalkerDesign, save_walker
 QUICK = "--geometry small --columns 1 --repeats 1 --threads 1 --quiet"
 
 
+def walker(folder):
+    materials = np.full((2, 2, 2), PASSIVE)
+    materials[0] = ACTIVE
+    save_walker(WalkerDesign(materials), folder / "walker.json")
+
+
+def vehicles(folder):
+    problem = VehicleProblem(task=VehicleTask(STARTS * [0.25, 0.25, 1.0], radius=0.3, time_step=0.1, steps=60))
+    config = {"problem": problem.describe(), "method": {"name": "random", "seed": 1, "climbers": 3}, "generations": 1}
+    method = build_method("random", problem.space, {"seed": 1, "climbers": 3})
+    with open_run(folder / "run", config, resume=False) as opened:
+        run_search(problem, method, opened, 1)
+
+
 def test_vehicles_side_by_side(morpholab, tmp_path):
     line = "view vehicle rover --environment 3 --controller 1,0.9 --frames 100 --threads 1 --out page.html --quiet"
     code, out, _ = morpholab(f"{line} --json")
@@ -43,9 +57,7 @@ def test_a_quadruped_with_weights_from_a_file(morpholab, tmp_path):
 
 def test_files_of_designs(morpholab, tmp_path):
     save_design(INCHING, tmp_path / "gait.json")
-    materials = np.full((2, 2, 2), PASSIVE)
-    materials[0] = ACTIVE
-    save_walker(WalkerDesign(materials), tmp_path / "walker.json")
+    walker(tmp_path)
     code, out, _ = morpholab(f"view walker.json gait.json --slope 5 --frames 20 --out page.html {QUICK}")
     first, second, _ = out.splitlines()
     assert (
@@ -54,9 +66,7 @@ def test_files_of_designs(morpholab, tmp_path):
 
 
 def test_soft_robots_in_water(morpholab, tmp_path):
-    materials = np.full((2, 2, 2), PASSIVE)
-    materials[0] = ACTIVE
-    save_walker(WalkerDesign(materials), tmp_path / "walker.json")
+    walker(tmp_path)
     code, out, _ = morpholab("view walker.json --terrain water --frames 20 --out page.html --threads 1 --quiet")
     assert code == 0 and out.startswith("walker in water: 8 parts, ")
     assert '"ground":{"solid":false,' in (tmp_path / "page.html").read_text()
@@ -77,11 +87,7 @@ def test_the_best_of_a_run_of_gaits(morpholab, tmp_path):
 
 
 def test_the_best_of_a_run_of_vehicles(morpholab, tmp_path):
-    problem = VehicleProblem(task=VehicleTask(STARTS * [0.25, 0.25, 1.0], radius=0.3, time_step=0.1, steps=60))
-    config = {"problem": problem.describe(), "method": {"name": "random", "seed": 1, "climbers": 3}, "generations": 1}
-    method = build_method("random", problem.space, {"seed": 1, "climbers": 3})
-    with open_run(tmp_path / "run", config, resume=False) as folder:
-        run_search(problem, method, folder, 1)
+    vehicles(tmp_path)
     code, out, _ = morpholab("view run --environment 2 --threads 1 --quiet --out page.html")
     assert code == 0 and out.startswith("run: 6 parts, ")
 
@@ -111,8 +117,13 @@ def test_all_colours_can_be_asked_for():
 def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):
     line = "view vehicle --threads 1 --frames 5 --colour strain --picture a.png --out a.html --glb a.glb --quiet"
     code, _, error = morpholab(line)
-    assert code == 2 and not list(tmp_path.iterdir()) and error == (
-        "morpholab view: error: colour: strain is not allowed for vehicle 6553, which has no lattice; give material\n"
+    assert (
+        code == 2
+        and not list(tmp_path.iterdir())
+        and error
+        == (
+            "morpholab view: error: colour: strain is not allowed for vehicle 6553, which has no lattice; give material\n"
+        )
     )
 
 
@@ -136,14 +147,12 @@ BAD_INPUT = {
     "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
     "rolling --out a.html --at 1": "at: there is no picture; give --picture file.png",
     "rolling --out a.html --colour strain": "colour: strain is of pictures and films; give --picture file.png",
-    "legged rover --slope 10 --out a.html": "terrain: it is of soft robots; leave it out",
     "rolling --strip a.png --seconds 5": "seconds: there is no film; give --gif file.gif or --mp4 file.mp4",
     "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
     "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a finite number from 0 to ",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
     "nothing --out a.html": f"source: 'nothing' {NO_ROBOT}",
     "there.html --out a.html": "there.html: ",
-    "there.html --member 2 --out a.html": "member: 2 is not allowed, as there.html is the file of one design",
     "vehicle --controller 1 --out a.html": "controller: '1' is not allowed; give two numbers, such as 1,-0.5",
     "vehicle --controller 3,1 --out a.html": "weights: 3.0 is not allowed; give numbers from -1 to 1",
     "vehicle --design 7000 --out a.html": "design: 7000 is not allowed; give a whole number from 1 to 6561",
@@ -159,3 +168,34 @@ def test_bad_input_is_told_in_one_line(morpholab, tmp_path, line):
     assert code == 2 and out == "" and error.count("\n") == 1
     assert error.startswith(f"morpholab view: error: {BAD_INPUT[line]}")
     assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "a.html").exists()
+
+
+NOT_OF_THEM = {
+    "legged rover --slope 10": "slope: it is of soft robots; leave it out",
+    "walker.json --member 2": "member: it is of runs; leave it out",
+    "rolling --member 2": "member: it is of runs; leave it out",
+    "rolling --controller 1,1": "controller: it is of rigid robots and vehicle; leave it out",
+    "inching legged --design 3": "design: it is of vehicle and rover; leave it out",
+    "rolling --environment 2": "environment: it is of rigid robots and vehicles; leave it out",
+    "vehicle --seed 3": "seed: it is of quadrupeds; leave it out",
+    "legged --seed 3 --controller w.npy": "seed: it is of random weights; leave it out beside --controller",
+    "walker.json --geometry small": "geometry: it is of the inflatable robot; leave it out",
+    "run --geometry small": "geometry: it is of the inflatable robot; leave it out",
+    "run --slope 5": "slope: it is of soft robots; leave it out",
+    "run --design 3": "design: it is of vehicle and rover; leave it out",
+}
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sources")
+    walker(folder)
+    vehicles(folder)
+    return folder
+
+
+@pytest.mark.parametrize("line", NOT_OF_THEM)
+def test_options_of_other_robots_are_refused(morpholab, monkeypatch, sources, line):
+    monkeypatch.chdir(sources)
+    code, out, error = morpholab(f"view {line} --out a.html --quiet")
+    assert (code, out, error) == (2, "", f"morpholab view: error: {NOT_OF_THEM[line]}\n")

@@ -7,6 +7,11 @@ from typing import Any
 
 from optim.commands import Report, options
 
+# Of which robot options are.
+WHOSE = {
+    "precision": "inflatable", "prototype": "inflatable", "vehicle_prototype": "vehicle", "rigid_prototype": "rigid"
+}  # fmt: skip
+
 
 def add_parser(commands: Any) -> None:
     """Declare the command."""
@@ -41,10 +46,12 @@ def run(args: argparse.Namespace) -> Report:
     """Measure; the benchmark itself prints its table."""
     from robots.bench import main
 
-    for option in ("prototype", "vehicle_prototype", "rigid_prototype"):
-        path = getattr(args, option)
-        if path is not None and not path.is_file():
-            raise ValueError(f"{option.replace('_', '-')}: {path} is no file")
+    for option, robot in WHOSE.items():
+        name, given = option.replace("_", "-"), getattr(args, option)
+        if given is not None and args.robot not in ("all", robot):
+            raise ValueError(f"{name}: it is of the {robot} benchmark; leave it out with {args.robot}")
+        if isinstance(given, Path) and not given.is_file():
+            raise ValueError(f"{name}: {given} is no file")
     try:
         return Report(main(args), "")
     except subprocess.CalledProcessError as error:

@@ -51,6 +51,9 @@ def run(args: argparse.Namespace) -> Report:
     """Fit, or write the example."""
     if (args.data is None) == (args.example is None):
         raise ValueError("data: give either a file of measurements, or --example FILE to write one")
+    for name in ("fit", "bounds", "out"):
+        if args.example is not None and getattr(args, name):
+            raise ValueError(f"{name}: it is of a fit; leave it out with --example, which writes one file")
     return _write_example(args) if args.data is None else _fit(args)
 
 

@@ -39,13 +39,13 @@ def add_parser(commands: Any) -> None:
         help="two numbers such as 1,-0.5 for vehicle and rover (default: 1,1); for quadrupeds a .npy or .json file "
         "with 5 rows, the sensors, of 8 weights (default: random)",
     )  # fmt: skip
-    group.add_argument("--seed", type=options.whole(0), default=0, help="of random weights (default: 0)")
+    group.add_argument("--seed", type=options.whole(0), metavar="N", help="of random weights (default: 0)")
     group.add_argument(
-        "--design", type=options.whole(1), default=6553, metavar="N", help="sensors of vehicle and rover: a body of "
+        "--design", type=options.whole(1), metavar="N", help="sensors of vehicle and rover: a body of "
         "the published grid, 1 to 6561 (default: 6553)",
     )  # fmt: skip
     group.add_argument(
-        "--environment", type=int, choices=(1, 2, 3, 4), default=1, help="place of the light, or of the vehicle "
+        "--environment", type=int, choices=(1, 2, 3, 4), help="place of the light, or of the vehicle "
         "(default: 1)",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -56,15 +56,14 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
-    from optim.commands.view_sources import RIGID, motion_of
+    from optim.commands.view_sources import check_options, motion_of
     from robots.view.player import MOST_MOTIONS
 
     count = len(args.sources)
     if count > MOST_MOTIONS:
         raise ValueError(f"sources: {count} robots are not allowed; give up to {MOST_MOTIONS}")
     check_outputs(args)
-    if options.chosen_terrain(args) is not None and all(source in RIGID for source in args.sources):
-        raise ValueError("terrain: it is of soft robots; leave it out")
+    check_options(args)
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
         motions = []
         for done, source in enumerate(args.sources):

@@ -20,6 +20,74 @@ from robots.view.motion import Motion
 Progress = Callable[[float], None]
 QUADRUPEDS = ("legged", "wheeled", "whegged")
 RIGID = (*QUADRUPEDS, "vehicle", "rover")
+# Options that say something of some sources only, and of which.
+WHOSE = {
+    "terrain": "soft robots",
+    "slope": "soft robots",
+    "member": "runs",
+    "controller": "rigid robots and vehicle",
+    "seed": "quadrupeds",
+    "design": "vehicle and rover",
+    "environment": "rigid robots and vehicles",
+    **dict.fromkeys(("geometry", "columns", "repeats", "weight"), "the inflatable robot"),
+}
+OF_KIND = {
+    GAIT: ("terrain", "slope", "geometry", "columns", "repeats", "weight"),
+    WALKER: ("terrain", "slope"),
+    ROBOT: ("terrain", "slope"),
+    VEHICLE: ("environment",),
+}
+
+
+def check_options(args: argparse.Namespace) -> None:
+    """Whether every option that is given says something of at least one source.
+
+    Raises:
+        ValueError: in one line, for an option that does not, and for a source that is unknown.
+    """
+    options.chosen_terrain(args)
+    said = {option for source in args.sources for option in _options_of(source)}
+    for option, whose in WHOSE.items():
+        if getattr(args, option) is not None and option not in said:
+            raise ValueError(f"{option}: it is of {whose}; leave it out")
+    if args.seed is not None and args.controller is not None:
+        raise ValueError("seed: it is of random weights; leave it out beside --controller")
+
+
+def _options_of(source: str) -> tuple[str, ...]:
+    """Those of ``WHOSE`` that say something of a source."""
+    if source in RIGID:
+        return ("controller", "environment", "seed" if source in QUADRUPEDS else "design")
+    own = OF_KIND[_kind(source)]
+    return (*own, "member") if source not in options.GAITS and Path(source).is_dir() else own
+
+
+def _kind(source: str) -> str:
+    """The kind of problem that the design of a source is of; of those that have no name.
+
+    Raises:
+        ValueError: in one line, for what is no source.
+    """
+    path = Path(source)
+    if source in options.GAITS:
+        return GAIT
+    if path.is_dir():
+        from optim.runs.config import read_config
+
+        kind: str = read_config(path)["problem"].get("kind", GAIT)
+        if kind not in OF_KIND:
+            raise ValueError(f"source: {path} is a run of a {kind}, which has no view")
+        return kind
+    if path.is_file():
+        from robots.lattice_robot.record import ROBOT_FORMAT
+        from robots.lattice_robot.sources import VOXEL_SUFFIXES
+        from robots.walker_body import DESIGN_FORMAT
+
+        if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{ROBOT_FORMAT}"' in read_text(path):
+            return ROBOT
+        return WALKER if f'"{DESIGN_FORMAT}"' in read_text(path) else GAIT
+    known = ", ".join((*options.GAITS, *RIGID))
+    raise ValueError(f"source: {source!r} is no robot ({known}), no run and no file of a design")
 
 
 def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Motion:
@@ -35,23 +103,15 @@ def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Moti
     if source == "vehicle":
         from robots.braitenberg import PUBLISHED, VehicleBody, contralateral
 
-        body = VehicleBody.published(args.design)
-        return _vehicle(body, contralateral(_pair(args)), PUBLISHED, f"vehicle {args.design}", args)
+        body = VehicleBody.published(_design(args))
+        return _vehicle(body, contralateral(_pair(args)), PUBLISHED, f"vehicle {_design(args)}", args)
     if source in options.GAITS:
         return _inflatable(options.load_gait(source), source, args, None, progress)
     path = Path(source)
-    if path.is_dir():
-        return _of_run(path, args, progress)
-    if path.is_file():
-        return _of_file(path, args, progress)
-    known = ", ".join((*options.GAITS, *RIGID))
-    raise ValueError(f"source: {source!r} is no robot ({known}), no run and no file of a design")
+    return (_of_run if path.is_dir() else _of_file)(path, _kind(source), args, progress)
 
 
-def _of_run(folder: Path, args: argparse.Namespace, progress: Progress) -> Motion:
-    from optim.runs.config import read_config
-
-    kind = read_config(folder)["problem"].get("kind", GAIT)
+def _of_run(folder: Path, kind: str, args: argparse.Namespace, progress: Progress) -> Motion:
     if kind == GAIT:
         from optim.gait_problem import GaitProblem
 
@@ -69,27 +129,20 @@ def _of_run(folder: Path, args: argparse.Namespace, progress: Progress) -> Motio
         vehicles, point = kept_point(folder, VehicleProblem, args.member)
         sites, controllers = vehicles.split(point)
         return _vehicle(VehicleBody(sites[0]), controllers[0, 0], vehicles.task, folder.name, args)
-    if kind == ROBOT:
-        from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.lattice_robot_problem import LatticeRobotProblem
 
-        own, point = kept_point(folder, LatticeRobotProblem, args.member)
-        return _lattice_robot(own.design(point), folder.name, args, own.terrain, progress)
-    raise ValueError(f"source: {folder} is a run of a {kind}, which has no view")
+    own, point = kept_point(folder, LatticeRobotProblem, args.member)
+    return _lattice_robot(own.design(point), folder.name, args, own.terrain, progress)
 
 
-def _of_file(path: Path, args: argparse.Namespace, progress: Progress) -> Motion:
+def _of_file(path: Path, kind: str, args: argparse.Namespace, progress: Progress) -> Motion:
     from robots.gaits import load_gait
     from robots.lattice_robot import load_robot
-    from robots.lattice_robot.record import ROBOT_FORMAT
-    from robots.lattice_robot.sources import VOXEL_SUFFIXES
     from robots.walker import load_walker
-    from robots.walker_body import DESIGN_FORMAT
 
-    if args.member is not None:
-        raise ValueError(f"member: {args.member} is not allowed, as {path} is the file of one design; name a run")
-    if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{ROBOT_FORMAT}"' in read_text(path):
+    if kind == ROBOT:
         return _lattice_robot(load_robot(path), path.stem, args, None, progress)
-    if f'"{DESIGN_FORMAT}"' in read_text(path):
+    if kind == WALKER:
         return _walker(load_walker(path), path.stem, args, None, progress)
     return _inflatable(load_gait(path), path.stem, args, None, progress)
 
@@ -147,10 +200,11 @@ def _vehicle(body: Any, controller: NDArray[np.float64], task: Any, name: str, a
     from robots.braitenberg import trace
     from robots.view.vehicle_motion import vehicle_motion
 
-    if args.environment > len(task.starts):
-        raise ValueError(f"environment: {args.environment} is not allowed; the task has {len(task.starts)}")
+    environment = args.environment or 1
+    if environment > len(task.starts):
+        raise ValueError(f"environment: {environment} is not allowed; the task has {len(task.starts)}")
     traces = trace([body], controller[None, None], task, **_where(args, "f64"))
-    motion = vehicle_motion(traces, body, task, environment=args.environment - 1, name=name)
+    motion = vehicle_motion(traces, body, task, environment=environment - 1, name=name)
     return motion.every(-(-len(motion.times) // args.frames))
 
 
@@ -161,9 +215,9 @@ def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
 
     robot = {"legged": quadruped.LEGGED, "wheeled": quadruped.WHEELED, "whegged": quadruped.WHEGGED}[kind]
     sizes = quadruped.SENSORS, quadruped.MOTORS
-    weights = (random_weights(1, *sizes, np.random.default_rng(args.seed)) if args.controller is None
+    weights = (random_weights(1, *sizes, np.random.default_rng(args.seed or 0)) if args.controller is None
                else _matrix(Path(args.controller), sizes))  # fmt: skip
-    lights = [quadruped.ENVIRONMENTS[args.environment - 1]]
+    lights = [quadruped.ENVIRONMENTS[(args.environment or 1) - 1]]
     every = _every(quadruped.STEPS, args)
     found = quadruped.simulate(robot, weights, lights, record_every=every, **_where(args, "f64"))
     return quadruped_motion(robot, found, lights)
@@ -173,10 +227,14 @@ def _rover(args: argparse.Namespace) -> Motion:
     from robots import rover
     from robots.view.rigid_motion import rover_motion
 
-    robot, lights = rover.Rover.published(args.design), [rover.LIGHTS[args.environment - 1]]
+    robot, lights = rover.Rover.published(_design(args)), [rover.LIGHTS[(args.environment or 1) - 1]]
     every = _every(rover.STEPS, args)
     found = rover.simulate(robot, _pair(args), lights, record_every=every, **_where(args, "f64"))
-    return rover_motion(robot, found, lights, name=f"rover {args.design}")
+    return rover_motion(robot, found, lights, name=f"rover {_design(args)}")
+
+
+def _design(args: argparse.Namespace) -> int:
+    return args.design or 6553
 
 
 def _every(steps: int, args: argparse.Namespace) -> int:
