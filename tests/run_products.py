@@ -1,6 +1,13 @@
-"""What tests of runs read from a run folder."""
+"""Runs for tests, and what tests read from run folders."""
 
 import json
+
+import numpy as np
+
+from optim.problem import Evaluation
+from optim.runs import open_run, run_search
+from optim.search import build_method
+from optim.vehicle_problem import VehicleProblem
 
 
 def products(folder):
@@ -11,3 +18,22 @@ def products(folder):
 def log(folder):
     """Lines of the log."""
     return [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
+
+
+class Kite(VehicleProblem):
+    """A problem of a kind that nothing knows."""
+
+    def evaluate(self, points):
+        return Evaluation(np.zeros(len(points)))
+
+    def describe(self):
+        return {"kind": "kite"}
+
+
+def searched(problem, folder, generations=1):
+    """A run of two climbers."""
+    settings = {"climbers": 2, "seed": 0}
+    method = {"name": "hill-climb", **settings}
+    config = {"problem": problem.describe(), "method": method, "generations": generations}
+    with open_run(folder, config) as run:
+        run_search(problem, build_method("hill-climb", problem.space, settings), run, generations)

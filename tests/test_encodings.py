@@ -217,7 +217,8 @@ def test_a_run_of_walkers_is_refused_as_such(tmp_path, capsys):
     for line in (["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")],
                  ["codesign", "--resume", "--out", str(tmp_path / "a")]):  # fmt: skip
         assert main(line) == 2
-        assert capsys.readouterr().err.endswith(": error: problem: it is a walker, but a gait is needed here\n")
+        refusal = f": error: {tmp_path / 'a'}: problem: it is a walker, but a gait is needed here\n"
+        assert capsys.readouterr().err.endswith(refusal)
     with pytest.raises(ValueError, match=r"^problem: it is a gait, but a walker is needed here$"):
         WalkerProblem.from_description(GaitProblem((Terrain(),)).describe())
 

@@ -6,14 +6,11 @@ from dataclasses import asdict, replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
-from run_products import log
+from run_products import Kite, log, searched
 from stand_in import Simulator
 
 from optim.lattice_robot_problem import LatticeRobotProblem
-from optim.runs import open_run, run_search
-from optim.search import build_method
 from optim.studies.interference_settings import Interference
 from optim.studies.results import write_json
 from optim.studies.tables import write_table
@@ -256,27 +253,6 @@ def test_what_cannot_be_reported_is_one_line(morpholab, simulator, tmp_path, lin
     code, out, error = morpholab(f"report {line} --quiet")
     assert (code, out) == (2, "") and message in error and error.count("\n") == 1
     assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "b.html").exists()
-
-
-class Kite(VehicleProblem):
-    """A problem of a kind that nothing knows."""
-
-    def evaluate(self, points):
-        from optim.problem import Evaluation
-
-        return Evaluation(np.zeros(len(points)))
-
-    def describe(self):
-        return {"kind": "kite"}
-
-
-def searched(problem, folder, generations=1):
-    """A run of two climbers."""
-    settings = {"climbers": 2, "seed": 0}
-    method = {"name": "hill-climb", **settings}
-    config = {"problem": problem.describe(), "method": method, "generations": generations}
-    with open_run(folder, config) as run:
-        run_search(problem, build_method("hill-climb", problem.space, settings), run, generations)
 
 
 def test_a_vehicle_in_motion(reported, tmp_path, monkeypatch):

@@ -6,7 +6,7 @@ import signal
 
 import numpy as np
 import pytest
-from run_products import log
+from run_products import Kite, log, searched
 
 from optim.measures.statistics import superiority
 from optim.runs.comparison import Curve
@@ -102,11 +102,15 @@ def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):
         ("status .", "run: . holds no run"),
         ("compare a --out a.txt", "out: a.txt is not allowed; its name must end in .png"),
         ("compare a --out no/where.png", "out: no/where.png cannot be written"),
+        ("compare a deeper/c/kite", 'run: a/b and deeper/c/kite are judged differently (kind "gait" and "kite")'),
+        ("compare a deeper/c/effort", "run: a/b and deeper/c/effort are judged differently (effort null and 0.1)"),
     ],
 )
-def test_what_cannot_be_compared_is_one_line(morpholab, line, message):
+def test_what_cannot_be_compared_is_one_line(morpholab, tmp_path, line, message):
     design(morpholab, "a/b", generations=0)
     design(morpholab, "deeper/c/d", generations=0)
+    design(morpholab, "deeper/c/effort", generations=0, more="--climbers 5 --effort 0.1")
+    searched(Kite(), tmp_path / "deeper/c/kite")
     code, _, error = morpholab(line)
     assert code == 2 and message in error and error.count("\n") == 1
 

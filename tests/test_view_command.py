@@ -4,11 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from run_products import searched
 from stand_in import Simulator
 
 from optim.commands.view_files import COLOURS
-from optim.runs import open_run, run_search
-from optim.search import build_method
 from optim.vehicle_problem import VehicleProblem
 from robots.braitenberg import STARTS, VehicleTask
 from robots.inflatable import INCHING, save_design
@@ -26,10 +25,7 @@ def walker(folder):
 
 def vehicles(folder):
     problem = VehicleProblem(task=VehicleTask(STARTS * [0.25, 0.25, 1.0], radius=0.3, time_step=0.1, steps=60))
-    config = {"problem": problem.describe(), "method": {"name": "random", "seed": 1, "climbers": 3}, "generations": 1}
-    method = build_method("random", problem.space, {"seed": 1, "climbers": 3})
-    with open_run(folder / "run", config, resume=False) as opened:
-        run_search(problem, method, opened, 1)
+    searched(problem, folder / "run")
 
 
 def test_vehicles_side_by_side(morpholab, tmp_path):
@@ -117,14 +113,8 @@ def test_all_colours_can_be_asked_for():
 def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):
     line = "view vehicle --threads 1 --frames 5 --colour strain --picture a.png --out a.html --glb a.glb --quiet"
     code, _, error = morpholab(line)
-    assert (
-        code == 2
-        and not list(tmp_path.iterdir())
-        and error
-        == (
-            "morpholab view: error: colour: strain is not allowed for vehicle 6553, which has no lattice; give material\n"
-        )
-    )
+    refusal = "colour: strain is not allowed for vehicle 6553, which has no lattice; give material"
+    assert (code, error) == (2, f"morpholab view: error: {refusal}\n") and not list(tmp_path.iterdir())
 
 
 def test_videos_need_their_extra(morpholab, monkeypatch):

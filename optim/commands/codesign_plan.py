@@ -60,15 +60,16 @@ def plan(args: argparse.Namespace) -> Plan:
     """
     from optim.commands.robot_options import is_robot, robot_problem
     from optim.gait_problem import GaitProblem
-    from optim.runs.config import has_run, read_config
+    from optim.runs.config import has_run, problem_of, read_config
 
     known = read_config(args.out) if args.resume and has_run(args.out) else None
     name = _same("method.name", args.method, known["method"]["name"], args.out) if known else args.method or METHOD
     problem: GaitProblem | LatticeRobotProblem
     if is_robot(args, known):
-        problem, note = robot_problem(args, known["problem"] if known else None), ""
+        problem, note = robot_problem(args, known), ""
     else:
-        problem, note = _problem(args, GaitProblem.from_description(known["problem"]) if known else None, name)
+        last = problem_of(args.out, known, GaitProblem.from_description) if known else None
+        problem, note = _problem(args, last, name)
     settings = _method(args, name, problem, known["method"] if known else None)
     generations = args.generations
     if generations is None:

@@ -38,7 +38,9 @@ def run(args: argparse.Namespace) -> Report:
 
     if args.out and args.out.suffix not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
-    curves = comparison.curves([read_history(path) for path in runs_below(args.runs)], args.by)
+    histories = [read_history(path) for path in runs_below(args.runs)]
+    comparison.check_comparable(histories)
+    curves = comparison.curves(histories, args.by)
     end = comparison.shared_end(curves, args.by)
     differences = comparison.differences(curves, end)
     if args.out:

@@ -115,5 +115,5 @@ def _design(source: Path, member: int | None) -> "tuple[GaitDesign, int | None]"
     from optim.gait_problem import GaitProblem
     from optim.runs.config import read_config
 
-    problem, point = kept_point(source, GaitProblem, member)
+    problem, point = kept_point(source, GaitProblem.from_description, member)
     return problem.design(point), read_config(source)["method"]["seed"]

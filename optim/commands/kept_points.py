@@ -1,5 +1,6 @@
 """Points that runs keep, for commands that make something of them."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,21 +13,22 @@ if TYPE_CHECKING:
 P = TypeVar("P")
 
 
-def kept_point(source: Path, kind: type[P], member: int | None) -> "tuple[P, Vector]":
+def kept_point(source: Path, build: Callable[[Mapping[str, Any]], P], member: int | None) -> "tuple[P, Vector]":
     """The problem of a run, and its best point, as its checked log tells, or another that it keeps.
 
     Args:
         source: folder of the run.
-        kind: of problem.
+        build: ``from_description`` of the kind of problem that is wanted.
         member: which of the points that the search keeps, counted from 1; None: the best one.
 
     Raises:
         ValueError: in one line, for folders without runs, runs of other problems, and points that are not there.
     """
+    from optim.runs.config import problem_of
     from optim.runs.history import read_history
 
     history = read_history(source)
-    problem: Any = kind.from_description(history.config["problem"])  # type: ignore[attr-defined]
+    problem: Any = problem_of(source, history.config, build)
     if member is not None:
         return problem, _kept(history, problem, member)
     best = history.generations[-1].best_point if history.generations else None

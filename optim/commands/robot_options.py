@@ -32,12 +32,13 @@ def is_robot(args: argparse.Namespace, known: Mapping[str, Any] | None) -> bool:
 
 
 def robot_problem(args: argparse.Namespace, known: Mapping[str, Any] | None) -> "LatticeRobotProblem":
-    """The problem of ``--robot``, or of the run that continues, by its description.
+    """The problem of ``--robot``, or of the run that continues; ``known`` are its settings.
 
     Raises:
         ValueError: in one line, for what does not go with it, or contradicts the run.
     """
     from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.runs.config import problem_of
 
     refuse_gait_options(args)
     terrains = list(args.terrain or ())
@@ -50,8 +51,8 @@ def robot_problem(args: argparse.Namespace, known: Mapping[str, Any] | None) -> 
         given["terrain"] = terrains[0]
     if known is None:
         return LatticeRobotProblem(_loaded(args), **given)
-    problem = LatticeRobotProblem.from_description(known)
-    if args.robot is not None and LatticeRobotProblem(_loaded(args)).describe()["robot"] != known["robot"]:
+    problem = problem_of(args.out, known, LatticeRobotProblem.from_description)
+    if args.robot is not None and LatticeRobotProblem(_loaded(args)).describe()["robot"] != known["problem"]["robot"]:
         raise ValueError(f"robot: {args.robot} is not the robot of the run in {args.out}; leave it out")
     return dataclasses.replace(problem, **given)
 

@@ -115,23 +115,23 @@ def _of_run(folder: Path, kind: str, args: argparse.Namespace, progress: Progres
     if kind == GAIT:
         from optim.gait_problem import GaitProblem
 
-        gaits, point = kept_point(folder, GaitProblem, args.member)
+        gaits, point = kept_point(folder, GaitProblem.from_description, args.member)
         return _inflatable(gaits.design(point), folder.name, args, gaits, progress)
     if kind == WALKER:
         from optim.walker_problem import WalkerProblem
 
-        walkers, point = kept_point(folder, WalkerProblem, args.member)
+        walkers, point = kept_point(folder, WalkerProblem.from_description, args.member)
         return _walker(walkers.design(point), folder.name, args, walkers, progress)
     if kind == VEHICLE:
         from optim.vehicle_problem import VehicleProblem
         from robots.braitenberg import VehicleBody
 
-        vehicles, point = kept_point(folder, VehicleProblem, args.member)
+        vehicles, point = kept_point(folder, VehicleProblem.from_description, args.member)
         sites, controllers = vehicles.split(point)
         return _vehicle(VehicleBody(sites[0]), controllers[0, 0], vehicles.task, folder.name, args)
     from optim.lattice_robot_problem import LatticeRobotProblem
 
-    own, point = kept_point(folder, LatticeRobotProblem, args.member)
+    own, point = kept_point(folder, LatticeRobotProblem.from_description, args.member)
     return _lattice_robot(own.design(point), folder.name, args, own.terrain, progress)
 
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from optim.report.compared import check_comparable, comparison_sections
+from optim.report.compared import comparison_sections
 from optim.report.condition import state_of
 from optim.report.kinds import Progress, Replay
 from optim.report.markup import Html, Section, paragraph, picture
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun
-from optim.runs.comparison import Axis
+from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below
 from robots.hardware import PneumaticRig
 from robots.view.motion import Motion

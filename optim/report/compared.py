@@ -1,36 +1,16 @@
 """The page's sections of several runs: each in a line, their curves, and how they differ."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 from optim.plots.curves import draw_curves
-from optim.problem import GAIT
 from optim.report.charts import chart
 from optim.report.condition import state_of
 from optim.report.markup import Html, Section, code, number, paragraph, picture, table
 from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing
-from optim.runs.history import History
-
-# What a score depends on besides the design; the rest of a problem may differ from run to run.
-JUDGED = ("kind", "terrains", "terrain", "objectives", "geometry", "weight", "repeats", "actuation", "task")
-
-
-def check_comparable(histories: Sequence[History]) -> None:
-    """Raise a one-line ValueError unless the scores of all runs mean the same."""
-    first = histories[0]
-    for other in histories[1:]:
-        problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
-        for name in JUDGED:
-            values = [json.dumps(problem.get(name)) for problem in problems]
-            if values[0] != values[1]:
-                raise ValueError(
-                    f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "
-                    "report them one by one"
-                )
 
 
 def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Section], dict[str, Any]]:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Problem
 from optim.report.markup import Html, Section, Text
+from optim.runs.config import problem_of
 from optim.runs.loop import Generation
 from optim.space import Vector
 from robots.hardware import PneumaticRig
@@ -99,10 +100,7 @@ def kind_of(folder: Path, config: Mapping[str, Any]) -> RunKind:
     name = config["problem"].get("kind", GAIT)
     if name not in kinds:
         raise ValueError(f"run: {folder} designs a {name}, which has no report; {', '.join(kinds)} have one")
-    try:
-        return kinds[name](config["problem"])
-    except ValueError as error:
-        raise ValueError(f"run: the problem of {folder} cannot be read ({error})") from None
+    return problem_of(folder, config, kinds[name])
 
 
 def finite(value: float | None) -> float | None:

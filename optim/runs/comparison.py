@@ -15,11 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.measures.statistics import Effect, effect, holm, mean_band
+from optim.problem import GAIT
 from optim.runs.config import identity
 from optim.runs.history import History
 
 Axis = Literal["evaluations", "generations", "seconds"]
 Floats = NDArray[np.float64]
+# What a score depends on besides the design; the rest of a problem may differ from run to run.
+JUDGED = ("kind", "terrains", "terrain", "objectives", "stages", "ladder", "ahead", "hard", "effort", "geometry",
+          "weight", "repeats", "actuation", "task")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,20 @@ class Difference:
     second: str
     effect: Effect
     adjusted_p: float
+
+
+def check_comparable(histories: Sequence[History]) -> None:
+    """Raise a one-line ValueError unless the scores of all runs mean the same."""
+    first = histories[0]
+    for other in histories[1:]:
+        problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
+        for name in JUDGED:
+            values = [json.dumps(problem.get(name)) for problem in problems]
+            if values[0] != values[1]:
+                raise ValueError(
+                    f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "
+                    "give runs whose scores mean the same"
+                )
 
 
 def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:

@@ -3,9 +3,9 @@
 import hashlib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import tomli_w
 
@@ -14,6 +14,7 @@ from optim.runs import files
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
 SECTIONS = {"problem": dict, "method": dict, "generations": int}
+P = TypeVar("P")
 _SEAL = "# sha256 of all lines above: "
 
 
@@ -53,6 +54,23 @@ def read_config(folder: Path) -> dict[str, Any]:
         if not isinstance(config.get(name), kind):
             raise ValueError(f"{path}: {name} is missing or no {kind.__name__}")
     return config
+
+
+def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping[str, Any]], P]) -> P:
+    """The problem of a run with these settings.
+
+    Args:
+        folder: of the run.
+        config: its settings.
+        build: makes the problem of its description, ``from_description`` of the kind that is wanted.
+
+    Raises:
+        ValueError: in one line that names the folder, if the description is damaged or of another kind.
+    """
+    try:
+        return build(config["problem"])
+    except ValueError as error:
+        raise ValueError(f"{folder}: {error}") from None
 
 
 def identity(config: Mapping[str, Any]) -> str:
