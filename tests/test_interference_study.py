@@ -181,7 +181,7 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     assert len(list((tmp_path / "a/champions").iterdir())) == 9 and morpholab(seen)[0] == 0
     monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
     code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
-    assert (code, error) == (0, "") and "M1: whegged min" in out
+    assert (code, error) == (0, "") and "M1: whegged min" in out and "2 runs of 2 generations, 3 climbers each\n" in out
 
 
 @pytest.mark.parametrize(

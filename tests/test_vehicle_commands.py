@@ -19,7 +19,9 @@ def test_sweep_writes_its_table_and_goes_on(morpholab, tmp_path, monkeypatch):
     first = (tmp_path / "a/table.csv").read_text()
     assert first.startswith("design,all,any,M_L,M_CI\n80,")
     monkeypatch.setattr("robots.braitenberg.sweeps.rollout", None)  # nothing is left to do, also for mirror images
-    code, out, _ = morpholab(f"sweep --designs 80 --weights 9 {BRIEF} --out a --json")
+    one = f"sweep --designs 80 --weights 9 {BRIEF} --out a"
+    assert morpholab(one)[1].startswith("1 body, 81 controllers each\n")
+    code, out, _ = morpholab(f"{one} --json")
     document = json.loads(out)
     assert code == 0 and (tmp_path / "a/table.csv").read_text() == first
     (body,) = document["bodies"]

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import Plan, plan
 from optim.commands.evaluation import add_workers, opened_workers
-from optim.commands.progress import shown_progress, spoken_duration
+from optim.commands.progress import shown_progress
 from optim.commands.task_file import add_task, take_task
 from optim.search import METHODS
+from optim.wording import counted, spoken_duration
 
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
@@ -294,11 +295,11 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
 def _report(last: "Generation", folder: Path, written: list[str], what: str) -> Report:
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
     if last.best is None:
-        return Report(document, f"{folder}: all {last.evaluations} evaluations failed", FAILED)
+        return Report(document, f"{folder}: nothing succeeded in {counted(last.evaluations, 'evaluation')}", FAILED)
     details = (last.best_details or {}).items()
     speeds = ", ".join(f"{name.removeprefix('speed_')} {value:.4f}" for name, value in details)
     text = (
-        f"best {what}: {last.best:.4f} BL/s ({speeds}) after {last.evaluations} evaluations\n"
+        f"best {what}: {last.best:.4f} BL/s ({speeds}) after {counted(last.evaluations, 'evaluation')}\n"
         f"{folder}: {', '.join(written)}"
     )
     return Report(document, text)
@@ -315,4 +316,4 @@ def _interrupted(last: "Generation | None", generations: int, folder: Path, code
 def _text(last: "Generation", generations: int) -> str:
     best, mean = ("none" if value is None else f"{value:.4f}" for value in (last.best, last.mean))
     speeds = f"best {best}, mean {mean} BL/s"
-    return f"generation {last.generation}/{generations}: {speeds}, {last.evaluations} evaluations"
+    return f"generation {last.generation}/{generations}: {speeds}, {counted(last.evaluations, 'evaluation')}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
+from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.runs.comparison import Difference
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> Report:
 def _lines(document: dict[str, Any], differences: "list[Difference]") -> list[str]:
     lines = [f"best scores at {document['at']:g} {document['by']}: mean, its 95 % interval, best"]
     for group in document["groups"]:
-        number = f"{group['count']} {group['unit']}" if group["count"] > 1 else "one run"
+        number = counted(group["count"], group["unit"][:-1])
         if group["without_success"]:
             number += f", {group['without_success']} without any success"
         if group["mean"] is None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
 from optim.commands.kept_points import kept_point
+from optim.wording import counted
 
 if TYPE_CHECKING:
     from robots.gaits import GaitDesign
@@ -98,9 +99,9 @@ def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
     if args.dry_run:
         return Report({**document, **timing_document(table)}, timing_text(table))
     name = written or document["plot"]
-    text = f"{name}: {len(table.channels)} channels, {table.seconds:.1f} s, {args.units}"
+    text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {args.units}"
     if table.clipped:
-        text += f"\nclipped {len(table.clipped)} times, as the file's header tells; first {table.clipped[0]}"
+        text += f"\nclipped {counted(len(table.clipped), 'time')}, as the file's header tells; first {table.clipped[0]}"
     return Report(document, text)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
 from optim.commands.robot_options import horizons_of_robot
+from optim.wording import counted
 from robots.schedule import ROWS
 from robots.terrain import Terrain
 
@@ -100,7 +101,7 @@ def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np
         repeats = max(columns // gait.schedule.columns, 1)
         problem, genes = _problem(args, gait.schedule.cut(columns // repeats, repeats))
         point = np.concatenate([[gait.orientation], each_pressure(gait.pressure, problem.body), genes])
-        found[f"{columns} column{'s' if columns > 1 else ''}"] = problem, _inside(problem, point)
+        found[counted(columns, "column")] = problem, _inside(problem, point)
     return found
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from optim.commands import Report, options, stopped_by
 from optim.commands.progress import shown_progress
+from optim.wording import counted
 
 
 def add_parser(commands: Any) -> None:
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> Report:
     chosen = treatments(robots, _names(args.fitness, FITNESS_NAMES), _names(args.trainers, (HILL_CLIMB,)))
     alone = None
     try:
-        with shown_progress(f"{len(chosen)} treatments", 1.0, args.quiet) as update:
+        with shown_progress(counted(len(chosen), "treatment"), 1.0, args.quiet) as update:
             summary = train(settings, chosen, args.runs, args.generations, args.out, figures=args.figures,
                             threads=args.threads, progress=lambda done: update(done, None))  # fmt: skip
             if args.alone:
@@ -83,7 +84,8 @@ def _names(text: str | None, default: Any) -> list[str]:
 
 def _report(summary: dict[str, Any], alone: list[dict[str, Any]] | None, out: Path, files: list[str]) -> Report:
     part = summary["definitions"]["defined"]
-    lines = [f"{summary['runs']} runs of {summary['generations']} generations, {summary['population']} climbers each"]
+    runs, generations = counted(summary["runs"], "run"), counted(summary["generations"], "generation")
+    lines = [f"{runs} of {generations}, {counted(summary['population'], 'climber')} each"]
     for name in dict.fromkeys(row["measure"] for row in part["cells"]):
         rows = [row for row in part["cells"] if row["measure"] == name]
         told = (f"{row['robot']} {row['fitness']} {_text(row['mean'])}" for row in rows)

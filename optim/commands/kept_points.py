@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from optim.wording import counted
+
 if TYPE_CHECKING:
     from optim.runs.history import History
     from optim.space import Vector
@@ -44,7 +46,7 @@ def _kept(history: "History", problem: Any, member: int) -> "Vector":
     result = read_result(history, problem)
     count = 0 if result is None else len(result.points)
     if result is None or member > count:
-        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {count} design{'s' * (count != 1)}")
+        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {counted(count, 'design')}")
     if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
         raise ValueError(f"member: {member} of {history.path} has failed; choose another")
     return result.points[member - 1]

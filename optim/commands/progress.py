@@ -25,12 +25,3 @@ def shown_progress(text: str, total: float, quiet: bool = False) -> Iterator[Cal
                 console.print(text, highlight=False, soft_wrap=True)
 
         yield update
-
-
-def spoken_duration(seconds: float) -> str:
-    """A time to be read by people, such as ``3 min``."""
-    for unit, length in (("d", 86400), ("h", 3600), ("min", 60)):
-        if seconds >= 1.5 * length:
-            amount = seconds / length
-            return f"{amount:.1f} {unit}" if amount < 10 and unit != "min" else f"{amount:.0f} {unit}"
-    return f"{seconds:.0f} s"

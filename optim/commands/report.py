@@ -7,6 +7,7 @@ from typing import Any
 
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
+from optim.wording import spoken_size
 
 SUFFIXES = (".html", ".htm")
 
@@ -67,4 +68,4 @@ def run(args: argparse.Namespace) -> Report:
     write_text(out, built.text)
     size = len(built.text.encode())
     document = {"out": str(out), "bytes": size, **built.document, "notes": built.notes}
-    return Report(document, f"{out}: {size / 1e6:.1f} MB")
+    return Report(document, f"{out}: {spoken_size(size)}")

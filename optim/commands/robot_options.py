@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.problem import GAIT, ROBOT
+from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.lattice_robot_problem import LatticeRobotProblem
@@ -68,7 +69,7 @@ def horizons_of_robot(args: argparse.Namespace) -> dict[str, tuple["LatticeRobot
             dataclasses.replace(robot, cycles=cycles), args.terrain, args.precision or "f64", args.device or "cpu",
             args.threads,
         )  # fmt: skip
-        problems[f"{cycles} cycle{'s' * (cycles > 1)}"] = problem, robot.start
+        problems[counted(cycles, "cycle")] = problem, robot.start
     return problems
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options
-from optim.commands.progress import spoken_duration
+from optim.wording import counted, spoken_duration
 
 if TYPE_CHECKING:
     from optim.runs.history import History
@@ -68,7 +68,7 @@ def _text(document: dict[str, Any]) -> str:
         f"{head}, {document['method']}",
         f"generation {document['generation']}/{document['generations']}",
         f"best {best}",
-        f"{document['evaluations']} evaluations ({document['failed']} failed)",
+        f"{counted(document['evaluations'], 'evaluation')} ({document['failed']} failed)",
     ]
     if document["seconds_per_generation"] is not None:
         parts.append(f"{spoken_duration(document['seconds_per_generation'])} a generation")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import Report, options, stopped_by
 from optim.commands.progress import shown_progress
 from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
+from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.studies.sweep_table import SweepTable
@@ -43,7 +44,7 @@ def run(args: argparse.Namespace) -> Report:
     settings = Sweep(weights=args.weights, precision=args.precision, **task_settings(args))
     bodies = [VehicleBody.published(design) for design in args.designs]
     try:
-        with shown_progress(f"{len(bodies)} bodies", 1.0, args.quiet) as update:
+        with shown_progress(counted(len(bodies), "body", "bodies"), 1.0, args.quiet) as update:
             overlaps_of(bodies, settings, args.out, threads=args.threads, progress=lambda done: update(done, None))
         table = read_sweep_table(args.out)
         table.write(args.out / "table.csv")
@@ -66,7 +67,7 @@ def _report(table: "SweepTable", out: Path, files: list[str]) -> Report:
     ]
     best = {name: max(rows, key=lambda row, name=name: row[name]) for name in table.metrics}  # type: ignore[misc]
     cells = table.settings.weights**2
-    lines = [f"{len(rows)} bodies, {cells} controllers each"]
+    lines = [f"{counted(len(rows), 'body', 'bodies')}, {cells} controllers each"]
     for name, row in best.items():
         lines.append(
             f"  best {name}: design {row['design']}, M_L {row['M_L']:.4f}, M_CI {row['M_CI']:.4f} "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import Report, options, stopped_by
 from optim.commands.progress import shown_progress
 from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
+from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.measures.statistics import Correlation
@@ -61,7 +62,8 @@ def run(args: argparse.Namespace) -> Report:
     methods = TRAINERS if args.methods is None else [name.strip() for name in args.methods.split(",")]
     sweep = _sweep(args, settings, designs)
     try:
-        with shown_progress(f"{len(designs)} bodies, {len(methods)} methods", 1.0, args.quiet) as update:
+        text = f"{counted(len(designs), 'body', 'bodies')}, {counted(len(methods), 'method')}"
+        with shown_progress(text, 1.0, args.quiet) as update:
             table = train(
                 designs, methods, settings, threads=args.threads, out=args.out, progress=lambda done: update(done, None)
             )
@@ -104,10 +106,10 @@ def _report(table: "TrainingTable", sweep: "SweepTable | None", out: Path, files
     ]
     found = metric_correlations(table, sweep) if sweep else []
     metrics = correlation_of_metrics(sweep) if sweep else None
-    lines = [f"{len(table.designs)} bodies"]
+    lines = [counted(len(table.designs), "body", "bodies")]
     for row in methods:
         lines.append(
-            f"  {row['method']}: {row['solved']} of {row['runs']} runs solve all environments, "
+            f"  {row['method']}: {row['solved']} of {counted(row['runs'], 'run')} solved all environments, "
             f"on average {row['mean_evaluations']:.1f} evaluations"
         )
     if metrics:

@@ -8,6 +8,7 @@ from typing import Any
 from optim.commands import Report, options
 from optim.commands.progress import shown_progress
 from optim.commands.view_files import add_outputs, check_outputs, write_outputs
+from optim.wording import counted, spoken_size
 
 
 def add_parser(commands: Any) -> None:
@@ -70,12 +71,15 @@ def run(args: argparse.Namespace) -> Report:
             update(float(done), source)
             motions.append(motion_of(source, args, partial(_tick, update, done)))
     files = write_outputs(motions, args)
-    lines = [f"{path}: {size / 1e6:.1f} MB" for path, size in files]
+    lines = [f"{path}: {spoken_size(size)}" for path, size in files]
     about = [{"source": source, "name": m.name, "frames": len(m.times), "nodes": len(m.nodes),
               "seconds": float(m.times[-1] - m.times[0])}
              for source, m in zip(args.sources, motions, strict=True)]  # fmt: skip
     document = {"robots": about, "files": [{"path": str(path), "bytes": size} for path, size in files]}
-    told = [f"{a['name']}: {a['nodes']} parts, {a['frames']} frames, {a['seconds']:.1f} s" for a in about]
+    told = [
+        f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {a['seconds']:.1f} s"
+        for a in about
+    ]
     return Report(document, "\n".join([*told, *lines]))
 
 

@@ -13,6 +13,7 @@ from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun
 from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below
+from optim.wording import spoken_size
 from robots.hardware import PneumaticRig
 from robots.view.motion import Motion
 from robots.view.player import MOST_MOTIONS, embedded, page
@@ -118,7 +119,8 @@ def _page(
             break
         shown = [motion.every(2) for motion in shown]
         notes.append(
-            f"with {frames} frames the page had {size / 1e6:.1f} MB, above {MOST_BYTES / 1e6:g}: every other is left"
+            f"with {frames} frames the page had {spoken_size(size)}, more than {spoken_size(MOST_BYTES)}: "
+            "every other is left"
         )
     document = {
         "kind": "run", "folder": str(run.history.path), "state": state_of(run.history), "damages": run.damages,

@@ -11,6 +11,7 @@ from optim.report.markup import Html, Section, code, number, paragraph, picture,
 from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing
+from optim.wording import counted
 
 
 def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Section], dict[str, Any]]:
@@ -33,7 +34,7 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
         draw_curves(axes, curves, axis)
         axes.set_ylabel(f"best {what} so far [{unit}]")
 
-    alt = f"Best {what} of {len(curves)} groups over {axis}, mean and 95 % band"
+    alt = f"Best {what} of {counted(len(curves), 'group')} over {axis}, mean and 95 % band"
     caption = "Best so far: mean of each group, its 95 % bootstrap band, and every unit as a thin line."
     compared = [
         picture(chart(draw, alt, size=(5.0, 3.0)), caption, "medium"),
@@ -59,7 +60,7 @@ def _overview(runs: Sequence[OneRun]) -> Html:
 
 def _standings(standings: Sequence[Standing], caption: str) -> Html:
     rows = [
-        (one.label, f"{one.count} {one.unit if one.count > 1 else one.unit[:-1]}", number(one.mean), number(one.low),
+        (one.label, counted(one.count, one.unit[:-1]), number(one.mean), number(one.low),
          number(one.high), number(one.best))
         for one in standings
     ]  # fmt: skip

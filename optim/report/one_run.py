@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from optim.commands.progress import spoken_duration
 from optim.plots.curves import draw_best, draw_run
 from optim.report.charts import chart
 from optim.report.condition import damages, read_environment, state_of
@@ -34,6 +33,7 @@ from optim.report.markup import (
 from optim.runs import files
 from optim.runs.history import History
 from optim.space import Variable
+from optim.wording import counted, spoken_duration
 from robots.hardware import PneumaticRig
 
 MOST_ROWS = 60  # of the table of generations
@@ -150,7 +150,7 @@ class OneRun:
         known = seconds[~np.isnan(seconds)]
         if not len(known):
             return None
-        part = "" if len(known) == len(seconds) else f", of {len(known)} of {len(seconds)} generations"
+        part = "" if len(known) == len(seconds) else f", of {len(known)} of {counted(len(seconds), 'generation')}"
         pace = f"{np.median(known):.1f} s a generation (median){part}"
         ended = f"; the last ended at {self.history.finished}" if self.history.finished else ""
         return joined([number(float(known.sum()), 1, "s"), f", {pace}{ended}"], "")
@@ -169,7 +169,7 @@ class OneRun:
             (_called(group), f"{group[0].low:g} to {group[0].high:g}", group[0].kind, str(len(group)))
             for group in (list(each) for _, each in groupby(variables, key=_like))
         ]
-        return table(f"{len(variables)} variables", ("Variables", "Range", "Kind", "Count"), rows)
+        return table(counted(len(variables), "variable"), ("Variables", "Range", "Kind", "Count"), rows)
 
     def _search(self) -> list[Html]:
         generations, (what, unit) = self.history.generations, self.kind.score
@@ -180,8 +180,8 @@ class OneRun:
             axes.set_ylabel(label)
 
         climbers = generations[-1].scores
-        lines = f"; each of the {len(climbers)} climbers is a thin line" if climbers else ""
-        alt = f"Best and mean {what} over {len(generations) - 1} generations"
+        lines = f"; thin lines are of {counted(len(climbers), 'climber')}" if climbers else ""
+        alt = f"Best and mean {what} over {counted(len(generations) - 1, 'generation')}"
         parts = [picture(chart(scores, alt), f"Best so far and mean of what the search keeps{lines}.")]
         if self.kind.curves:
 

@@ -11,6 +11,7 @@ from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, table
 from optim.runs.loop import Generation
 from optim.space import Vector
+from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.lattice_robot import simulate
 
@@ -45,12 +46,12 @@ class RobotRun:
         body = robot.body
         drives = ", ".join(f"{drive.name} ({drive.quantity})" for drive in robot.drives)
         return [
-            ("Robot", f"{robot.name}: {body.voxel_count} voxels of {1000 * body.voxel_size:g} mm"),
+            ("Robot", f"{robot.name}: {counted(body.voxel_count, 'voxel')} of {1000 * body.voxel_size:g} mm"),
             ("Terrains", problem.terrain.name),
             ("Objective", f"speed along its heading, in lengths of the robot a second ({UNIT})"),
             ("Free", ", ".join(robot.free)),
             ("Driven", drives),
-            ("Cycle", f"{robot.frequency:g} Hz, {robot.cycles} cycles that count"),
+            ("Cycle", f"{robot.frequency:g} Hz; the speed is that of {counted(robot.cycles, 'cycle')}"),
             ("Simulation", f"{problem.precision} on {problem.device}"),
         ]
 

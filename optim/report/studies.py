@@ -19,6 +19,7 @@ from optim.studies.sensor_placement import notable_designs
 from optim.studies.sweep_table import SweepTable, overlaps_of, read_sweep_table
 from optim.studies.tables import read_table
 from optim.studies.training_table import read_training_table
+from optim.wording import counted
 from robots.braitenberg import VehicleBody
 from robots.braitenberg.sweeps import holds_sweep
 from robots.files import read_text
@@ -95,7 +96,7 @@ def training_page(folder: Path) -> Page:
             draw_share_solved(axes, spent[solved], solved.size, budget, color=colour, label=name)
         axes.set_ylabel("share of runs with all solved")
 
-    alt = f"Share of runs of {len(methods)} methods that solve all environments, against evaluations"
+    alt = f"Share of runs of {counted(len(methods), 'method')} that solve all environments, against evaluations"
     drawn = chart(draw, alt, size=(5, 3))
     header = ("Method", "Runs", "Solve all", "Evaluations, mean", "Median")
     lead = [

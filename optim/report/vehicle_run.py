@@ -16,6 +16,7 @@ from optim.report.markup import Html, Text, facts, joined, number, picture, side
 from optim.runs.loop import Generation
 from optim.space import Vector
 from optim.vehicle_problem import VehicleProblem
+from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, sweep, trace
 from robots.hardware import PneumaticRig
 
@@ -37,7 +38,7 @@ class VehicleRun:
     @property
     def task(self) -> str:
         """How many environments."""
-        return f"Braitenberg vehicle in {len(self.problem.task.starts)} environments"
+        return f"Braitenberg vehicle in {counted(len(self.problem.task.starts), 'environment')}"
 
     @property
     def score(self) -> tuple[str, str]:
@@ -83,7 +84,7 @@ class VehicleRun:
         for path, motion in zip(places, motions, strict=True):
             path[: len(motion.times)] = motion.path[:, :2]
         lights = np.unique(task.lights, axis=0)
-        alt = f"Paths of the best vehicle in {len(motions)} environments, from above, and the light"
+        alt = f"Paths of the best vehicle in {counted(len(motions), 'environment')}, from above, and the light"
         drawn = chart(lambda axes: draw_paths(axes, places, lights), alt, size=(3.4, 3.2))
         return Replay(motions, closest, [picture(drawn, alt)])
 

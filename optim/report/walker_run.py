@@ -14,6 +14,7 @@ from optim.report.markup import Text, facts, number, picture, table
 from optim.runs.loop import Generation
 from optim.space import Vector
 from optim.walker_problem import WalkerProblem
+from optim.wording import counted
 from robots import walker
 from robots.hardware import PneumaticRig
 from robots.walker import WalkerDesign, WalkerTissue
@@ -53,7 +54,10 @@ class WalkerRun:
             ("Terrains", problem.terrain.name),
             ("Objective", f"speed along x, in lengths of the lattice a second ({UNIT})"),
             ("Free", f"the body, encoded as {problem.encoding}"),
-            ("Actuation", f"{100 * drive.amplitude:g} % of the edges at {drive.frequency:g} Hz, {drive.cycles} cycles"),
+            (
+                "Actuation",
+                f"{100 * drive.amplitude:g} % of the edges at {drive.frequency:g} Hz, {counted(drive.cycles, 'cycle')}",
+            ),
             ("Simulation", f"{problem.precision} on {problem.device}"),
         ]
 
