@@ -7,12 +7,13 @@ down at the centres of its last layer; so held and pulled centres are its length
 against the world that is critical for its slowest swing, until it rests.
 """
 
+import argparse
 import math
-import sys
 import time
 
 import numpy as np
 
+from optim.commands.options import whole
 from taichi_sim.lattice import LatticeEngine, Material, ProgramBuilder, Quantity, body_from_array
 
 LENGTH, HEIGHT = 0.1, 0.01  # [m]
@@ -50,8 +51,11 @@ def shear() -> float:
 
 def main() -> None:
     """Print a row for each n given."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("n", nargs="*", type=whole(1), default=[1, 2, 4], help="voxels across (default: 1 2 4)")
+    args = parser.parse_args()
     print(f"Timoshenko {1 + shear():.5f}\n    h [mm]  voxels  deflection / (F L^3 / 3 E I)   seconds")
-    for n in [int(word) for word in sys.argv[1:]] or [1, 2, 4]:
+    for n in args.n:
         begun = time.process_time()
         found, voxels = relative_deflection(n), (10 * n + 1) * n * n
         print(f"{1000 * HEIGHT / n:10.2f}{voxels:8d}{found:31.5f}{time.process_time() - begun:10.1f}", flush=True)

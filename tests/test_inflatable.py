@@ -132,7 +132,7 @@ def test_mean_of_face_corners_is_the_mean_over_the_corners():
     strains = generator.normal(0, 0.2, (2, len(body.topology.links)))
     extents = half_extents(body, strains, generator.uniform(0.01, 0.03, (2, n, 3)))
     positions = generator.normal(size=(2, n, 3))
-    all_corners = corners(body, positions, quaternions, extents)
+    all_corners = corners(positions, quaternions, extents)
     faces = [all_corners[:, v, FACE_CORNERS[side]] for v, side in body.topology.faces]
     expected = np.stack(faces, axis=1).mean(axis=(1, 2))
     assert mean_of_face_corners(body, positions, quaternions, extents) == pytest.approx(expected)
@@ -150,9 +150,7 @@ def test_a_quick_evaluation_and_its_frames():
         50 * TINY.time_step
     )
     assert np.isfinite(frames.positions[: result.steps.min() // 50 + 1]).all()
-    assert result.speed_simulated == pytest.approx(
-        result.distance / TINY.body_length / (result.steps * TINY.time_step)
-    )
+    assert result.speed_simulated == pytest.approx(result.distance / TINY.body_length / (result.steps * TINY.time_step))
     nominal = nominal_steps(2, QUICK) * TINY.time_step
     assert result.speed == pytest.approx(result.distance / TINY.body_length / nominal)
     backwards = simulate(designs[::-1], Terrain(), **options)

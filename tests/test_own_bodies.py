@@ -206,3 +206,13 @@ def test_a_beam_converges_to_the_analytic_deflection(monkeypatch):
 
     errors = [abs(relative_deflection(n) - 1 - shear()) for n in (1, 2, 4)]
     assert errors[0] < 0.01 and errors[1] < errors[0] / 3 and errors[2] < errors[1] / 2
+
+
+def test_the_benchmark_takes_whole_numbers_only(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    from cantilever import main
+
+    monkeypatch.setattr("sys.argv", ["cantilever.py", "0"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "error: argument n: 0 is not allowed; give a whole number, at least 1\n" in capsys.readouterr().err

@@ -56,7 +56,7 @@ class Diameter:
         program = self._program(trials, laboratory, levels)
         run = engine.run(program)
         extents = half_extents(body, run.strains, rest_sizes(body, program))
-        skin = corners(body, run.positions, run.orientations, extents)[:, :, _is_skin(body)]
+        skin = corners(run.positions, run.orientations, extents)[:, :, _is_skin(body)]
         reach = skin[..., SIDES[self.side]]
         found = reach.max(axis=(2, 3)) - reach.min(axis=(2, 3))
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)

@@ -93,6 +93,6 @@ class LatticeStates:
         voxels, axes = np.nonzero(normals)
         pose = (a[frame] for a in (self.positions, self.orientations, self.extents))
         side = 2 * axes + (normals[voxels, axes] > 0)
-        face = corners(self.body, *pose)[voxels[:, None], FACE_CORNERS[side]]
+        face = corners(*pose)[voxels[:, None], FACE_CORNERS[side]]
         area = np.cross(face[:, 1] - face[:, 0], face[:, 3] - face[:, 0])
         return face.mean(axis=1), np.broadcast_to(self.pressure, len(normals))[voxels, None] * area

@@ -37,7 +37,7 @@ def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surfac
     """
     frames, body = recorded(result), result.body
     pose = (a[frame, robot] for a in (frames.positions, frames.orientations, frames.extents))
-    return joined_surface(corners(body, *pose), knots(body), body.topology.faces)
+    return joined_surface(corners(*pose), knots(body), body.topology.faces)
 
 
 def joined_surface(loose: Array, knot: NDArray[np.int64], faces: NDArray[np.int64]) -> Surface:

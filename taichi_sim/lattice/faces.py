@@ -40,7 +40,7 @@ def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return vectors + w * t + np.cross(v, t)
 
 
-def corners(body: LatticeBody, positions: np.ndarray, orientations: np.ndarray, extents: np.ndarray) -> np.ndarray:
+def corners(positions: np.ndarray, orientations: np.ndarray, extents: np.ndarray) -> np.ndarray:
     """The eight corners of every voxel [m], shape (..., V, 8, 3); corner 4 i + 2 j + k is at side signs (i, j, k)."""
     signs = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     offsets = np.stack([(2 * signs[:, a] - 1) * extents[..., 2 * a + signs[:, a]] for a in range(3)], axis=-1)

@@ -45,7 +45,8 @@ class VoxelFile:
         heat: that drives it, if any.
         gravity: along -z [m/s^2]; None if the file says nothing.
         floor: whether there is one; None if the file says nothing.
-        time_step_fraction: of the largest stable time step; None if the file says nothing.
+        time_step_fraction: part of ``body.recommended_time_step`` that the file wants, for the ``time_step`` of a
+            ``LatticeEngine``; robots made of files have a safety of their own. None if the file says nothing.
         ignored: what the file says and the lattice has not.
     """
 
