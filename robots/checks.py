@@ -1,4 +1,4 @@
-"""Checks of values that come from outside: one line that names field, value and what is allowed."""
+"""Checks of what comes from outside: one line that names field, value and what is allowed, or what to install."""
 
 import math
 
@@ -28,6 +28,11 @@ def whole_number(field: str, value: object, low: int) -> int:
     if (finite := _finite(value)) is not None and finite.is_integer() and finite >= low:
         return int(finite)
     raise ValueError(f"{field}: {value!r} is not allowed; give a whole number, at least {low}")
+
+
+def install_extra(name: str) -> str:
+    """What to do where something is missing that an extra of morpholab brings."""
+    return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"
 
 
 def _finite(value: object) -> float | None:

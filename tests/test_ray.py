@@ -156,7 +156,7 @@ def test_a_closed_port_is_one_line_at_once(tmp_path, scheme):
 
 def test_without_ray_one_line_says_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(ValueError, match=r"pip install 'morpholab\[ray\]'"):
+    with pytest.raises(ValueError, match=r"^ray: it is missing; install the extra ray \(pip install -e '.\[ray\]' in"):
         Workers(tmp_path).open(Bowl(), backend="ray").__enter__()
 
 

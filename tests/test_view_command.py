@@ -122,7 +122,7 @@ def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):
 def test_videos_need_their_extra(morpholab, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     code, _, error = morpholab("view rolling --mp4 a.mp4 --quiet")
-    assert code == 2 and "mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab[video]'" in error
+    assert code == 2 and "mp4: imageio-ffmpeg is missing; install the extra video (pip install -e " in error
 
 
 NO_ROBOT = "is no robot (inching, rolling, legged, wheeled, whegged, vehicle, rover), no run and no file of a design"

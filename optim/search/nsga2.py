@@ -62,7 +62,8 @@ class NSGA2(PopulationSearch):
         try:
             from pymoo.util import default_random_state  # noqa: F401  older ones take no generators
         except ImportError:
-            raise ValueError("method: nsga2 needs pymoo; install it by pip install 'morpholab[moo]'") from None
+            install = "install the extra moo (pip install -e '.[moo]' in a clone)"  # as robots.checks.install_extra
+            raise ValueError(f"method: pymoo, which nsga2 needs, is missing; {install}") from None
         self.crossover_probability, self.crossover_index = crossover_probability, crossover_index
         self.mutation_index = mutation_index
         super().__init__(space, population=population, seed=seed, start=start)

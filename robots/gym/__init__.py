@@ -7,10 +7,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from robots.checks import install_extra
+
 try:
     import gymnasium
 except ModuleNotFoundError:
-    raise ModuleNotFoundError("gymnasium is missing; install morpholab[gym]") from None
+    raise ModuleNotFoundError(f"gymnasium is missing; {install_extra('gym')}") from None
 
 # Identifier: (place of the class, steps of the published experiment, arguments).
 ENVIRONMENTS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = MappingProxyType(

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from robots.checks import number, whole_number
+from robots.checks import install_extra, number, whole_number
 from robots.files import new_path, write_bytes
 from robots.view.motion import Motion
 from robots.view.scene import INK
@@ -186,7 +186,7 @@ def need_video() -> None:
         ValueError: in one line, if imageio-ffmpeg is missing.
     """
     if importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise ValueError("mp4: it needs imageio-ffmpeg; install it by pip install 'morpholab[video]'")
+        raise ValueError(f"mp4: imageio-ffmpeg is missing; {install_extra('video')}")
 
 
 def _several(motions: Motion | Sequence[Motion]) -> list[Motion]:

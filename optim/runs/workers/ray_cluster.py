@@ -18,6 +18,7 @@ from optim.runs.environment import JUDGING, cpu_model, versions
 from optim.runs.requests import Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
+from robots.checks import install_extra
 
 NOTE_AFTER = 30.0  # seconds in which actors should have found a place
 GIVE_UP_AFTER = 120.0
@@ -223,7 +224,7 @@ def _import_ray() -> Any:
         import ray
         import ray.exceptions
     except ImportError:
-        raise ValueError("ray: it is not installed; use pip install 'morpholab[ray]'") from None
+        raise ValueError(f"ray: it is missing; {install_extra('ray')}") from None
     if ray.is_initialized():
         raise ValueError("ray: this process is connected to a cluster already; call ray.shutdown() first")
     # The only way to silence what it prints on stdout about every worker that dies.
