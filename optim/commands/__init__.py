@@ -1,6 +1,7 @@
 """The commands of ``morpholab``, one a file. They import what is heavy only when they run."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143  # exit codes; the last two as shells report signals
@@ -28,3 +29,9 @@ class Report:
     document: dict[str, Any] | list[Any]
     text: str
     code: int = 0
+
+
+def interrupted(folder: Path, interrupt: KeyboardInterrupt) -> Report:
+    """What a command says that goes on in its folder when it is given again."""
+    text = f"interrupted; {folder} keeps what is done, the same command goes on from there"
+    return Report({"folder": str(folder), "interrupted": True}, text, stopped_by(interrupt))

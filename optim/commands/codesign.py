@@ -244,7 +244,7 @@ class _Search:
                 update(self._done, _text(last, generations) + self._left())
 
             self._begun = time.monotonic()
-            report = lambda fraction: update(self._done + fraction, None)  # noqa: E731
+            report = lambda fraction: update(self._done + fraction)  # noqa: E731
             problem = dataclasses.replace(self._planned.problem, progress=report)
             with opened_workers(problem, self._folder, self._args) as evaluate:
                 return run_search(problem, method, self._folder, generations, show, evaluate)

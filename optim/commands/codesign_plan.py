@@ -14,7 +14,6 @@ from optim.search import METHODS, check_settings, default_settings
 if TYPE_CHECKING:
     from optim.gait_problem import GaitProblem
     from optim.lattice_robot_problem import LatticeRobotProblem
-    from robots.cores import Pressure
 
 METHOD = "hill-climb"
 GENERATIONS = 200
@@ -167,12 +166,8 @@ def _method(
 ) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
     given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}
-    start: dict[str, float | None] = {
-        "orientation": args.start_orientation, **_start_shape(args.start_pressure, problem)
-    }  # fmt: skip
-    said = {variable: value for variable, value in start.items() if value is not None}
-    if said or args.start:
-        given["start"] = _start_gait(args.start, problem) | said
+    if start := _start(args, problem):
+        given["start"] = start
     given |= dict(_setting(text) for text in args.set or ())
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
@@ -185,24 +180,20 @@ def _method(
     return settings
 
 
-def _start_gait(gait: str | None, problem: "GaitProblem | LatticeRobotProblem") -> dict[str, float]:
-    """Where all variables start: at a gait."""
+def _start(args: argparse.Namespace, problem: "GaitProblem | LatticeRobotProblem") -> dict[str, float]:
+    """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
     from optim.gait_problem import GaitProblem
     from optim.gait_start import start_values
-
-    if gait is None or not isinstance(problem, GaitProblem):
-        return {}
-    return start_values(problem, options.load_gait(gait))
-
-
-def _start_shape(given: "Pressure | None", problem: "GaitProblem | LatticeRobotProblem") -> "dict[str, float | None]":
-    """Where the variables of the shape start: at a pressure for all cores, or one each."""
-    from optim.gait_problem import GaitProblem
     from robots.cores import each_pressure
 
-    if given is None or not isinstance(problem, GaitProblem):
+    if not isinstance(problem, GaitProblem):
         return {}
-    return dict(zip(problem.shape.pressures, each_pressure(given, problem.body), strict=True))
+    start = {} if args.start is None else start_values(problem, options.load_gait(args.start))
+    if args.start_orientation is not None:
+        start["orientation"] = args.start_orientation
+    if args.start_pressure is not None:
+        start |= dict(zip(problem.shape.pressures, each_pressure(args.start_pressure, problem.body), strict=True))
+    return start
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> Report:
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
             problems, directions=args.directions, smoothing=args.smoothing, samples=args.samples, seed=args.seed,
-            progress=lambda fraction: update(fraction, None),
+            progress=update,
         )  # fmt: skip
     document, text = report.document(), report.text()
     if args.out:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from optim.commands import Report, options, stopped_by
+from optim.commands import Report, interrupted, options
 from optim.commands.progress import shown_progress
 from optim.wording import counted
 
@@ -66,14 +66,13 @@ def run(args: argparse.Namespace) -> Report:
     try:
         with shown_progress(counted(len(chosen), "treatment"), 1.0, args.quiet) as update:
             summary = train(settings, chosen, args.runs, args.generations, args.out, figures=args.figures,
-                            threads=args.threads, progress=lambda done: update(done, None))  # fmt: skip
+                            threads=args.threads, progress=update)  # fmt: skip
             if args.alone:
                 update(0.0, "each light alone")
                 effort = Alone(args.runs, args.generations)
-                alone = train_alone(settings, robots, effort, args.out, args.threads, lambda done: update(done, None))
+                alone = train_alone(settings, robots, effort, args.out, args.threads, update)
     except KeyboardInterrupt as interrupt:
-        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
-        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+        return interrupted(args.out, interrupt)
     files = [*files_of(settings, args.figures), *(("alone.csv",) if args.alone else ())]
     return _report(summary, alone, args.out, files)
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from optim.commands import FAILED, Report, options, stopped_by
+from optim.commands import FAILED, Report, interrupted, options
 from optim.commands.progress import shown_progress
 
 
@@ -53,13 +53,12 @@ def _make(args: argparse.Namespace) -> Report:
     task = read_task(args.task)
     try:
         with shown_progress("pipeline", 1.0, args.quiet) as update:
-            found = run_pipeline(task, args.out, lambda done: update(done, None), args.threads)
+            found = run_pipeline(task, args.out, update, args.threads)
             files = write_package(found, args.out / PACKAGE)
     except NoWorkingGait as error:
         return Report({"folder": str(args.out), "failed": str(error)}, f"failed: {error}", FAILED)
     except KeyboardInterrupt as interrupt:
-        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
-        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+        return interrupted(args.out, interrupt)
     faults = [fault for change in found.changes.values() if change for fault in change.faults]
     lines = [f"{state.terrain.name}: {state.gait}, {state.speed:.4f} BL/s" for state in found.states]
     lines += [f"change of shape: {fault}" for fault in faults]
@@ -71,7 +70,7 @@ def _replay(args: argparse.Namespace) -> Report:
     from optim.pipeline.replay import replay_package
 
     with shown_progress("replay", 1.0, args.quiet) as update:
-        found = replay_package(args.replay, lambda done: update(done, None), args.threads)
+        found = replay_package(args.replay, update, args.threads)
     lines = [
         f"{one.name}: {one.replayed:.4f} BL/s from its table, designed {one.designed:.4f}"
         f" ({'holds' if one.holds else 'differs by more than 5 %'})"

@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> Report:
     rig = PneumaticRig.load(args.rig) if args.rig else None
     settings = Settings(not args.no_player, args.frames or Settings.frames, rig, args.by)
     with shown_progress("report", 1.0, args.quiet) as update:
-        built = build(args.runs, settings, lambda done: update(done, None))
+        built = build(args.runs, settings, update)
     if not args.quiet:
         for note in built.notes:
             print(f"note: {note}", file=sys.stderr)

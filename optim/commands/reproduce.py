@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from optim.commands import Report, options, stopped_by
+from optim.commands import Report, interrupted, options
 from optim.commands.progress import shown_progress
 
 
@@ -51,9 +51,8 @@ def run(args: argparse.Namespace) -> Report:
     given = {"sweep_folder": args.sweep} if args.sweep else {}
     try:
         with shown_progress(args.study, 1.0, args.quiet) as update:
-            item.run(args.out, args.budget, lambda done: update(done, None), **given)
+            item.run(args.out, args.budget, update, **given)
     except KeyboardInterrupt as interrupt:
-        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
-        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+        return interrupted(args.out, interrupt)
     document = {"folder": str(args.out), "study": args.study, "budget": args.budget, "files": list(item.writes)}
     return Report(document, f"{args.out}: {', '.join(item.writes)}")

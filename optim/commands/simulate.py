@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> Report:
             record_every=args.record_every,
             perturbation=args.perturbation,
             seed=args.seed,
-            progress=lambda fraction: update(fraction, None),
+            progress=update,
         )
     numbers = {name: float(getattr(result, name)[0]) for name in ("distance", "speed", "speed_simulated")}
     document = {
@@ -151,7 +151,7 @@ def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, rob
     with shown_progress(f"{title}, judged", 1.0) as update:
         found = judge_gait(
             design, terrain, geometry=robot["geometry"], seed=args.seed, precision=args.precision or "f64",
-            device=args.device or "cpu", threads=args.threads, progress=lambda fraction: update(fraction, None),
+            device=args.device or "cpu", threads=args.threads, progress=update,
         )  # fmt: skip
     document = {"gait": args.gait, "terrain": terrain.name, **found.to_document()}
     speeds = (f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds))

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import Report, options, stopped_by
+from optim.commands import Report, interrupted, options
 from optim.commands.progress import shown_progress
 from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
 from optim.wording import counted
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> Report:
     bodies = [VehicleBody.published(design) for design in args.designs]
     try:
         with shown_progress(counted(len(bodies), "body", "bodies"), 1.0, args.quiet) as update:
-            overlaps_of(bodies, settings, args.out, threads=args.threads, progress=lambda done: update(done, None))
+            overlaps_of(bodies, settings, args.out, threads=args.threads, progress=update)
         table = read_sweep_table(args.out)
         table.write(args.out / "table.csv")
         files = ["table.csv"]
@@ -54,8 +54,7 @@ def run(args: argparse.Namespace) -> Report:
 
             files += save_figures(table, args.out, args.out)
     except KeyboardInterrupt as interrupt:
-        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
-        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+        return interrupted(args.out, interrupt)
     return _report(table.rows(args.designs), args.out, files)
 
 

@@ -5,7 +5,7 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import Report, options, stopped_by
+from optim.commands import Report, interrupted, options
 from optim.commands.progress import shown_progress
 from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
 from optim.wording import counted
@@ -64,12 +64,9 @@ def run(args: argparse.Namespace) -> Report:
     try:
         text = f"{counted(len(designs), 'body', 'bodies')}, {counted(len(methods), 'method')}"
         with shown_progress(text, 1.0, args.quiet) as update:
-            table = train(
-                designs, methods, settings, threads=args.threads, out=args.out, progress=lambda done: update(done, None)
-            )
+            table = train(designs, methods, settings, threads=args.threads, out=args.out, progress=update)
     except KeyboardInterrupt as interrupt:
-        text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
-        return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+        return interrupted(args.out, interrupt)
     table.write(args.out / "runs.csv")
     files = ["runs.csv"]
     if sweep and args.figures:

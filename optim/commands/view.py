@@ -1,12 +1,11 @@
 """``morpholab view``: robots in motion, as a page for browsers, as pictures, and as files for other programs."""
 
 import argparse
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from optim.commands import Report, options
-from optim.commands.progress import shown_progress
+from optim.commands.progress import Update, shown_progress
 from optim.commands.view_files import add_outputs, check_outputs, write_outputs
 from optim.wording import counted, spoken_size
 
@@ -83,5 +82,5 @@ def run(args: argparse.Namespace) -> Report:
     return Report(document, "\n".join([*told, *lines]))
 
 
-def _tick(update: Callable[[float, str | None], None], done: int, part: float) -> None:
-    update(done + part, None)
+def _tick(update: Update, done: int, part: float) -> None:
+    update(done + part)

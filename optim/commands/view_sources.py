@@ -15,7 +15,7 @@ from optim.commands.kept_points import kept_point
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER
 from robots.files import read_text, why_unread
 from robots.terrain import Terrain
-from robots.view.motion import Motion
+from robots.view.motion import Motion, record_every
 
 Progress = Callable[[float], None]
 QUADRUPEDS = ("legged", "wheeled", "whegged")
@@ -165,7 +165,7 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
     terrain = _terrain(args, run.terrains[0] if run else None)
     steps = gaits.steps_of(design, actuation)
     result = gaits.simulate([design], terrain, geometry=geometry, actuation=actuation, **_where(args),
-                                 record_every=-(-steps // (args.frames - 1)), progress=progress)  # fmt: skip
+                                 record_every=record_every(steps, args.frames), progress=progress)  # fmt: skip
     return inflatable_motion(result, design, terrain, actuation=actuation, name=f"{name} {terrain.where}")
 
 
@@ -179,7 +179,7 @@ def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress
     seconds = (drive.cycles + 1) / drive.frequency
     steps = seconds / drive.time_step(walker.WalkerTissue().on(terrain).time_step)
     result = walker.simulate(design, terrain, actuation=drive, **_where(args), progress=progress,
-                             record_every=int(-(-steps // (args.frames - 1))))  # fmt: skip
+                             record_every=record_every(steps, args.frames))  # fmt: skip
     return walker_motion(result, design, terrain, actuation=drive, name=f"{name} {terrain.where}")
 
 
@@ -189,7 +189,7 @@ def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain
 
     terrain = _terrain(args, own)
     steps = robot.cycle.end - robot.cycle.begin
-    result = simulate(robot, None, terrain, **_where(args), record_every=-(-steps // (args.frames - 1)),
+    result = simulate(robot, None, terrain, **_where(args), record_every=record_every(steps, args.frames),
                       progress=progress)  # fmt: skip
     if result.reason[0]:
         raise ValueError(f"source: {name} is no robot: {result.reason[0]}")

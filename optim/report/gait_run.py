@@ -23,6 +23,7 @@ from robots.hardware import PneumaticRig
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
 from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.terrain import Terrain
+from robots.view.motion import record_every
 
 UNIT = "BL/s"
 PIXELS = 110  # an inch
@@ -99,7 +100,7 @@ class GaitRun:
         from robots.view.soft_motion import inflatable_motion
 
         problem, design = self.problem, self.problem.design(point)
-        every = max(1, -(-gaits.steps_of(design, self._robot["actuation"]) // (frames - 1)))
+        every = record_every(gaits.steps_of(design, self._robot["actuation"]), frames)
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
         motions, speeds, pictures = [], [], []
         for n, terrain in enumerate(problem.terrains):

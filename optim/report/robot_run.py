@@ -14,6 +14,7 @@ from optim.space import Vector
 from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.lattice_robot import simulate
+from robots.view.motion import record_every
 
 UNIT = "lengths/s"
 
@@ -68,7 +69,7 @@ class RobotRun:
         steps = robot.cycle.end - robot.cycle.begin
         result = simulate(
             robot, None, problem.terrain, precision=problem.precision, device=problem.device, threads=problem.threads,
-            record_every=max(1, -(-steps // (frames - 1))), progress=progress,
+            record_every=record_every(steps, frames), progress=progress,
         )  # fmt: skip
         motion = lattice_robot_motion(result, robot, problem.terrain, name=f"best {self.task}")
         return Replay([motion], [finite(float(result.speed[0]))])

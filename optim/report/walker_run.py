@@ -17,6 +17,7 @@ from optim.walker_problem import WalkerProblem
 from optim.wording import counted
 from robots import walker
 from robots.hardware import PneumaticRig
+from robots.view.motion import record_every
 from robots.walker import WalkerDesign, WalkerTissue
 from robots.walker_body import KINDS
 
@@ -76,7 +77,7 @@ class WalkerRun:
         steps = seconds / drive.time_step(WalkerTissue().on(problem.terrain).time_step)
         result = walker.simulate(
             design, problem.terrain, actuation=drive, precision=problem.precision, device=problem.device,
-            threads=problem.threads, record_every=max(1, int(-(-steps // (frames - 1)))), progress=progress,
+            threads=problem.threads, record_every=record_every(steps, frames), progress=progress,
         )  # fmt: skip
         name = f"best walker {problem.terrain.spoken}"
         return Replay([walker_motion(result, design, problem.terrain, actuation=drive, name=name)],

@@ -190,6 +190,11 @@ class Motion:
         return replace(self, lattice=lattice, **{field: getattr(self, field)[part] for field in several})
 
 
+def record_every(steps: float, frames: int) -> int:
+    """Steps between frames, of which a run of so many steps has at most so many (2 or more), its start included."""
+    return max(1, int(-(-steps // (frames - 1))))
+
+
 def whole_frames(*arrays: NDArray[np.floating]) -> int:
     """Frames from the first on in which all numbers are finite: a robot has none after its end.
 
