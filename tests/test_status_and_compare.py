@@ -78,7 +78,7 @@ def test_runs_that_differ_in_their_seed_are_one_group(morpholab, tmp_path):
     assert difference["effect"]["difference"] == pytest.approx(np.mean(best["random"]) - np.mean(best["climb"]))
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     code, out, _ = morpholab("compare runs --by generations")
-    assert out.startswith("best scores at 3 generations: mean, its 95 % interval, best\n  hill-climb (3 runs): ")
+    assert out.startswith("best scores after 3 generations: mean, its 95 % interval, best\n  hill-climb (3 runs): ")
     assert "random minus hill-climb: " in out and "A12 " in out
 
 

@@ -63,7 +63,8 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _lines(document: dict[str, Any], differences: "list[Difference]") -> list[str]:
-    lines = [f"best scores at {document['at']:g} {document['by']}: mean, its 95 % interval, best"]
+    end = counted(round(document["at"]), document["by"][:-1])
+    lines = [f"best scores after {end}: mean, its 95 % interval, best"]
     for group in document["groups"]:
         number = counted(group["count"], group["unit"][:-1])
         if group["without_success"]:
