@@ -142,7 +142,7 @@ def _row(one: Found) -> dict[str, Any]:
         "seed": one.seed,
         "evaluations": last.evaluations,
         "robot_steps": float(one.spent.sum()),
-        "cpu_s": float(np.nansum(one.history.seconds)),
+        "wall_s": float(np.nansum(one.history.seconds)),
         "score": last.best,
         "generation": best.generation if best else None,
         "speed": best.speed if best else None,
