@@ -58,7 +58,7 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
         "ladder": HuntSearch(
             "genetic search of patterns, up a ladder",
             "genetic",
-            {"population": 48, "starts": 192, "elites": 48, "crossover": 0.2, "mutation": 0.06},
+            {"population": 48, "starts": 96, "elites": 48, "crossover": 0.2, "mutation": 0.06},
             STEPPED,
             (0.0, 1 / 3, 2 / 3),
         ),
