@@ -88,7 +88,16 @@ def test_every_target_of_make_exists():
 def test_every_link_leads_somewhere(name):
     document = ROOT / name
     for link in re.findall(r"\]\(([^)]+)\)", document.read_text()):
-        assert link.startswith("https://") or (document.parent / link).exists(), link
+        path, _, anchor = link.partition("#")
+        target = document.parent / path if path else document
+        assert link.startswith("https://") or target.exists(), link
+        assert not anchor or link.startswith("https://") or anchor in headings(target), link
+
+
+def headings(document: Path) -> list[str]:
+    """Of a page, as anchors name them."""
+    found = re.findall(r"^#+ (.+)$", document.read_text(), re.MULTILINE)
+    return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in found]
 
 
 def test_the_example_runs(monkeypatch, capsys):
