@@ -16,7 +16,7 @@ from optim.runs.requests import Request
 from optim.studies.gait_hunt import judging, searches, spending
 from optim.studies.gait_hunt import study as hunting
 from optim.studies.gait_hunt.judging import Finalist, best_of, last_bests
-from optim.studies.gait_hunt.spending import GRADIENT_COST, cost, read_spent, search_within
+from optim.studies.gait_hunt.spending import GRADIENT_COST, cost, paid, read_spent, search_within
 from robots import gaits, inflatable_gradient
 from robots.gaits import as_graded, load_gait, steps_of
 from robots.inflatable import ACTUATION, INCHING, InflatableDesign
@@ -76,6 +76,9 @@ def test_a_search_ends_when_its_budget_is_spent(hill, tmp_path):
     spent = read_spent(tmp_path / "run")
     assert len(spent) == len(history.generations)
     assert sum(spent[:-1]) < 2e6 <= sum(spent)
+    assert paid(history, spent, 2e6).generations == history.generations[:-1]
+    assert paid(history, spent, sum(spent)).generations == history.generations
+    assert len(paid(history, spent, 1.0).generations) == 1
 
 
 def test_what_a_generation_costs_is_what_is_simulated():
@@ -244,7 +247,10 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     summary = json.loads((tmp_path / "hunt" / "summary.json").read_text())
     assert set(summary["searches"]) == set(searches.SEARCHES)
     assert len(summary["runs"]) == 2 * len(searches.SEARCHES)
-    assert all(row["robot_steps"] >= settings.budget for row in summary["runs"])
+    for row in summary["runs"]:
+        spent = read_spent(tmp_path / "hunt" / "runs" / f"{row['search']}-{row['seed']}")
+        assert row["robot_steps"] in (spent[0], sum(spent[:-1]), sum(spent)) and sum(spent) >= settings.budget
+        assert row["robot_steps"] <= settings.budget or row["robot_steps"] == spent[0]
     assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
     assert (tmp_path / "hunt" / "hunt.png").stat().st_size > 1000
     rows = (tmp_path / "hunt" / "table.md").read_text().splitlines()
@@ -267,8 +273,8 @@ def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     hunting.study(tmp_path / "hunt", more)
     judged = json.loads((tmp_path / "hunt" / "runs" / "genetic-0.json").read_text())
     assert hill.calls > calls
-    history = (tmp_path / "hunt" / "runs" / "genetic-0" / "log.jsonl").read_text().splitlines()
-    assert judged["of"]["generations"] == len(history)
+    spent = np.cumsum(read_spent(tmp_path / "hunt" / "runs" / "genetic-0"))
+    assert judged["of"]["generations"] == (spent <= more.budget).sum() > 1
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])

@@ -2,9 +2,12 @@
 
 import contextlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
@@ -34,7 +37,7 @@ def search_within(
 ) -> History:
     """Run a search, or go on with the one in the folder, until it has spent its budget.
 
-    A generation that begins within the budget is completed.
+    A generation that begins within the budget is completed; :func:`paid` leaves it away.
 
     Args:
         problem: what to search.
@@ -68,6 +71,12 @@ def search_within(
         with contextlib.suppress(BudgetSpent):
             run_search(problem, build_method(method, problem.space, known), run, ENDLESS, evaluate=evaluate)
     return read_history(folder)
+
+
+def paid(history: History, spent: Sequence[float], budget: float) -> History:
+    """The generations of a run that ended within a budget; the first counts in any case."""
+    count = max(1, int(np.searchsorted(np.cumsum(spent), budget, side="right")))
+    return replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
 
 
 def read_spent(folder: Path) -> list[float]:

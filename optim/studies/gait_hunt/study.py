@@ -2,9 +2,9 @@
 
 The dissertation's search did not find inching on the hill, "likely due to a lack of gradient between control policies"
 (Powers 2021, ch. 5, "Discussion"). All searches may change orientation, shape and control. A run ends when it has
-spent as many robot-steps as the published search takes for so many evaluations; then the last few designs that it found
-best are played in full, with noise, under both conditions of ``robots.judgement``, and the best of them is what the run
-has found.
+spent as many robot-steps as the published search takes for so many evaluations; a generation that ended beyond does not
+count. Then the last few designs that it found best are played in full, with noise, under both conditions of
+``robots.judgement``, and the best of them is what the run has found.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from optim.studies.figures import COLOURS, PAGE, figure, letter
 from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of
 from optim.studies.gait_hunt.searches import SEARCHES
-from optim.studies.gait_hunt.spending import read_spent, search_within
+from optim.studies.gait_hunt.spending import paid, read_spent, search_within
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_table
 from robots.files import write_text
@@ -112,11 +112,13 @@ def _hunt(folder: Path, hunt: Hunt, name: str, seed: int, progress: Progress, wh
     path = folder / "runs" / f"{name}-{seed}"
     settings = {**search.settings, "seed": seed}
     history = search_within(problem, search.method, settings, path, hunt.budget, part_of(progress, 0, 10, 9))
+    spent = read_spent(path)
+    history = paid(history, spent, hunt.budget)
     finalists = kept_finalists(
         path.with_name(f"{path.name}.json"), history, problem, terrain, hunt.finalists, hunt.runs,
         part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[hunt.geometry], **{"precision": "f32", **where},
     )  # fmt: skip
-    return Found(name, seed, history, np.array(read_spent(path)), best_of(finalists))
+    return Found(name, seed, history, np.array(spent[: len(history.generations)]), best_of(finalists))
 
 
 def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
