@@ -249,9 +249,7 @@ class GradedPatternGait(GradedGait):
         """The genome of the network, then ``settle_1`` and on."""
         return [*pattern_variables(GAIT_WIRING), *self._times()]
 
-    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
-        """Zero: networks are searched without gradients."""
-        return np.zeros(len(values))
+    slopes = GaitEncoding.slopes  # zero: networks are searched without gradients
 
     def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
         """What the network says, and settling."""
@@ -275,9 +273,7 @@ class GradedWaveGait(GradedGait):
         shift = Variable("shift", 0, max(1, self.columns - 1), "integer", step=1.0)
         return [*levels, shift, *feet, Variable("settle", -SETTLING, SETTLING, step=SETTLING_STEP)]
 
-    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
-        """Zero: waves are searched without gradients."""
-        return np.zeros(len(values))
+    slopes = GaitEncoding.slopes  # zero: waves are searched without gradients
 
     @staticmethod
     def genome(schedule: "RelaxedSchedule") -> Vector:
