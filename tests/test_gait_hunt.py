@@ -271,17 +271,17 @@ def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     calls = hill.calls
     more = dataclasses.replace(settings, searches=("genetic",), evaluations=8)
     hunting.study(tmp_path / "hunt", more)
-    judged = json.loads((tmp_path / "hunt" / "runs" / "genetic-0.json").read_text())
+    judged = json.loads((tmp_path / "hunt" / "runs" / "genetic.json").read_text())
     assert hill.calls > calls
     spent = np.cumsum(read_spent(tmp_path / "hunt" / "runs" / "genetic-0"))
-    assert judged["of"]["generations"] == (spent <= more.budget).sum() > 1
+    assert judged["of"]["generations"][0] == (spent <= more.budget).sum() > 1
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])
 def test_damaged_finalists_are_judged_again(hill, tmp_path, monkeypatch, text):
     settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",), seeds=(0,))
     hunting.study(tmp_path / "hunt", settings)
-    path = tmp_path / "hunt" / "runs" / "genetic-0.json"
+    path = tmp_path / "hunt" / "runs" / "genetic.json"
     whole = path.read_bytes()
     path.write_text(text)
     hunting.study(tmp_path / "hunt", settings)
@@ -301,11 +301,13 @@ def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
     history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
     one = Finalist(INCHING, 0, np.array([np.nan, 0.1]), np.array([0.0, 0.1]))
     count = len(last_bests(history, problem, 2))
-    monkeypatch.setattr("optim.studies.gait_hunt.finalists.judge_finalists", lambda *_, **__: [one] * count)
+    stand_in = "optim.studies.gait_hunt.finalists.judge_finalists"
+    monkeypatch.setattr(stand_in, lambda designs, *_, **__: [one] * len(designs))
     for _ in range(2):  # computed, then read
-        found = kept_finalists(tmp_path / "f.json", history, problem, HILL[0], 2, 2, None)
-        np.testing.assert_array_equal(found[0].speeds, [np.nan, 0.1])
-    assert judging.best_of(found) is None
+        found = kept_finalists(tmp_path / "f.json", [history, history], problem, HILL[0], 2, 2, None)
+        assert [len(each) for each in found] == [count, count]
+        np.testing.assert_array_equal(found[1][0].speeds, [np.nan, 0.1])
+    assert judging.best_of(found[0]) is None
 
 
 def test_effort_counts_strokes():

@@ -1,6 +1,7 @@
-"""The finalists of a run, judged once and kept."""
+"""The finalists of a search's runs, judged once and kept."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,30 +25,30 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def kept_finalists(
-    path: Path, history: History, problem: GaitProblem, terrain: Terrain, count: int, runs: int, progress: Progress,
-    **where: Any,
-) -> list[Finalist]:  # fmt: skip
-    """The last bests of a run, played in full: from the file, if they are of this run and so many, or now.
+    path: Path, histories: Sequence[History], problem: GaitProblem, terrain: Terrain, count: int, runs: int,
+    progress: Progress, **where: Any,
+) -> list[list[Finalist]]:  # fmt: skip
+    """The last bests of each run of a search, played in full: from the file, if they are of these runs, or now.
+
+    All of them are one batch under either condition, since a few robots take as long as a vector full of them.
 
     Args:
         path: of the JSON file, which may be missing, or of fewer generations.
-        history: of the run.
-        problem: that it searched.
+        histories: of the runs.
+        problem: that they searched.
         terrain: to play them on.
-        count: how many, at most.
-        runs: of each under either condition.
+        count: how many of each run, at most.
+        runs: with noise, of each under either condition.
         progress: called with the fraction done.
         where: options of the simulations.
     """
-    found = last_bests(history, problem, count)
-    of = {"generations": len(history.generations), "count": count, "runs": runs}
+    found = [last_bests(history, problem, count) for history in histories]
+    of = {"generations": [len(history.generations) for history in histories], "count": count, "runs": runs}
     known = _read(path)
     if known.get("of") != of:
-        judged = judge_finalists(found, terrain, runs, progress=progress, **where)
+        judged = judge_finalists([each for one in found for each in one], terrain, runs, progress=progress, **where)
         speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]
         known = {"of": of, "speeds": json.loads(json.dumps(speeds).replace("NaN", "null"))}
         write_text(path, json.dumps(known) + "\n")
-    return [
-        Finalist(*one, *(np.array(values, float) for values in speeds))
-        for one, speeds in zip(found, known["speeds"], strict=True)
-    ]
+    rest = iter(known["speeds"])
+    return [[Finalist(*each, *(np.array(values, float) for values in next(rest))) for each in one] for one in found]

@@ -3,18 +3,19 @@
 The dissertation's search did not find inching on the hill, "likely due to a lack of gradient between control policies"
 (Powers 2021, ch. 5, "Discussion"). All searches may change orientation, shape and control. A run ends when it has
 spent as many robot-steps as the published search takes for so many evaluations; a generation that ended beyond does not
-count. Then the last few designs that it found best are played in full, with noise, under both conditions of
-``robots.judgement``, and the best of them is what the run has found.
+count. When all have ended, the last few designs that each found best are played in full, with noise, under both
+conditions of ``robots.judgement``, and the best of them is what the run has found.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from optim.gait_problem import GaitProblem
 from optim.measures.statistics import mean_band
 from optim.runs.history import History
 from optim.studies.figures import COLOURS, PAGE, figure, letter
@@ -64,7 +65,7 @@ class Hunt:
 
 SCALES: Mapping[Budget, Hunt] = {
     "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
-    "medium": Hunt(60, (0, 1, 2, 3, 4), finalists=2, runs=2),
+    "medium": Hunt(60, (0, 1, 2, 3, 4), finalists=3),
     "full": Hunt(300, (0, 1, 2, 3, 4)),
 }
 
@@ -78,14 +79,14 @@ class Found:
         seed: of the run.
         history: of the run.
         spent: by each generation [robot-steps], shape (G,).
-        best: the best of its finalists; None if all failed.
+        best: the best of its finalists; None before they are judged, and if all failed.
     """
 
     search: str
     seed: int
     history: History
     spent: Floats
-    best: Finalist | None
+    best: Finalist | None = None
 
 
 def study(folder: Path, settings: Hunt, progress: Progress = None, **where: Any) -> None:
@@ -96,29 +97,35 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, **where: Any)
         where: precision, device and threads of the simulations.
     """
     check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"))
-    parts = [(name, seed) for seed in settings.seeds for name in settings.searches]
-    found = []
+    terrain, searches = Terrain(settings.slope), settings.searches
+    problems = {name: SEARCHES[name].problem_on(terrain, geometry=settings.geometry, **where) for name in searches}
+    parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
     for number, (name, seed) in enumerate(parts):
-        found.append(_hunt(folder, settings, name, seed, part_of(progress, number, len(parts)), where))
-        report(folder, settings, found)  # what there is so far is of use
+        share = part_of(progress, 9 * number, 10 * len(parts), 9)
+        found[name, seed] = _search(folder, settings, problems[name], name, seed, share)
+        if name == searches[-1]:
+            report(folder, settings, list(found.values()))  # what there is so far is of use
+    for number, name in enumerate(searches):
+        of = [(name, seed) for seed in settings.seeds]
+        finalists = kept_finalists(
+            folder / "runs" / f"{name}.json", [found[part].history for part in of], problems[name], terrain,
+            settings.finalists, settings.runs, part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
+            geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
+        )  # fmt: skip
+        found |= {part: replace(found[part], best=best_of(known)) for part, known in zip(of, finalists, strict=True)}
+        report(folder, settings, list(found.values()))
     if progress:
         progress(1.0)
 
 
-def _hunt(folder: Path, hunt: Hunt, name: str, seed: int, progress: Progress, where: dict[str, Any]) -> Found:
-    """One run and its finalists."""
-    terrain, search = Terrain(hunt.slope), SEARCHES[name]
-    problem = search.problem_on(terrain, geometry=hunt.geometry, **where)
+def _search(folder: Path, hunt: Hunt, problem: GaitProblem, name: str, seed: int, progress: Progress) -> Found:
+    """One run; its finalists come later."""
     path = folder / "runs" / f"{name}-{seed}"
-    settings = {**search.settings, "seed": seed}
-    history = search_within(problem, search.method, settings, path, hunt.budget, part_of(progress, 0, 10, 9))
+    settings = {**SEARCHES[name].settings, "seed": seed}
+    history = search_within(problem, SEARCHES[name].method, settings, path, hunt.budget, progress)
     spent = read_spent(path)
     history = paid(history, spent, hunt.budget)
-    finalists = kept_finalists(
-        path.with_name(f"{path.name}.json"), history, problem, terrain, hunt.finalists, hunt.runs,
-        part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[hunt.geometry], **{"precision": "f32", **where},
-    )  # fmt: skip
-    return Found(name, seed, history, np.array(spent[: len(history.generations)]), best_of(finalists))
+    return Found(name, seed, history, np.array(spent[: len(history.generations)]))
 
 
 def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
