@@ -150,6 +150,12 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "gait_hunt.study",
             ("table.md", "table.csv", "hunt.png", "summary.json", "runs", "gaits"),
         ),
+        "gait-climb": Item(
+            "chapter 5, discussion: why the search did not find inching on the hill",
+            "a program that finds gaits which climb 15 degrees: random ones, their kinds refined, the best led uphill",
+            "gait_hunt.climb",
+            ("table.md", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
+        ),
         "friction-sweeps": Item(
             "chapter 5, figure of friction, d and e",
             "inching on flat ground with other friction of sliding and gripping feet",

@@ -34,8 +34,9 @@ def search_within(
     folder: Path,
     budget: float,
     progress: Callable[[float], None] | None = None,
+    generations: int = ENDLESS,
 ) -> History:
-    """Run a search, or go on with the one in the folder, until it has spent its budget.
+    """Run a search, or go on with the one in the folder, until it has spent its budget, or made its generations.
 
     A generation that begins within the budget is completed; :func:`paid` leaves it away.
 
@@ -46,6 +47,7 @@ def search_within(
         folder: of the run; beside its files ``spent.json``, what every generation has cost.
         budget: in robot-steps, see :func:`cost`.
         progress: called with the part of the budget that is spent.
+        generations: number of the last one, if the budget lasts.
 
     Raises:
         ValueError: in one line, for a budget or a folder that is not allowed.
@@ -69,7 +71,7 @@ def search_within(
             return found
 
         with contextlib.suppress(BudgetSpent):
-            run_search(problem, build_method(method, problem.space, known), run, ENDLESS, evaluate=evaluate)
+            run_search(problem, build_method(method, problem.space, known), run, generations, evaluate=evaluate)
     return read_history(folder)
 
 

@@ -1,0 +1,197 @@
+"""A gait that climbs 15 degrees, found by a program from random gaits: what each of its steps finds, and costs.
+
+See ``optim.studies.gait_hunt.program``. The last designs that its last step found best are played in full, with
+noise, under both conditions of ``robots.judgement``; the best of them is what the program has found.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.studies.figures import COLOURS, PAGE, figure, letter
+from optim.studies.gait_hunt.finalists import kept_finalists
+from optim.studies.gait_hunt.judging import Finalist, best_of
+from optim.studies.gait_hunt.program import Plan, Program, Step
+from optim.studies.gait_hunt.study import PUBLISHED_COST
+from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
+from optim.studies.tables import write_records
+from robots.files import write_text
+from robots.gaits import save_gait
+from robots.inflatable import NAMED_GEOMETRIES
+from robots.terrain import Terrain
+
+FILES = ("runs", "gaits", "steps.csv", "table.md", "climb.png", "summary.json")
+
+
+@dataclass(frozen=True)
+class Climb:
+    """How large the study is.
+
+    Attributes:
+        seeds: of the programs.
+        plan: of each of them.
+        slope: to be climbed [degrees].
+        geometry: of the robot, by name.
+        finalists: designs of the last step that are played in full.
+        runs: with noise, of each of them under either condition.
+    """
+
+    seeds: tuple[int, ...]
+    plan: Plan = field(default_factory=Plan)
+    slope: float = 15.0
+    geometry: str = "published"
+    finalists: int = 4
+    runs: int = 4
+
+
+SCALES: Mapping[Budget, Climb] = {
+    "small": Climb((0,), Plan(8, 6, 2, 4, (1, 1), 1, 4, 4, 1), geometry="small", finalists=2, runs=2),
+    "medium": Climb((0,)),
+    "full": Climb((0, 1, 2, 3, 4)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """What the program has found with a seed.
+
+    Attributes:
+        seed: of the program.
+        steps: it made, in order.
+        best: the best of the last step's finalists; None if all failed.
+    """
+
+    seed: int
+    steps: Sequence[Step]
+    best: Finalist | None
+
+    @property
+    def spent(self) -> float:
+        """By all steps [robot-steps]."""
+        return sum(step.spent for step in self.steps)
+
+
+def study(folder: Path, settings: Climb, progress: Progress = None, **where: Any) -> None:
+    """Write runs, ``summary.json``, ``table.md``, ``steps.csv``, ``climb.png``, and the gait that each seed found.
+
+    Args:
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        where: precision, device and threads of the simulations.
+    """
+    check_folder(folder, FILES)
+    found: list[Climbed] = []
+    for number, seed in enumerate(settings.seeds):
+        share = part_of(progress, number, len(settings.seeds))
+        found.append(_climb(folder / "runs", settings, seed, share, where))
+        _report(folder, settings, found)
+    if progress:
+        progress(1.0)
+
+
+def _climb(runs: Path, settings: Climb, seed: int, progress: Progress, where: Mapping[str, Any]) -> Climbed:
+    """The program of one seed, and its finalists."""
+    options = {"geometry": settings.geometry, **where}
+    program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
+    last = program.run()
+    finalists = kept_finalists(
+        runs / f"seed-{seed}.json", [last.history], last.problem, Terrain(settings.slope), settings.finalists,
+        settings.runs, part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[settings.geometry],
+        **{"precision": "f32", **where},
+    )[0]  # fmt: skip
+    return Climbed(seed, program.steps, best_of(finalists))
+
+
+def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
+    """Write what some seeds have found."""
+    rows = [_row(one) for one in found]
+    steps = [{"seed": one.seed, **row} for one in found for row in _step_rows(one)]
+    write_records(folder / "steps.csv", list(steps[0]), steps)
+    write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
+    write_text(folder / "table.md", _table(rows))
+    (folder / "gaits").mkdir(exist_ok=True)
+    for one in found:
+        if one.best:
+            save_gait(one.best.design, folder / "gaits" / f"seed-{one.seed}.json")
+    _draw(found, folder / "climb.png")
+
+
+def _row(one: Climbed) -> dict[str, Any]:
+    """A seed in a line."""
+    best = one.best
+    return {
+        "seed": one.seed,
+        "evaluations": sum(step.last.evaluations for step in one.steps),
+        "robot_steps": one.spent,
+        "published_evaluations": one.spent / PUBLISHED_COST,
+        "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
+        "speed": best.speed if best else None,
+        "hard_speed": best.hard_speed if best else None,
+        "stays": best.stays if best else False,
+        "pressure": best.design.pressure if best else None,
+        "orientation": best.design.orientation if best else None,
+    }
+
+
+def _step_rows(one: Climbed) -> list[dict[str, Any]]:
+    """The steps of a seed: terrains, cost, and the best's score and speed on the steepest slope."""
+    return [
+        {
+            "step": step.name,
+            "terrains": " ".join(terrain.name for terrain in step.problem.terrains),
+            "evaluations": step.last.evaluations,
+            "robot_steps": step.spent,
+            "score": step.last.best,
+            "steepest": (step.last.best_details or {}).get(f"speed_{step.problem.terrains[-1].name}"),
+        }
+        for step in one.steps
+    ]
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The seeds in Markdown."""
+    lines = [
+        "| seed | evaluations | million robot-steps | heading | core [kPa] | speed | harder | stays |",
+        "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
+    ]
+    for row in rows:
+        found = ("", "", "", "")
+        if row["speed"] is not None:
+            found = (f"{row['orientation']:.0f}°", f"{np.max(row['pressure']) / 1e3:.1f}", f"{row['speed']:.4f}",
+                     f"{row['hard_speed']:.4f}")  # fmt: skip
+        lines.append(
+            f"| {row['seed']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {' | '.join(found)} "
+            f"| {'yes' if row['stays'] else 'no'} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _draw(found: Sequence[Climbed], path: Path) -> None:
+    """Best speed so far on every slope of the ladder over what was spent, a panel a seed, the kinds as they came."""
+    with figure(path, PAGE, 2.4, ncols=len(found), sharey=True) as (_, panels):
+        for panel, one in zip(panels[0], found, strict=True):
+            names = list(dict.fromkeys(t.name for step in one.steps for t in step.problem.terrains))
+            for name, colour in zip(names, COLOURS, strict=False):
+                spent, speeds = _course(one, name)
+                panel.plot(spent, speeds, ".-", color=colour, label=name, linewidth=0.8, markersize=4)
+            if one.best:
+                panel.plot(one.spent / 1e6, one.best.speed, "k*", label="in full")
+            panel.set(title=f"seed {one.seed}", xlabel="spent [million robot-steps]")
+        panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
+        panels[0, 0].legend()
+        if len(found) > 1:
+            letter(panels)
+
+
+def _course(one: Climbed, terrain: str) -> tuple[list[float], list[float]]:
+    """What had been spent after each step, and the speed of its best on a terrain; steps that do not try it are not."""
+    spent, speeds, total = [], [], 0.0
+    for step in one.steps:
+        total += step.spent
+        speed = (step.last.best_details or {}).get(f"speed_{terrain}")
+        if speed is not None:
+            spent.append(total / 1e6)
+            speeds.append(float(speed))
+    return spent, speeds

@@ -1,0 +1,168 @@
+"""The program that finds gaits which climb: kinds, halving, rungs left behind, and that it goes on."""
+
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optim.runs.history import History
+from optim.runs.loop import Generation
+from optim.studies.gait_hunt import climb
+from optim.studies.gait_hunt.kinds import APART, best_of_kinds, difference
+from optim.studies.gait_hunt.program import RUNGS, Plan, Program, Step
+from robots import gaits
+from robots.gaits import GaitDesign, as_graded, load_gait, steps_of
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+
+BODY = NAMED_GEOMETRIES["published"]
+PLAN = Plan(looks=6, kept=4, kinds=3, population=4, rounds=(1, 2), leads=2, headings=3, refined=4, generations=1)
+FEW = climb.Climb((0,), PLAN, finalists=2, runs=2)
+
+
+class Slopes:
+    """Stands in for the simulator: the less of the core is full and the more the top moves, the steeper it climbs."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, designs, terrain=None, *, warm_up=0, stages=1, actuation=None, perturbation=0.0, **options):
+        self.calls += 1
+        graded = [as_graded(design) for design in designs]
+        strides = np.array([np.ptp(design.schedule.inflation[:4], axis=1).mean() for design in graded])
+        heavy = np.array([design.pressure for design in designs]) / 12e3 + terrain.slope / 15
+        away = np.abs(np.array([design.orientation for design in designs]) - 80) / 80
+        speed = 0.1 * strides - 0.05 * (heavy + away)
+        steps = np.array([steps_of(design) for design in designs]) - warm_up
+        distance = speed * steps * 1.0602478e-4 * 0.22
+        return SimpleNamespace(distance=distance, speed=speed, status=np.full(len(designs), "ok"), steps=steps,
+                               stages=np.repeat(distance[:, None] / stages, stages, axis=1),
+                               time_step=1.0602478e-4)  # fmt: skip
+
+
+@pytest.fixture
+def slopes(monkeypatch):
+    stand_in = Slopes()
+    monkeypatch.setattr(gaits, "simulate", stand_in)
+    return stand_in
+
+
+def cycle(levels, pressure=0.0, orientation=90.0) -> GaitDesign:
+    table = np.asarray(levels, float)
+    gait = RelaxedSchedule(table, np.array([[0.0, 1.0], [1.0, 0.0]]), 2, None, np.full(2, 100), np.zeros(2))
+    return RelaxedDesign(pressure, orientation, gait)
+
+
+def test_a_kind_is_what_moves_when():
+    """Not where the cycle begins, nor the heading, but the core's shape."""
+    assert difference(INCHING, INCHING, BODY) == 0.0
+    assert difference(INCHING, ROLLING, BODY) > APART
+    top = np.zeros((8, 2))
+    top[:4, 0] = 1.0
+    later = dataclasses.replace(cycle(top[:, ::-1]).schedule, grip=np.array([[1.0, 0.0], [0.0, 1.0]]))
+    assert difference(cycle(top), RelaxedDesign(0.0, 20.0, later), BODY) == 0.0
+    assert difference(cycle(top), cycle(top, 6000.0), BODY) == 0.5
+    half = np.zeros((8, 2))
+    half[:4, 0] = 0.5
+    assert difference(cycle(top), cycle(half), BODY) == pytest.approx(0.5 * np.sqrt(4 / 20))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6))
+def test_kinds_lie_apart_and_the_best_is_one(seed, count):
+    generator = np.random.default_rng(seed)
+    designs = [cycle(generator.random((8, 2)) * generator.integers(0, 2)) for _ in range(12)]
+    scores = np.where(generator.random(12) < 0.2, np.nan, generator.normal(size=12))
+    chosen = best_of_kinds(designs, scores, count, BODY)
+    assert len(chosen) <= count and np.isfinite(scores[chosen]).all()
+    assert (np.diff(scores[chosen]) <= 0).all()
+    if np.isfinite(scores).any():
+        assert scores[chosen[0]] == np.nanmax(scores)
+    for place, one in enumerate(chosen):
+        assert all(difference(designs[one], designs[other], BODY) >= APART for other in chosen[:place])
+
+
+def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
+    program = Program(tmp_path / "run", PLAN, 0, 15.0)
+    last = program.run()
+    steps = {step.name: step for step in program.steps}
+    assert list(steps)[:2] == ["look-empty", "look-any"] and list(steps)[-2:] == ["heading", "finish"]
+    assert {"kind-1", "kind-2", "kind-3", "lead-1", "lead-2"} <= set(steps)
+    kinds = [steps[f"kind-{k}"] for k in (1, 2, 3)]
+    lengths = [len(kind.history.generations) for kind in kinds]
+    assert sorted(lengths) == [2, 4, 4]  # one was left after the first round, two went on
+    early = [kind.history.generations[1].best for kind in kinds]
+    assert lengths[int(np.argmin(early))] == 2
+    assert steps["look-empty"].problem.pressure == 0.0 and steps["look-any"].problem.pressure is None
+    assert steps["heading"].problem.free == ("orientation",)
+    assert [t.name for t in last.problem.terrains] == ["hill:15"]
+    assert last.score >= steps["lead-2"].last.best_details["speed_hill:15"]
+    assert 0 < sum(step.last.evaluations for step in program.steps) <= PLAN.evaluations
+
+
+def step_with(tmp_path, speeds) -> Step:
+    """One that has found such speeds on the rungs."""
+    program = Program(tmp_path, PLAN, 0, 15.0)
+    problem = program._on(RUNGS, {"encoding": "graded", "columns": 2, "ladder": True})
+    details = {f"speed_{terrain.name}": speed for terrain, speed in zip(problem.terrains, speeds, strict=True)}
+    point = problem.space.to_dict(problem.space.low)
+    last = Generation(0, 1, 0, 0.0, 0.0, 0.0, None, point, details, {})
+    return Step("kind-1", problem, History(tmp_path, {}, (last,), (1.0,), None, False), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "searched"),
+    [
+        ((0.01, 0.0, 0.0, 0.0), ["flat", "hill:5", "hill:10", "hill:15"]),
+        ((0.03, 0.03, 0.004, 0.0), ["hill:10", "hill:15"]),
+        ((0.03, 0.03, 0.03, 0.001), ["hill:15"]),
+        ((0.03, 0.03, 0.03, 0.03), ["hill:15"]),
+    ],
+)
+def test_the_best_is_led_to_the_first_slope_that_it_does_not_climb(slopes, tmp_path, speeds, searched):
+    program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=1), 0, 15.0)
+    led = program._lead(step_with(tmp_path, speeds))
+    assert [terrain.name for terrain in led.problem.terrains] == searched
+
+
+def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
+    seen = []
+    climb.study(tmp_path / "whole", FEW, seen.append)
+    assert seen == sorted(seen) and seen[-1] == 1.0
+    known = {name: (tmp_path / "whole" / name).read_bytes() for name in ("steps.csv", "table.md")}
+    row = json.loads((tmp_path / "whole" / "summary.json").read_text())["seeds"][0]
+    design = load_gait(tmp_path / "whole" / "gaits" / "seed-0.json")
+    assert design.orientation == row["orientation"] and steps_of(design) <= 186_719
+    assert (tmp_path / "whole" / "climb.png").stat().st_size > 1000
+    calls = slopes.calls
+    climb.study(tmp_path / "whole", FEW)
+    assert slopes.calls == calls  # all is kept, and halving decides as it did
+    assert known == {name: (tmp_path / "whole" / name).read_bytes() for name in known}
+
+
+def test_a_program_that_was_killed_goes_on_to_the_same_gait(slopes, tmp_path, monkeypatch):
+    climb.study(tmp_path / "whole", FEW)
+    whole = slopes.calls
+
+    def killed(*given, **options):
+        if slopes.calls > whole // 2:
+            raise KeyboardInterrupt
+        return slopes(*given, **options)
+
+    slopes.calls = 0
+    with monkeypatch.context() as patch:
+        patch.setattr(gaits, "simulate", killed)
+        with pytest.raises(KeyboardInterrupt):
+            climb.study(tmp_path / "parts", FEW)
+    climb.study(tmp_path / "parts", FEW)
+    for name in ("steps.csv", "table.md", "gaits/seed-0.json"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    (tmp_path / "letter.txt").write_text("hello")
+    with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
+        climb.study(tmp_path, climb.SCALES["small"])
