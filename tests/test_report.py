@@ -271,9 +271,12 @@ def test_a_vehicle_in_motion(reported, tmp_path, monkeypatch):
     assert smaller["bytes"] < document["bytes"] and len(smaller["notes"]) > 2 and smaller["frames"] == 2
 
 
-def test_a_walker_in_motion(reported, tmp_path):
+def test_a_walker_in_motion(morpholab, reported, tmp_path):
     drive = WalkerActuation(settling=0.05, cycles=1)
     searched(WalkerProblem((2, 2, 1), actuation=drive, threads=1), tmp_path / "a", generations=0)
+    why = "rig: it plays gaits of the inflatable robot; a has none, leave it out"
+    code, _, error = morpholab("report a --rig dissertation --out b.html --quiet")
+    assert (code, error) == (2, f"morpholab report: error: {why}\n")
     page, document = reported("a", "--frames 20")
     last = log(tmp_path / "a")[-1]
     (terrain,) = document["design"]["terrains"]

@@ -104,12 +104,14 @@ def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):
         ("compare a --out no/where.png", "out: no/where.png cannot be written"),
         ("compare a deeper/c/kite", 'run: a/b and deeper/c/kite are judged differently (kind "gait" and "kite")'),
         ("compare a deeper/c/effort", "run: a/b and deeper/c/effort are judged differently (effort null and 0.1)"),
+        ("compare deeper/c/d deeper/c/short", "deeper/c/short are judged differently (steps null and 9000)"),
     ],
 )
 def test_what_cannot_be_compared_is_one_line(morpholab, tmp_path, line, message):
     design(morpholab, "a/b", generations=0)
     design(morpholab, "deeper/c/d", generations=0)
     design(morpholab, "deeper/c/effort", generations=0, more="--climbers 5 --effort 0.1")
+    design(morpholab, "deeper/c/short", generations=0, more="--climbers 5 --encoding graded --steps 9000")
     searched(Kite(), tmp_path / "deeper/c/kite")
     code, _, error = morpholab(line)
     assert code == 2 and message in error and error.count("\n") == 1

@@ -79,8 +79,7 @@ def _fit(args: argparse.Namespace) -> Report:
 
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
-    if args.out is not None and args.out.exists() and not (args.out.is_dir() and not any(args.out.iterdir())):
-        raise ValueError(f"out: {args.out} exists and is not empty; name a new folder")
+    options.check_new_folder(args.out)
     found = read_measurements(args.data, lambda *gait: _load(args.data.parent, *gait))
     names, bounds = _names(args.fit, found.experiments), _bounds(args.bounds)
     check_names(found.experiments, names)

@@ -155,6 +155,12 @@ def design_file(path: Path, from_rows: bool = False) -> "GaitDesign":
     return design_of(design.pressure, design.orientation, design.schedule)
 
 
+def check_new_folder(path: Path | None) -> None:
+    """Refuse a folder for results, if one is given, that holds anything, or is none."""
+    if path is not None and path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise ValueError(f"out: {path} exists and is not empty; name a new folder")
+
+
 def cut(schedule: "Schedule", columns: int | None, repeats: int | None) -> "Schedule":
     """The first columns of a schedule, and how often they are played; None keeps what there is."""
     if columns is not None and columns > schedule.columns:

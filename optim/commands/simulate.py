@@ -87,8 +87,7 @@ def run(args: argparse.Namespace) -> Report:
 
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
-    if args.out is not None and args.out.exists() and not (args.out.is_dir() and not any(args.out.iterdir())):
-        raise ValueError(f"out: {args.out} exists and is not empty; name a new folder")
+    options.check_new_folder(args.out)
     design = options.load_gait(args.gait, args.from_rows)
     design = gaits.design_of(
         design.pressure if args.pressure is None else args.pressure,

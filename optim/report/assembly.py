@@ -7,6 +7,7 @@ from typing import Any
 
 from optim.report.compared import comparison_sections
 from optim.report.condition import state_of
+from optim.report.gait_run import GaitRun
 from optim.report.kinds import Progress, Replay
 from optim.report.markup import Html, Section, paragraph, picture
 from optim.report.markup import page as page_of
@@ -71,10 +72,14 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
         if path.is_dir() and (found := study_of(path)):
             if len(paths) > 1:
                 raise ValueError(f"run: {path} is a study; report it alone")
+            if settings.rig:
+                raise ValueError(f"rig: {path} is a study, in which a rig plays no gait; leave it out")
             title, lead, sections, document = found(path)
             return Built(page_of(title, lead, sections, FOOT), document)
     histories = [read_history(folder) for folder in _runs(paths)]
     runs = [OneRun.of(history) for history in histories]
+    if settings.rig and not isinstance(runs[0].kind, GaitRun):
+        raise ValueError(f"rig: it plays gaits of the inflatable robot; {runs[0].history.path} has none, leave it out")
     if len(runs) == 1:
         return _page(runs[0], runs[0].title, runs[0].lead, [], {}, settings, progress)
     check_comparable(histories)

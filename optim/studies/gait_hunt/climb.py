@@ -136,7 +136,7 @@ def _row(one: Climbed) -> dict[str, Any]:
 
 
 def _step_rows(one: Climbed) -> list[dict[str, Any]]:
-    """The steps of a seed: terrains, cost, and the best's score and speed on the steepest slope."""
+    """The steps of a seed: terrains, cost, and the best's score and speeds on the terrains that it was tried on."""
     return [
         {
             "step": step.name,
@@ -144,7 +144,7 @@ def _step_rows(one: Climbed) -> list[dict[str, Any]]:
             "evaluations": step.last.evaluations,
             "robot_steps": step.spent,
             "score": step.last.best,
-            "steepest": (step.last.best_details or {}).get(f"speed_{step.problem.terrains[-1].name}"),
+            "speeds": " ".join(f"{speed:.4f}" for speed in step.speeds.values()),
         }
         for step in one.steps
     ]
@@ -186,12 +186,11 @@ def _draw(found: Sequence[Climbed], path: Path) -> None:
 
 
 def _course(one: Climbed, terrain: str) -> tuple[list[float], list[float]]:
-    """What had been spent after each step, and the speed of its best on a terrain; steps that do not try it are not."""
+    """What had been spent after each step, and the speed of its best on a terrain, if it was tried there."""
     spent, speeds, total = [], [], 0.0
     for step in one.steps:
         total += step.spent
-        speed = (step.last.best_details or {}).get(f"speed_{terrain}")
-        if speed is not None:
+        if terrain in step.speeds:
             spent.append(total / 1e6)
-            speeds.append(float(speed))
+            speeds.append(step.speeds[terrain])
     return spent, speeds

@@ -100,6 +100,17 @@ class Step:
         return -math.inf if self.last.best is None else self.last.best
 
     @property
+    def speeds(self) -> dict[str, float]:
+        """Of the best [body lengths/s], on the terrains that it was tried on, by name."""
+        found: dict[str, float] = {}
+        for terrain in self.problem.terrains:
+            speed = (self.last.best_details or {}).get(f"speed_{terrain.name}")
+            if speed is None or any(before <= NEXT for before in found.values()):
+                break
+            found[terrain.name] = float(speed)
+        return found
+
+    @property
     def design(self) -> GaitDesign:
         """The best gait, as long as it was judged; a ValueError in one line if all failed."""
         if self.last.best_point is None:
@@ -170,10 +181,9 @@ class Program:
     def _lead(self, step: Step) -> Step:
         """Search again on the slopes that are not climbed yet, the one before the first of them left behind."""
         for number in range(self.plan.leads):
-            details = step.last.best_details or {}
-            speeds = [details.get(f"speed_{self._terrain(rung).name}") for rung in RUNGS]
-            ahead = [speed is None or speed > NEXT for speed in speeds]  # what is not searched any more was climbed
-            first = next((n for n, enough in enumerate(ahead) if not enough), len(RUNGS) - 1)
+            names = [terrain.name for terrain in step.problem.terrains]
+            ahead = [step.speeds.get(name, 0.0) > NEXT for name in names]
+            first = len(RUNGS) - len(names) + next((n for n, enough in enumerate(ahead) if not enough), len(names) - 1)
             step = self._refine(
                 f"lead-{number + 1}", RUNGS[first:], step.design, self.plan.refined, self.plan.generations
             )
