@@ -8,7 +8,6 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from optim.measures.pareto import hypervolume
-from optim.problem import Evaluation
 from optim.space import Space, Variable
 
 SIZES = {"zdt1": {"n_var": 30}, "dtlz2": {"n_var": 12, "n_obj": 3}}
@@ -53,15 +52,6 @@ def count_of_ones():
     """A space of binaries and an integer, a judge of a single objective, and the best that there is."""
     space = Space((*(Variable(f"b{i}", 0, 1, "binary") for i in range(20)), Variable("n", 0, 50, "integer")))
     return space, lambda points: points[:, :20].sum(axis=1) - abs(points[:, 20] - 33), 20
-
-
-def run(method, judge, generations):
-    for _ in range(generations):
-        points = method.ask()
-        assert np.array_equal(points, method.ask())
-        method.space.validate(points)
-        method.tell(points, Evaluation(judge(points)))
-    return method
 
 
 def same(a, b):

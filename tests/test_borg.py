@@ -10,13 +10,13 @@ from fronts import (
     count_of_ones,
     mixed,
     problem,
-    run,
     same,
     volume,
     volume_of_pymoo,
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from searching import run
 
 from optim.measures.pareto import non_dominated
 from optim.problem import Evaluation

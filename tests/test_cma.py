@@ -3,30 +3,14 @@
 import numpy as np
 import pytest
 from cmaes import CMAwM
+from searching import EVERYTHING, run_up_to
 from standard_functions import continuous_space, mixed_space, rosenbrock, sphere
 
-from optim.problem import Evaluation
 from optim.search import CMAESWithMargin
 from optim.search.cma_arrays import INNER, MARGIN, build_strategy, set_arrays, to_arrays
 from optim.search.method import generator
-from optim.space import Space, Variable
 
 SEEDS = range(3)
-EVERYTHING = Space(
-    (
-        Variable("x", -2.0, 6.0),
-        Variable("a", -180.0, 180.0, "angle"),
-        Variable("n", -3, 4, "integer"),
-        Variable("b", 0, 1, "binary"),
-    )
-)
-
-
-def run(method, judge, generations, target=np.inf):
-    while method.generation < generations and not method.best_score > target:
-        points = method.space.validate(method.ask())
-        method.tell(points, Evaluation(judge(points)))
-    return method
 
 
 def same(a, b):
@@ -51,7 +35,7 @@ def everything(points):
 )
 @pytest.mark.parametrize("seed", SEEDS)
 def test_converges(space, judge, generations, seed):
-    method = run(CMAESWithMargin(space, seed=seed), judge, generations, target=-1e-8)
+    method = run_up_to(CMAESWithMargin(space, seed=seed), judge, generations, target=-1e-8)
     assert method.result().score > -1e-8
     assert np.abs(method.result().point - 1).max() < 1e-2
     assert method.result().numbers["restarts"] == 0 and 0 < method.result().numbers["sigma"] < 0.3
@@ -61,41 +45,41 @@ def test_converges(space, judge, generations, seed):
 def test_an_optimum_in_a_corner_is_reached(seed):
     corner = np.array([-5.0, 5.0] * 5)
     judge = lambda p: -np.sum((p - corner) ** 2 + np.abs(p - corner) / 2, axis=1)  # noqa: E731
-    assert run(CMAESWithMargin(continuous_space(10), seed=seed), judge, 180).result().score > -1e-5
+    assert run_up_to(CMAESWithMargin(continuous_space(10), seed=seed), judge, 180).result().score > -1e-5
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_angles_wrap_round_and_all_kinds_go_together(seed):
-    result = run(CMAESWithMargin(EVERYTHING, population=20, seed=seed), everything, 80).result()
+    result = run_up_to(CMAESWithMargin(EVERYTHING, population=20, seed=seed), everything, 80).result()
     assert result.score > 2 - 1e-6
     assert result.point == pytest.approx([1.3, 175, 2, 1], abs=0.1)
 
 
 def test_a_region_of_failures_is_left():
     judge = lambda p: np.where(p[:, 0] < 0, np.nan, sphere(p))  # noqa: E731
-    method = run(CMAESWithMargin(mixed_space(6), population=20, seed=1, start={"x0": -0.5}), judge, 100)
+    method = run_up_to(CMAESWithMargin(mixed_space(6), population=20, seed=1, start={"x0": -0.5}), judge, 100)
     assert method.result().score > -1e-8 and method.result().point[0] > 0
 
 
 def test_only_failures_lead_somewhere_else_at_once():
     judge = lambda p: np.where(p[:, 0] < 4, np.nan, sphere(p))  # noqa: E731
     method = CMAESWithMargin(continuous_space(2), population=4, sigma=0.01)
-    first = run(method, judge, 1).state()
+    first = run_up_to(method, judge, 1).state()
     assert first["restarts"] == 1 and np.isnan(method.result().score)
-    assert np.isfinite(run(method, judge, 100).result().score)
+    assert np.isfinite(run_up_to(method, judge, 100).result().score)
 
 
 def test_failures_after_a_success_teach_nothing():
-    method = run(CMAESWithMargin(mixed_space(4), population=8), sphere, 3)
+    method = run_up_to(CMAESWithMargin(mixed_space(4), population=8), sphere, 3)
     before = method.state()
-    after = run(method, lambda p: np.full(len(p), np.nan), 4).state()
+    after = run_up_to(method, lambda p: np.full(len(p), np.nan), 4).state()
     assert all(np.array_equal(before[name], after[name]) for name in before if name.startswith("strategy/"))
     assert after["stalled"] == before["stalled"] + 1 and after["best_score"] == before["best_score"]
 
 
 def test_only_the_order_of_scores_counts():
     a, b = (
-        run(CMAESWithMargin(mixed_space(4), population=8), judge, 20)
+        run_up_to(CMAESWithMargin(mixed_space(4), population=8), judge, 20)
         for judge in (sphere, lambda p: -1e200 * np.exp(-sphere(p) / 9))
     )
     assert all(np.array_equal(a.strategy[name], b.strategy[name]) for name in a.strategy)
@@ -116,7 +100,7 @@ def test_it_does_what_the_library_does(space):
         points = space.round(space.reflect(space.low + np.array([place for place, _ in pairs]) * space.span))
         assert np.array_equal(method.ask(), points)
         direct.tell([(raw, -score) for (_, raw), score in zip(pairs, judge(points), strict=True)])
-        run(method, judge, generation + 1)
+        run_up_to(method, judge, generation + 1)
     assert method.restarts == 0
     assert np.array_equal(method.strategy["mean"], direct.mean)
     assert np.array_equal(method.strategy["C"], direct._cma._C) and method.strategy["sigma"] == direct._cma._sigma
@@ -163,17 +147,17 @@ def test_resumes_exactly_at_every_generation_and_across_restarts():
     whole = CMAESWithMargin(EVERYTHING, **settings)
     states = [whole.state()]
     for generation in range(40):
-        states.append(run(whole, judge, generation + 1).state())
+        states.append(run_up_to(whole, judge, generation + 1).state())
     assert states[-1]["restarts"] >= 2
     for stop in range(40):
         rest = CMAESWithMargin(EVERYTHING, **settings)
         rest.restore(states[stop])
-        assert same(run(rest, judge, stop + 1).state(), states[stop + 1])
+        assert same(run_up_to(rest, judge, stop + 1).state(), states[stop + 1])
     assert all(values.dtype.kind in "fib" for values in states[-1].values())
 
 
 def test_what_is_returned_is_a_copy():
-    method = run(CMAESWithMargin(EVERYTHING, population=8), everything, 3)
+    method = run_up_to(CMAESWithMargin(EVERYTHING, population=8), everything, 3)
     first = method.ask()
     for values in (*method.state().values(), method.ask(), method.result().points):
         values[...] = 0
@@ -185,7 +169,7 @@ def test_restarts_keep_the_best(judge):
     method = CMAESWithMargin(continuous_space(2), population=10, patience=30)
     best = -np.inf
     for generation in range(300):
-        run(method, judge, generation + 1)
+        run_up_to(method, judge, generation + 1)
         assert method.result().score >= best
         best = method.result().score
     assert method.result().numbers["restarts"] >= 2
@@ -196,11 +180,11 @@ def test_restarts_find_what_one_distribution_misses():
     def judge(p):  # a wide hill at 1, a higher one beside the bound
         return np.maximum(-np.abs(p - 1).max(axis=1), 2 - 2 * np.abs(p + 4).max(axis=1))
 
-    method = run(
+    method = run_up_to(
         CMAESWithMargin(continuous_space(2), population=10, sigma=0.05, start={"x0": 1.0, "x1": 1.0}), judge, 60
     )
     assert -1e-3 < method.result().score <= 0
-    assert run(method, judge, 500).result().score > 1.99
+    assert run_up_to(method, judge, 500).result().score > 1.99
 
 
 def test_it_begins_where_it_is_told():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from searching import run
 from standard_functions import mixed_space, rosenbrock, sphere
 
 from optim.problem import Evaluation
@@ -17,14 +18,6 @@ FORMULAS = {
     "best/1/bin": lambda x, r, best, p, f: best + f * (r[1] - r[2]),
     "current-to-pbest/1/bin": lambda x, r, best, p, f: x + f * (p - x) + f * (r[1] - r[2]),
 }
-
-
-def run(method, judge, generations):
-    for _ in range(generations):
-        points = method.ask()
-        method.space.validate(points)
-        method.tell(points, Evaluation(judge(points)))
-    return method
 
 
 def scores(space, judge, generations, **settings):

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from searching import EVERYTHING
 from standard_functions import continuous_space, mixed_space, rosenbrock, sphere
 
 from optim.problem import Evaluation
@@ -12,14 +13,6 @@ from optim.search.variation import draw_inside
 from optim.space import Space, Variable
 
 PLANE = continuous_space(2)  # ranges of 10
-EVERYTHING = Space(
-    (
-        Variable("x", -2.0, 6.0),
-        Variable("a", -180.0, 180.0, "angle"),
-        Variable("n", -3, 4, "integer"),
-        Variable("b", 0, 1, "binary"),
-    )
-)
 
 
 def run(method, judge, evaluations):

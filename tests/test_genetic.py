@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from searching import run
 from standard_functions import mixed_space, rosenbrock, sphere
 
 from optim.problem import Evaluation
@@ -9,14 +10,6 @@ from optim.search import GeneticSearch
 from optim.space import Space, Variable
 
 BITS = Space(tuple(Variable(f"b{i}", 0, 1, "binary") for i in range(40)))
-
-
-def run(method, judge, generations):
-    for _ in range(generations):
-        points = method.ask()
-        method.space.validate(points)
-        method.tell(points, Evaluation(judge(points)))
-    return method
 
 
 def scores(space, judge, generations, **settings):

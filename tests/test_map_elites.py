@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from fronts import run, same
+from fronts import same
+from searching import run
 
 from optim.problem import Evaluation
 from optim.search import MapElites

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from searching import EVERYTHING, run_up_to
 from standard_functions import continuous_space, mixed_space, rosenbrock, sphere
 
 from optim.problem import Evaluation
@@ -12,21 +13,6 @@ from optim.search.nes import OFF, _utilities
 from optim.space import Space, Variable
 
 SEEDS = range(5)
-EVERYTHING = Space(
-    (
-        Variable("x", -2.0, 6.0),
-        Variable("a", -180.0, 180.0, "angle"),
-        Variable("n", -3, 4, "integer"),
-        Variable("b", 0, 1, "binary"),
-    )
-)
-
-
-def run(method, judge, generations, target=np.inf):
-    while method.generation < generations and not method.best_score > target:
-        points = method.space.validate(method.ask())
-        method.tell(points, Evaluation(judge(points)))
-    return method
 
 
 def ellipsoid(points):
@@ -52,14 +38,14 @@ def corner(points):
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_converges(space, judge, generations, mirrored, seed):
-    method = run(SeparableNES(space, seed=seed, mirrored=mirrored), judge, generations, target=-1e-8)
+    method = run_up_to(SeparableNES(space, seed=seed, mirrored=mirrored), judge, generations, target=-1e-8)
     assert method.result().score > -1e-8
     assert 0 < method.result().numbers["sigma"] < 0.1
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_narrow_valley_is_entered_though_not_followed_to_its_end(seed):
-    method = run(SeparableNES(continuous_space(10), seed=seed), rosenbrock, 1500)
+    method = run_up_to(SeparableNES(continuous_space(10), seed=seed), rosenbrock, 1500)
     assert -3 < method.result().score < -1e-3  # its axes are not those of the coordinates
 
 
@@ -69,7 +55,7 @@ def test_angles_wrap_round_and_all_kinds_go_together(seed):
         x, a, n, b = points.T
         return np.cos(np.radians(a - 175)) - (x - 1.3 * b) ** 2 - (n - 2 * b) ** 2 / 4 + b
 
-    result = run(SeparableNES(EVERYTHING, population=20, seed=seed), judge, 120).result()
+    result = run_up_to(SeparableNES(EVERYTHING, population=20, seed=seed), judge, 120).result()
     assert result.score > 2 - 1e-4 and result.point == pytest.approx([1.3, 175, 2, 1], abs=1.0)
 
 
@@ -161,12 +147,12 @@ def test_integers_keep_moving(count):
 
 def test_a_region_of_failures_is_left():
     judge = lambda p: np.where(p[:, 0] < 0, np.nan, sphere(p))  # noqa: E731
-    result = run(SeparableNES(mixed_space(6), seed=1, start={"x0": -0.5}), judge, 150).result()
+    result = run_up_to(SeparableNES(mixed_space(6), seed=1, start={"x0": -0.5}), judge, 150).result()
     assert result.score > -1e-8 and result.point[0] > 0
 
 
 def test_only_failures_teach_nothing():
-    method = run(SeparableNES(EVERYTHING), lambda p: np.full(len(p), np.nan), 5)
+    method = run_up_to(SeparableNES(EVERYTHING), lambda p: np.full(len(p), np.nan), 5)
     assert method.mean == pytest.approx(np.full(4, 0.5), abs=1e-12) and np.isnan(method.result().score)
     assert method.deviation == pytest.approx(SeparableNES(EVERYTHING).deviation, rel=1e-12)
 
@@ -178,11 +164,11 @@ def test_resumes_exactly_at_every_generation(more):
     whole = SeparableNES(EVERYTHING, **settings)
     states = [whole.state()]
     for generation in range(15):
-        states.append(run(whole, judge, generation + 1).state())
+        states.append(run_up_to(whole, judge, generation + 1).state())
     for stop in range(15):
         rest = SeparableNES(EVERYTHING, **settings)
         rest.restore(states[stop])
-        again = run(rest, judge, 15).state()
+        again = run_up_to(rest, judge, 15).state()
         assert all(np.array_equal(again[name], states[-1][name], equal_nan=True) for name in states[-1])
 
 

@@ -11,11 +11,11 @@ from fronts import (
     count_of_ones,
     mixed,
     problem,
-    run,
     same,
     volume,
     volume_of_pymoo,
 )
+from searching import run
 
 from optim.measures.pareto import dominates, non_dominated
 from optim.problem import Evaluation
