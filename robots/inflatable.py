@@ -140,6 +140,8 @@ class InflatableResult:
         time_step: dt [s].
         frames: recorded poses, or None.
         body: the lattice.
+        displacement: in the plane of the ground, along x, where a robot rolls, and y, where it inches, whatever its
+            heading [m], shape (B, 2); NaN unless the status is "ok". How far it drifts, too.
     """
 
     distance: np.ndarray
@@ -151,6 +153,7 @@ class InflatableResult:
     time_step: float
     frames: Frames | None
     body: LatticeBody
+    displacement: np.ndarray
 
 
 def predicted_steps(
@@ -267,7 +270,8 @@ def summarise(
     way = (middle[..., :2] * travel_directions(headings)[:, None]).sum(axis=-1)
     ok = run.status == "ok"
     parts = np.where(ok[:, None], np.diff(way[:, stage_order(stages)], axis=1), np.nan)
-    distance = np.where(ok, ((middle[:, 1, :2] - middle[:, 0, :2]) * travel_directions(headings)).sum(axis=1), np.nan)
+    displacement = np.where(ok[:, None], middle[:, 1, :2] - middle[:, 0, :2], np.nan)
+    distance = (displacement * travel_directions(headings)).sum(axis=1)
     lengths = distance / geometry.body_length
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
@@ -278,8 +282,9 @@ def summarise(
         times = np.arange(marks.shape[1] - first) * record_every * dt
         frames = Frames(positions, orientations, times, shown, rest)
     return InflatableResult(
-        distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, parts, steps, dt, frames, body
-    )
+        distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, parts, steps, dt, frames, body,
+        displacement,
+    )  # fmt: skip
 
 
 def stage_order(stages: int) -> list[int]:

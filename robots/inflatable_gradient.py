@@ -187,7 +187,7 @@ def _joined(parts: list[InflatableGradient]) -> InflatableGradient:
         columns = {name: [getattr(owner, name) for owner in owners] for name in names}
         return {name: None if column[0] is None else np.concatenate(column) for name, column in columns.items()}
 
-    per_robot = ["distance", "speed", "speed_simulated", "status", "stages", "steps"]
+    per_robot = ["distance", "speed", "speed_simulated", "status", "stages", "steps", "displacement"]
     result = replace(parts[0].result, **join([part.result for part in parts], per_robot))
     names = [field.name for field in fields(DesignGradient)]
     return InflatableGradient(**join(list(parts), names), result=result)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from graded import settling
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,8 +15,9 @@ from optim.runs.loop import Generation
 from optim.studies.gait_hunt import climb
 from optim.studies.gait_hunt.kinds import APART, best_of_kinds, difference
 from optim.studies.gait_hunt.program import RUNGS, Plan, Program, Step
+from optim.studies.gait_hunt.turning import heading_of
 from robots import gaits
-from robots.gaits import GaitDesign, as_graded, load_gait, steps_of
+from robots.gaits import GaitDesign, as_graded, load_gait, simulate, steps_of
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 
@@ -39,7 +41,9 @@ class Slopes:
         speed = 0.1 * strides - 0.05 * (heavy + away)
         steps = np.array([steps_of(design) for design in designs]) - warm_up
         distance = speed * steps * 1.0602478e-4 * 0.22
+        way = np.deg2rad(80.0)
         return SimpleNamespace(distance=distance, speed=speed, status=np.full(len(designs), "ok"), steps=steps,
+                               displacement=strides[:, None] * [np.cos(way), np.sin(way)],
                                stages=np.repeat(distance[:, None] / stages, stages, axis=1),
                                time_step=1.0602478e-4)  # fmt: skip
 
@@ -55,6 +59,13 @@ def cycle(levels, pressure=0.0, orientation=90.0) -> GaitDesign:
     table = np.asarray(levels, float)
     gait = RelaxedSchedule(table, np.array([[0.0, 1.0], [1.0, 0.0]]), 2, None, np.full(2, 100), np.zeros(2))
     return RelaxedDesign(pressure, orientation, gait)
+
+
+def cycle_of_quick_strokes(orientation) -> GaitDesign:
+    """A gait of few steps."""
+    levels = np.zeros((10, 2))
+    levels[:4, 0], levels[8, 1], levels[9, 0] = 0.05, 1.0, 1.0
+    return RelaxedDesign(0.0, orientation, settling(levels, [50, 50]))
 
 
 def test_a_kind_is_what_moves_when():
@@ -85,11 +96,30 @@ def test_kinds_lie_apart_and_the_best_is_one(seed, count):
         assert all(difference(designs[one], designs[other], BODY) >= APART for other in chosen[:place])
 
 
+@given(st.floats(-180.0, 180.0))
+def test_robots_are_turned_to_where_they_get_furthest(angle):
+    way = np.deg2rad(angle)
+    headings = np.deg2rad(np.linspace(0.0, 90.0, 901))
+    found = np.deg2rad(heading_of(np.array([np.cos(way), np.sin(way)])))
+    assert 0.0 <= found <= np.pi / 2 + 1e-12
+    assert np.cos(way - found) >= np.cos(way - headings).max() - 1e-12
+
+
+def test_on_flat_ground_the_heading_changes_no_way():
+    """Why a look tells the best heading."""
+    headings = [0.0, 45.0, 90.0]
+    found = simulate([cycle_of_quick_strokes(heading) for heading in headings], geometry=NAMED_GEOMETRIES["small"])
+    np.testing.assert_allclose(found.displacement, found.displacement[[0, 0, 0]], rtol=1e-6)  # but for rounding
+    ways = np.deg2rad(headings)
+    along = found.displacement @ np.array([np.cos(ways), np.sin(ways)])
+    np.testing.assert_allclose(found.distance, np.diagonal(along), atol=1e-15)
+
+
 def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
     last = program.run()
     steps = {step.name: step for step in program.steps}
-    assert list(steps)[:2] == ["look-empty", "look-any"] and list(steps)[-2:] == ["heading", "finish"]
+    assert list(steps)[:3] == ["look-empty", "look-any", "turn"] and list(steps)[-2:] == ["heading", "finish"]
     assert {"kind-1", "kind-2", "kind-3", "lead-1", "lead-2"} <= set(steps)
     kinds = [steps[f"kind-{k}"] for k in (1, 2, 3)]
     lengths = [len(kind.history.generations) for kind in kinds]
@@ -97,6 +127,7 @@ def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     early = [kind.history.generations[1].best for kind in kinds]
     assert lengths[int(np.argmin(early))] == 2
     assert steps["look-empty"].problem.pressure == 0.0 and steps["look-any"].problem.pressure is None
+    assert steps["turn"].design.orientation == pytest.approx(80.0) and steps["turn"].last.evaluations == 4 * PLAN.kept
     assert steps["heading"].problem.free == ("orientation",)
     assert [t.name for t in last.problem.terrains] == ["hill:15"]
     assert last.score >= steps["lead-2"].last.best_details["speed_hill:15"]

@@ -29,7 +29,9 @@ def bent(radius: float, geometry=motions.TINY, turn: float = 0.0) -> InflatableR
     extents = np.full((1, 1, count, 6), geometry.voxel_size / 2)
     frames = Frames(places[None, None], np.broadcast_to(orientation, (1, 1, count, 4)), np.zeros(1), extents,
                     2 * extents[..., ::2])  # fmt: skip
-    return InflatableResult(one, one, one, np.array(["ok"]), one[:, None], np.array([1]), 1e-4, frames, body)
+    return InflatableResult(
+        one, one, one, np.array(["ok"]), one[:, None], np.array([1]), 1e-4, frames, body, np.zeros((1, 2))
+    )
 
 
 @given(st.floats(0.06, 2.0), st.floats(-3.0, 3.0))

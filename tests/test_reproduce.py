@@ -20,7 +20,7 @@ def test_every_study_is_there_and_takes_what_it_says(name):
     module = import_module(f"optim.studies.{item.module}")
     taken = signature(module.study).parameters
     assert list(taken)[:3] == ["folder", "settings", "progress"] and {"small", "full"} <= set(module.SCALES)
-    assert ("sweep_folder" in taken) == item.sweep
+    assert ("sweep_folder" in taken) == item.sweep and ("jobs" in taken) == item.jobs
     assert item.source and item.title and item.writes
 
 
@@ -55,6 +55,8 @@ def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_pa
         ("reproduce trainings --out a", "study: 'trainings' is unknown; choose one of sensor-placement, training"),
         ("reproduce training", "out: none given; name a folder for the results"),
         ("reproduce co-optimisation --out a --sweep b", "sweep: study co-optimisation reads none; leave it out"),
+        ("reproduce training --out a --jobs 2", "jobs: study training takes none, as gait-hunt, gait-climb do; leave"),
+        ("reproduce gait-hunt --out a --jobs 0", "argument --jobs: 0 is not allowed; give a whole number, at least 1"),
     ],
 )
 def test_mistakes_are_one_line(morpholab, line, message):

@@ -101,7 +101,9 @@ def slid(way: np.ndarray, depth: float, feet: tuple[int, ...]) -> InflatableResu
     sizes = np.full((*places.shape[:3], 3), TINY.voxel_size)
     frames = Frames(places, np.zeros((*places.shape[:3], 4)), 0.1 * np.arange(len(way)), np.zeros(1), sizes)
     one = np.ones(1)
-    return InflatableResult(one, one, one, np.array(["ok"]), one[:, None], np.array([9]), 1e-3, frames, body)
+    return InflatableResult(
+        one, one, one, np.array(["ok"]), one[:, None], np.array([9]), 1e-3, frames, body, np.zeros((1, 2))
+    )
 
 
 @pytest.mark.parametrize(("told", "expected"), [(1.0, 0.05), (0.0, 0.02)])

@@ -44,7 +44,9 @@ def posed(places=((0.0, 0.0, 0.0),), geometry=TINY) -> InflatableResult:
     orientations = np.broadcast_to([1.0, 0, 0, 0], (*positions.shape[:3], 4))
     extents = np.full((*positions.shape[:3], 6), geometry.voxel_size / 2)
     frames = Frames(positions, orientations, 0.5 * np.arange(len(places)), extents, 2 * extents[..., ::2])
-    return InflatableResult(one, one, one, np.array(["ok"]), one[:, None], np.array([99]), 1e-4, frames, body)
+    return InflatableResult(
+        one, one, one, np.array(["ok"]), one[:, None], np.array([99]), 1e-4, frames, body, np.zeros((1, 2))
+    )
 
 
 @pytest.mark.parametrize("geometry", [TINY, PUBLISHED])
@@ -166,7 +168,7 @@ def test_the_picture_of_a_robot_that_diverged():
     nothing = np.array([np.nan])
     status = np.array(["diverged"])
     numbers = nothing, nothing, nothing, status, nothing[:, None], np.array([50])
-    result = InflatableResult(*numbers, 1e-4, frames, TINY.body)
+    result = InflatableResult(*numbers, 1e-4, frames, TINY.body, np.zeros((1, 2)))
     figure = motion_picture(result, ROLLING, Terrain())
     assert figure.texts[0].get_text().startswith("diverged on flat ground")
     assert len(figure.axes[0].texts) == 3 + 1  # the poses before, and the scale bar

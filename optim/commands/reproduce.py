@@ -27,6 +27,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--sweep", type=Path, metavar="DIR", help="folder of a sweep, of studies that read bodies from one"
     )
+    parser.add_argument(
+        "--jobs", type=options.whole(1), metavar="N",
+        help="runs that go on at the same time, of studies of many runs (default: one after the other)",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_json(parser)
     parser.set_defaults(run=run)
@@ -48,7 +52,11 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("out: none given; name a folder for the results")
     if args.sweep is not None and not item.sweep:
         raise ValueError(f"sweep: study {args.study} reads none; leave it out")
+    if args.jobs is not None and not item.jobs:
+        able = ", ".join(name for name, one in CATALOGUE.items() if one.jobs)
+        raise ValueError(f"jobs: study {args.study} takes none, as {able} do; leave them out")
     given = {"sweep_folder": args.sweep} if args.sweep else {}
+    given |= {"jobs": args.jobs} if args.jobs else {}
     try:
         with shown_progress(args.study, 1.0, args.quiet) as update:
             item.run(args.out, args.budget, update, **given)

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import tomli_w
 
 from optim.runs import files
-from robots.files import why_unread
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
@@ -44,7 +43,7 @@ def read_config(folder: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
         config = tomllib.loads(text)
     except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: cannot be read ({why_unread(error)})") from None
+        raise ValueError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
     version = config.pop("format", None)
     if isinstance(version, int) and version > FORMAT:
         raise ValueError(f"{path}: was written by a newer morpholab (format {version}; this one reads {FORMAT})")

@@ -30,6 +30,7 @@ class Item:
         module: of ``optim.studies``.
         writes: files in the folder, beside raw results.
         sweep: whether ``study`` also takes ``sweep_folder``, a sweep to read bodies from.
+        jobs: whether it also takes ``jobs``, how many of its parts go on at the same time.
     """
 
     source: str
@@ -37,6 +38,7 @@ class Item:
     module: str
     writes: tuple[str, ...]
     sweep: bool = False
+    jobs: bool = False
 
     def run(
         self, folder: Path, budget: str = "full", progress: Callable[[float], None] | None = None, **given: Any
@@ -47,7 +49,7 @@ class Item:
             folder: new, or that of the same study.
             budget: ``"small"``, to see that it works, ``"full"``, or ``"medium"``, where the study has that.
             progress: called with the fraction done.
-            given: ``sweep_folder``, where the study takes it.
+            given: ``sweep_folder`` and ``jobs``, where the study takes them.
 
         Raises:
             ValueError: in one line, for a budget that the study does not have, or a folder of something else.
@@ -149,12 +151,14 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "evolution as published, on cycles, along gradients and both: gaits that climb 15 degrees, at equal cost",
             "gait_hunt.study",
             ("table.md", "table.csv", "hunt.png", "summary.json", "runs", "gaits"),
+            jobs=True,
         ),
         "gait-climb": Item(
             "chapter 5, discussion: why the search did not find inching on the hill",
             "a program that finds gaits which climb 15 degrees: random ones, their kinds refined, the best led uphill",
             "gait_hunt.climb",
             ("table.md", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
+            jobs=True,
         ),
         "friction-sweeps": Item(
             "chapter 5, figure of friction, d and e",

@@ -12,12 +12,13 @@ import os
 import pickle
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing import connection as connections
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
+from typing import Any
 
 from optim.problem import Problem
 from optim.runs.requests import Request
@@ -45,8 +46,7 @@ class ProcessWorker:
         try:
             return self.connection.recv()
         except (EOFError, ConnectionError):
-            self.process.join(_LAST_BREATH)
-            raise Died(_how(self.process.exitcode)) from None
+            raise Died(how_it_ended(self.process)) from None
 
     def kill(self) -> None:
         """SIGKILL; leaves no zombie."""
@@ -76,13 +76,7 @@ class Processes:
 
     def start(self) -> ProcessWorker:
         """Start a process and send it the problem."""
-        context = multiprocessing.get_context("spawn")
-        resource_tracker.ensure_running()  # its start, which comes with the first process, would let interrupts in
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs, os.getpid()), daemon=True)
-        with environment_set(self._environment), _interrupts_held_back():
-            process.start()
-        theirs.close()
+        process, ours = start_process(_serve, self._environment)
         with contextlib.suppress(ConnectionError):  # it died, and its answer will say so
             ours.send_bytes(self._pickled)
         return ProcessWorker(process, ours)
@@ -94,11 +88,47 @@ class Processes:
         return [worker for connection, worker in by_connection.items() if connection in found]
 
 
-def serve(connection: "Connection[Answer, Request]", parent: int) -> None:
-    """The life of a worker process: the problem first, then requests until the pipe ends."""
+def start_process(
+    life: "Callable[[Connection[Any, Any]], None]", environment: Mapping[str, str]
+) -> "tuple[SpawnProcess, Connection[Any, Any]]":
+    """Start a process that dies with this one, never sees Ctrl-C, and writes to stderr alone.
+
+    Args:
+        life: all that it does, given its end of the pipe; it can be pickled.
+        environment: variables that are set before it loads anything.
+
+    Returns:
+        The process, and this end of the pipe.
+    """
+    context = multiprocessing.get_context("spawn")
+    resource_tracker.ensure_running()  # its start, which comes with the first process, would let interrupts in
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_live, args=(life, theirs, os.getpid()), daemon=True)
+    with environment_set(environment), _interrupts_held_back():
+        process.start()
+    theirs.close()
+    return process, ours
+
+
+def how_it_ended(process: SpawnProcess) -> str:
+    """Why a process that has closed its pipe is gone."""
+    process.join(_LAST_BREATH)
+    if process.exitcode is not None and process.exitcode < 0:
+        return f"killed by {signal.Signals(-process.exitcode).name}"
+    return f"exit code {process.exitcode}"
+
+
+def _live(
+    life: "Callable[[Connection[Any, Any]], None]", connection: "Connection[Any, Any]", parent: int
+) -> None:  # fmt: skip
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     _die_with(parent)
     os.dup2(2, 1)  # stdout belongs to the parent's document
+    life(connection)
+
+
+def _serve(connection: "Connection[Answer, Request]") -> None:
+    """The life of a worker: the problem first, then requests until the pipe ends."""
     service = Service()
     with contextlib.suppress(EOFError, ConnectionError):
         connection.send(service.load(connection.recv_bytes()))
@@ -121,9 +151,3 @@ def _interrupts_held_back() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _how(exit_code: int | None) -> str:
-    if exit_code is not None and exit_code < 0:
-        return f"killed by {signal.Signals(-exit_code).name}"
-    return f"exit code {exit_code}"

@@ -6,6 +6,7 @@ noise, under both conditions of ``robots.judgement``; the best of them is what t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of
 from optim.studies.gait_hunt.program import Plan, Program, Step
 from optim.studies.gait_hunt.study import PUBLISHED_COST
+from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_records
 from robots.files import write_text
@@ -74,24 +76,27 @@ class Climbed:
         return sum(step.spent for step in self.steps)
 
 
-def study(folder: Path, settings: Climb, progress: Progress = None, **where: Any) -> None:
+def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
     """Write runs, ``summary.json``, ``table.md``, ``steps.csv``, ``climb.png``, and the gait that each seed found.
 
     Args:
         folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        jobs: programs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
     check_folder(folder, FILES)
-    found: list[Climbed] = []
-    for number, seed in enumerate(settings.seeds):
-        share = part_of(progress, number, len(settings.seeds))
-        found.append(_climb(folder / "runs", settings, seed, share, where))
+    seeds, found = settings.seeds, list[Climbed]()
+    beside([(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds],
+           jobs, where, progress)  # fmt: skip
+    for number, seed in enumerate(seeds):
+        share = part_of(progress if jobs == 1 else None, number, len(seeds))
+        found.append(_climb(folder / "runs", settings, seed, where, share))
         _report(folder, settings, found)
     if progress:
         progress(1.0)
 
 
-def _climb(runs: Path, settings: Climb, seed: int, progress: Progress, where: Mapping[str, Any]) -> Climbed:
+def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], progress: Progress) -> Climbed:
     """The program of one seed, and its finalists."""
     options = {"geometry": settings.geometry, **where}
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)

@@ -1,12 +1,14 @@
 """A program that finds gaits which climb, by itself: many looks, the kinds among them, and the best led uphill.
 
-1. Look: random networks that write cycles of two columns, half of them with an empty core, on a ladder of slopes.
-2. Kinds: the best of each kind becomes the start of a search of its own, on the same ladder, since what climbs later is
-   seldom the fastest on flat ground. After every round the better half of the kinds goes on ("successive halving":
-   Jamieson & Talwalkar, "Non-stochastic best arm identification", Proc. AISTATS 2016).
-3. Lead: the best is refined on the slopes that it does not yet climb.
-4. Turn: its heading alone, in full, on the steepest slope.
-5. Finish: everything, on the steepest slope.
+1. Look: random networks that write cycles of two columns, half of them with an empty core, on flat ground.
+2. Turn: there a robot goes its way whatever its heading, so the best heading is where it goes. With that, the fastest
+   are tried on a ladder of slopes.
+3. Kinds: the best of each kind becomes the start of a search of its own on the ladder, since what climbs later is
+   seldom what is ahead now. After every round the better half of the kinds goes on ("successive halving": Jamieson &
+   Talwalkar, "Non-stochastic best arm identification", Proc. AISTATS 2016).
+4. Lead: the best is refined on the slopes that it does not yet climb.
+5. Heading: that alone, in full, on the steepest slope.
+6. Finish: everything, on the steepest slope.
 
 All searches are genetic. What they cost is counted as in the hunt, in robot-steps.
 """
@@ -17,22 +19,24 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from optim.gait_outcomes import NEXT
 from optim.gait_problem import GaitProblem
 from optim.gait_start import start_values
 from optim.runs.history import History, read_result
 from optim.runs.loop import Generation
 from optim.studies.gait_hunt.kinds import best_of_kinds
-from optim.studies.gait_hunt.searches import CYCLE, STEPPED
+from optim.studies.gait_hunt.searches import CYCLE, SHORT, STEPPED
 from optim.studies.gait_hunt.spending import read_spent, search_within
-from optim.studies.results import Progress
+from optim.studies.gait_hunt.turning import history_of, turned
+from optim.studies.results import Progress, kept
 from robots.gaits import GaitDesign
+from robots.results_folder import ResultsFolder
 from robots.terrain import Terrain
 
 RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
-PATTERNS: Mapping[str, Any] = {**STEPPED, "ladder": True}
+# A look lasts until a cycle counts, and is along the middle of all headings: who goes that way goes well along its own.
+LOOK: Mapping[str, Any] = {**STEPPED, "steps": SHORT // 2, "stages": 1}
+MIDDLE = 45.0  # degrees
 GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}
 
 
@@ -42,19 +46,19 @@ class Plan:
 
     Attributes:
         looks: random gaits, with an empty core, and as many with any.
-        kept: of the best of either, among which kinds are sought.
+        kept: of the best of either, which are turned, and among which kinds are sought.
         kinds: that get a search of their own.
         population: of these searches.
         rounds: generations of each round of these; the better half of the kinds goes on to the next.
         leads: searches on the slopes that are not climbed yet, one from the other's best.
-        headings: that are tried.
+        headings: near that of the best that are tried.
         refined: population of these searches, and of the last one.
         generations: of each of these.
     """
 
-    looks: int = 128
-    kept: int = 48
-    kinds: int = 6
+    looks: int = 192
+    kept: int = 32
+    kinds: int = 4
     population: int = 12
     rounds: tuple[int, ...] = (2, 2, 4)
     leads: int = 2
@@ -65,7 +69,7 @@ class Plan:
     @property
     def evaluations(self) -> int:
         """Gaits that are judged in all of it, if there are so many kinds."""
-        left, found = self.kinds, 2 * self.looks + self.headings
+        left, found = self.kinds, 2 * self.looks + 4 * self.kept + self.headings  # who is kept is judged twice more
         found += left * self.population  # the starts of their searches
         for more in self.rounds:
             found += left * self.population * more
@@ -147,21 +151,34 @@ class Program:
         gait = replace(self._on((1.0,), GRADED), encoding="graded").in_full()
         full = gait.design(gait.space.from_dict(start_values(gait, best.design)))
         heading = replace(gait, encoding="codes", pressure=full.pressure, schedule=full.schedule)
-        turned = self._search("heading", heading, "random", {"climbers": plan.headings}, 0)
-        return self._refine("finish", (1.0,), turned.design, plan.refined, plan.generations)
+        near = {"population": plan.headings, "start": start_values(heading, full)}
+        facing = self._search("heading", heading, "genetic", near, 0)
+        return self._refine("finish", (1.0,), facing.design, plan.refined, plan.generations)
 
     def _kinds(self) -> list[GaitDesign]:
-        """Of random gaits, the best of each kind."""
-        plan, points = self.plan, {"population": self.plan.kept, "starts": self.plan.looks}
-        designs: list[GaitDesign] = []
-        scores: list[float] = []
+        """Of random gaits, turned, the best of each kind."""
+        points = {"population": self.plan.kept, "starts": self.plan.looks}
+        found: list[GaitDesign] = []
         for name, pressure in (("look-empty", 0.0), ("look-any", None)):
-            step = self._search(name, replace(self._on(RUNGS, PATTERNS), pressure=pressure), "genetic", points, 0)
-            if found := read_result(step.history, step.problem):
-                designs += [step.problem.design(point) for point in found.points]
-                scores += found.scores.tolist()
-        body = self._on((1.0,), GRADED).body
-        return [designs[n] for n in best_of_kinds(designs, np.array(scores), plan.kinds, body)]
+            problem = replace(self._on((0.0,), LOOK), orientation=MIDDLE, pressure=pressure)
+            step = self._search(name, problem, "genetic", points, 0)
+            if best := read_result(step.history, step.problem):
+                found += [problem.design(point) for point in best.points]
+        return self._turn(found)
+
+    def _turn(self, designs: Sequence[GaitDesign]) -> list[GaitDesign]:
+        """Designs with headings where they go on flat ground; of each kind the best on the ladder."""
+        problem = replace(self._on(RUNGS, GRADED), ladder=True)
+        settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
+        where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
+        known = kept(
+            ResultsFolder(self.folder / "turn", "turn", settings), "turn",
+            lambda: turned(problem, designs, {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}),
+        )  # fmt: skip
+        self._note(Step("turn", problem, history_of(problem, known, self.folder / "turn"), float(known["spent"])))
+        facing = [problem.design(point) for point in known["points"]]
+        chosen = best_of_kinds(facing, known["scores"], self.plan.kinds, problem.body)
+        return [facing[number] for number in chosen]
 
     def _halve(self, designs: Sequence[GaitDesign]) -> Step:
         """The best of searches near each design, of which the worse halves end early."""
@@ -211,8 +228,11 @@ class Program:
         history = search_within(problem, method, settings, folder, math.inf, None, generations)
         # A run that was begun before may have come further: what counts is what it had found then.
         history = replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
-        step = Step(name, problem, history, sum(read_spent(folder)[:count]))
-        self.steps = [known for known in self.steps if known.name != name] + [step]
+        return self._note(Step(name, problem, history, sum(read_spent(folder)[:count])))
+
+    def _note(self, step: Step) -> Step:
+        """Remember a step, or that it has come further."""
+        self.steps = [known for known in self.steps if known.name != step.name] + [step]
         if self.progress:
             self.progress(min(sum(s.last.evaluations for s in self.steps) / self.plan.evaluations, 1.0))
         return step

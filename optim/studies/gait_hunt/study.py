@@ -9,6 +9,7 @@ conditions of ``robots.judgement``, and the best of them is what the run has fou
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of
 from optim.studies.gait_hunt.searches import SEARCHES
 from optim.studies.gait_hunt.spending import paid, read_spent, search_within
+from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_table
 from robots.files import write_text
@@ -89,27 +91,30 @@ class Found:
     best: Finalist | None = None
 
 
-def study(folder: Path, settings: Hunt, progress: Progress = None, **where: Any) -> None:
+def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
     """Write runs, ``summary.json``, ``table.md``, ``table.csv``, ``hunt.png``, and each run's best gait.
 
     Args:
         folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        jobs: runs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
     check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"))
-    terrain, searches = Terrain(settings.slope), settings.searches
-    problems = {name: SEARCHES[name].problem_on(terrain, geometry=settings.geometry, **where) for name in searches}
+    searches = settings.searches
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
+    beside([(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
+           jobs, where, part_of(progress, 0, 10, 9))  # fmt: skip
     for number, (name, seed) in enumerate(parts):
         share = part_of(progress, 9 * number, 10 * len(parts), 9)
-        found[name, seed] = _search(folder, settings, problems[name], name, seed, share)
+        found[name, seed] = _search(folder, settings, name, seed, where, share)
         if name == searches[-1]:
             report(folder, settings, list(found.values()))  # what there is so far is of use
     for number, name in enumerate(searches):
         of = [(name, seed) for seed in settings.seeds]
         finalists = kept_finalists(
-            folder / "runs" / f"{name}.json", [found[part].history for part in of], problems[name], terrain,
-            settings.finalists, settings.runs, part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
+            folder / "runs" / f"{name}.json", [found[part].history for part in of],
+            _problem(settings, name, where), Terrain(settings.slope), settings.finalists, settings.runs, 
+            part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
             geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
         )  # fmt: skip
         found |= {part: replace(found[part], best=best_of(known)) for part, known in zip(of, finalists, strict=True)}
@@ -118,9 +123,15 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, **where: Any)
         progress(1.0)
 
 
-def _search(folder: Path, hunt: Hunt, problem: GaitProblem, name: str, seed: int, progress: Progress) -> Found:
+def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
+    return SEARCHES[name].problem_on(Terrain(hunt.slope), geometry=hunt.geometry, **where)
+
+
+def _search(
+    folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress
+) -> Found:  # fmt: skip
     """One run; its finalists come later."""
-    path = folder / "runs" / f"{name}-{seed}"
+    path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, where)
     settings = {**SEARCHES[name].settings, "seed": seed}
     history = search_within(problem, SEARCHES[name].method, settings, path, hunt.budget, progress)
     spent = read_spent(path)

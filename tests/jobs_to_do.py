@@ -1,0 +1,44 @@
+"""Parts of a study as processes do them: what they leave, raise, or die of."""
+
+import os
+import signal
+import time
+
+from test_gait_hunt import Hill
+
+from optim.studies.gait_hunt.study import _search
+from robots import gaits
+
+
+def leave(folder, name, where, progress):
+    """A file with the options and the process, half way and at the end."""
+    progress(0.5)
+    (folder / name).write_text(f"{where['threads']} {os.environ['OMP_NUM_THREADS']} {os.getpid()}")
+    return name
+
+
+def refuse(where, progress):
+    """Bad input that shows late."""
+    raise ValueError("kite: it does not fly")
+
+
+def die(where, progress):
+    """As the kernel ends what takes too much memory."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def wait(folder, where, progress):
+    """For longer than any test."""
+    (folder / str(os.getpid())).touch()
+    time.sleep(600)
+
+
+def search(folder, hunt, name, seed, where, progress):
+    """A run of the hunt, with the stand-in for the simulator in whatever process it is; a file tells which."""
+    before, gaits.simulate = gaits.simulate, Hill()
+    try:
+        found = _search(folder, hunt, name, seed, where, progress)
+    finally:
+        gaits.simulate = before
+    (folder / "runs" / f"{name}-{seed}" / str(os.getpid())).touch()
+    return found

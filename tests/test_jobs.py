@@ -1,0 +1,79 @@
+"""Parts of a study beside each other: what they leave, and what happens if one fails."""
+
+import json
+import os
+import signal
+import threading
+from functools import partial
+
+import jobs_to_do
+import pytest
+from test_gait_hunt import Hill
+from worker_checks import lives, numbers, wait_for
+
+from optim.studies.gait_hunt import study as hunting
+from optim.studies.jobs import beside
+from robots import gaits
+
+
+def test_all_is_done_by_so_many_processes(tmp_path):
+    seen, tasks = [], [(name, partial(jobs_to_do.leave, tmp_path, name)) for name in "abcde"]
+    beside(tasks, 2, {"precision": "f32"}, seen.append)
+    left = [(tmp_path / name).read_text().split() for name in "abcde"]
+    threads = str(max(1, os.cpu_count() // 2))
+    assert all(one[:2] == [threads, threads] for one in left)
+    assert len({one[2] for one in left}) == 5 and str(os.getpid()) not in {one[2] for one in left}
+    assert seen == sorted(seen) and seen[-1] == 1.0 and len(seen) == 10
+
+
+def test_one_job_is_none_beside_the_study(tmp_path):
+    beside([("a", partial(jobs_to_do.leave, tmp_path, "a"))], 1, {}, None)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(ValueError, match=r"^jobs: 0 is not allowed"):
+        beside([], 0, {}, None)
+
+
+def test_threads_that_were_asked_for_stay(tmp_path):
+    beside([("a", partial(jobs_to_do.leave, tmp_path, "a"))], 2, {"threads": 7}, None)
+    assert (tmp_path / "a").read_text().split()[0] == "7"
+
+
+@pytest.mark.parametrize(
+    ("task", "error", "message"),
+    [
+        (jobs_to_do.refuse, ValueError, "^kite: it does not fly$"),
+        (jobs_to_do.die, RuntimeError, r"^bad: its process ended \(killed by SIGKILL\)$"),
+    ],
+)
+def test_a_part_that_fails_ends_the_others(tmp_path, task, error, message):
+    with pytest.raises(error, match=message):
+        beside([("long", partial(jobs_to_do.wait, tmp_path)), ("bad", task)], 2, {}, None)
+    assert not any(lives(pid) for pid in numbers(tmp_path))
+
+
+def test_an_interrupt_ends_all(tmp_path):
+    def strike():
+        wait_for(lambda: len(numbers(tmp_path)) == 2)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)  # as Ctrl-C, which the main thread gets
+
+    thread = threading.Thread(target=strike)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        beside([(name, partial(jobs_to_do.wait, tmp_path)) for name in "ab"], 2, {}, None)
+    thread.join()
+    assert len(numbers(tmp_path)) == 2 and not any(lives(pid) for pid in numbers(tmp_path))
+
+
+def test_a_hunt_in_two_processes_finds_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr(hunting, "_search", jobs_to_do.search)
+    monkeypatch.setattr(gaits, "simulate", Hill())  # of the finalists
+    settings = hunting.Hunt(20, (0, 1), ("genetic", "ladder"), finalists=1, runs=1)
+    hunting.study(tmp_path / "one", settings, threads=1)
+    hunting.study(tmp_path / "two", settings, jobs=2)
+    assert (tmp_path / "one/table.md").read_text() == (tmp_path / "two/table.md").read_text()
+    rows = [json.loads((tmp_path / name / "summary.json").read_text())["runs"] for name in ("one", "two")]
+    assert [row | {"wall_s": 0} for row in rows[0]] == [row | {"wall_s": 0} for row in rows[1]]
+    at_work = [
+        {pid for run in (tmp_path / name / "runs").glob("*-*") for pid in numbers(run)} for name in ("one", "two")
+    ]
+    assert at_work[0] == {os.getpid()} and len(at_work[1] - at_work[0]) == 4
