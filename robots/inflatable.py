@@ -41,6 +41,7 @@ __all__ = [
     "load_design",
     "predicted_steps",
     "save_design",
+    "sideways",
     "simulate",
 ]
 
@@ -243,6 +244,18 @@ def travel_directions(headings: np.ndarray) -> np.ndarray:
     """Unit vectors in the plane, shape (B, 2), of headings [degrees], shape (B,)."""
     angles = np.deg2rad(headings)
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def sideways(displacement: ArrayLike, headings: ArrayLike) -> np.ndarray:
+    """How far robots have drifted to the left of their headings [m], shape (B,).
+
+    Args:
+        displacement: of ``InflatableResult`` [m], shape (B, 2).
+        headings: [degrees], shape (B,).
+    """
+    x, y = np.asarray(displacement, float).T
+    ahead = travel_directions(np.asarray(headings, float)).T
+    return np.asarray(y * ahead[0] - x * ahead[1])
 
 
 def summarise(

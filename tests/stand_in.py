@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from robots import gaits
-from robots.inflatable import ACTUATION, PUBLISHED
+from robots.inflatable import ACTUATION, PUBLISHED, travel_directions
 from robots.terrain import one_each
 
 
@@ -38,6 +38,7 @@ class Simulator:
         status = np.where(failed, "diverged", "ok")
         return SimpleNamespace(
             distance=speed * 4,
+            displacement=speed[:, None] * 4 * travel_directions(orientation * 90),
             speed=speed,
             speed_simulated=speed * 2,
             status=status,

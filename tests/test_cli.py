@@ -23,7 +23,8 @@ pytestmark = pytest.mark.usefixtures("simulator")
 def test_simulate_says_how_fast(morpholab, simulator):
     code, out, _ = morpholab("simulate --gait rolling")
     assert code == 0
-    assert re.search(r"rolling on flat: ok after [\d,]+ steps\ndistance 0.40\d+ m, speed 0.1000 BL/s", out)
+    way = r"distance 0.40\d+ m, 0.0000 m to the (left|right), speed 0.1000 BL/s"
+    assert re.search(rf"rolling on flat: ok after [\d,]+ steps\n{way}", out)
     (call,) = simulator.calls
     assert call.designs == [ROLLING] and call.terrain == Terrain()
     assert (call.precision, call.device, call.threads, call.seed, call.perturbation) == (
@@ -50,6 +51,7 @@ def test_simulate_takes_every_option(morpholab, simulator):
     document = json.loads(out)  # nothing of the chatter
     assert code == 0 and document["status"] == "ok" and document["terrain"] == "hill:15"
     assert document["speed_simulated"] == 2 * document["speed"] == document["distance"] / 2
+    assert document["sideways"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_simulate_writes_a_folder(morpholab, tmp_path):

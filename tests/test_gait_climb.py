@@ -18,7 +18,7 @@ from optim.studies.gait_hunt.program import RUNGS, Plan, Program, Step
 from optim.studies.gait_hunt.turning import heading_of
 from robots import gaits
 from robots.gaits import GaitDesign, as_graded, load_gait, simulate, steps_of
-from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 
 BODY = NAMED_GEOMETRIES["published"]
@@ -113,6 +113,9 @@ def test_on_flat_ground_the_heading_changes_no_way():
     ways = np.deg2rad(headings)
     along = found.displacement @ np.array([np.cos(ways), np.sin(ways)])
     np.testing.assert_allclose(found.distance, np.diagonal(along), atol=1e-15)
+    left = sideways(found.displacement, headings)
+    np.testing.assert_allclose(found.distance**2 + left**2, (found.displacement**2).sum(axis=1), rtol=1e-12)
+    assert left[0] == pytest.approx(found.displacement[0, 1]) and left[2] == pytest.approx(-found.displacement[2, 0])
 
 
 def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):

@@ -84,6 +84,7 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
     from robots import gaits
+    from robots.inflatable import sideways
 
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
@@ -113,6 +114,7 @@ def run(args: argparse.Namespace) -> Report:
             progress=update,
         )
     numbers = {name: float(getattr(result, name)[0]) for name in ("distance", "speed", "speed_simulated")}
+    numbers["sideways"] = float(sideways(result.displacement, [design.orientation])[0])
     document = {
         "gait": args.gait,
         "terrain": terrain.name,
@@ -133,7 +135,8 @@ def run(args: argparse.Namespace) -> Report:
     failed = document["status"] != "ok"
     if not failed:
         text += (
-            f"\ndistance {numbers['distance']:.4f} m, speed {numbers['speed']:.4f} BL/s "
+            f"\ndistance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the "
+            f"{'left' if numbers['sideways'] >= 0 else 'right'}, speed {numbers['speed']:.4f} BL/s "
             f"(published convention; {numbers['speed_simulated']:.4f} in the time simulated)"
         )
     return Report(document, text, FAILED if failed else 0)
