@@ -38,7 +38,8 @@ def search_within(
 ) -> History:
     """Run a search, or go on with the one in the folder, until it has spent its budget, or made its generations.
 
-    A generation that begins within the budget is completed; :func:`paid` leaves it away.
+    A generation of which it is clear before that the budget does not last is not begun, but the first always is. One
+    that turns out to cost more is completed; :func:`paid` leaves it away.
 
     Args:
         problem: what to search.
@@ -61,7 +62,7 @@ def search_within(
 
         def evaluate(request: Request) -> Evaluation:
             del spent[run.lines :]  # of a generation that was cut off
-            if sum(spent) >= budget:
+            if spent and sum(spent) + least_cost(problem, request) > budget:
                 raise BudgetSpent
             found = judge(problem, request)
             spent.append(cost(problem, request, found))
@@ -85,6 +86,13 @@ def read_spent(folder: Path) -> list[float]:
     """What the generations of a run have cost, the last perhaps of one that was cut off; nothing of a new run."""
     path = folder / SPENT
     return list(json.loads(path.read_text())) if path.exists() else []
+
+
+def least_cost(problem: GaitProblem, request: Request) -> float:
+    """What a request costs, see :func:`cost`, if no gait gets ahead."""
+    count = len(request.points)
+    speeds = {condition.name: np.full(count, -np.inf) for condition in problem.conditions}
+    return cost(problem, request, Evaluation(np.zeros(count), details=speeds))
 
 
 def cost(problem: GaitProblem, request: Request, judged: Evaluation) -> float:
