@@ -121,7 +121,7 @@ def test_on_flat_ground_the_heading_changes_no_way():
 def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
     last = program.run()
-    steps = {step.name: step for step in program.steps}
+    steps = program.steps
     assert list(steps)[:3] == ["look-empty", "look-any", "turn"] and list(steps)[-2:] == ["heading", "finish"]
     assert {"kind-1", "kind-2", "kind-3", "lead-1", "lead-2"} <= set(steps)
     kinds = [steps[f"kind-{k}"] for k in (1, 2, 3)]
@@ -134,7 +134,7 @@ def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     assert steps["heading"].problem.free == ("orientation",)
     assert [t.name for t in last.problem.terrains] == ["hill:15"]
     assert last.score >= steps["lead-2"].last.best_details["speed_hill:15"]
-    assert 0 < sum(step.last.evaluations for step in program.steps) <= PLAN.evaluations
+    assert 0 < sum(step.last.evaluations for step in program.steps.values()) <= PLAN.evaluations
 
 
 def step_with(tmp_path, speeds) -> Step:

@@ -62,7 +62,7 @@ class Climbed:
 
     Attributes:
         seed: of the program.
-        steps: it made, in order.
+        steps: it made, in the order in which they began.
         best: the best of the last step's finalists; None if all failed.
     """
 
@@ -100,13 +100,14 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     """The program of one seed, and its finalists."""
     options = {"geometry": settings.geometry, **where}
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
-    last = program.run()
-    finalists = kept_finalists(
-        runs / f"seed-{seed}.json", [last.history], last.problem, Terrain(settings.slope), settings.finalists,
-        settings.runs, part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[settings.geometry],
-        **{"precision": "f32", **where},
-    )[0]  # fmt: skip
-    return Climbed(seed, program.steps, best_of(finalists))
+    last, finalists = program.run(), list[Finalist]()
+    if last:
+        (finalists,) = kept_finalists(
+            runs / f"seed-{seed}.json", [last.history], last.problem, Terrain(settings.slope), settings.finalists,
+            settings.runs, part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[settings.geometry],
+            **{"precision": "f32", **where},
+        )  # fmt: skip
+    return Climbed(seed, list(program.steps.values()), best_of(finalists))
 
 
 def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
@@ -174,7 +175,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _draw(found: Sequence[Climbed], path: Path) -> None:
-    """Best speed so far on every slope of the ladder over what was spent, a panel a seed, the kinds as they came."""
+    """Speed of each step's best on every slope of the ladder, over what was spent; a panel a seed."""
     with figure(path, PAGE, 2.4, ncols=len(found), sharey=True) as (_, panels):
         for panel, one in zip(panels[0], found, strict=True):
             names = list(dict.fromkeys(t.name for step in one.steps for t in step.problem.terrains))
@@ -191,7 +192,7 @@ def _draw(found: Sequence[Climbed], path: Path) -> None:
 
 
 def _course(one: Climbed, terrain: str) -> tuple[list[float], list[float]]:
-    """What had been spent after each step, and the speed of its best on a terrain, if it was tried there."""
+    """What steps and those that began before had spent, and the speed of their best on a terrain, if it was there."""
     spent, speeds, total = [], [], 0.0
     for step in one.steps:
         total += step.spent

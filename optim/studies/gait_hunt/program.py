@@ -14,10 +14,13 @@ All searches are genetic. What they cost is counted as in the hunt, in robot-ste
 """
 
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from optim.gait_outcomes import NEXT
 from optim.gait_problem import GaitProblem
@@ -77,6 +80,10 @@ class Plan:
         return found + (self.leads + 1) * self.refined * (self.generations + 1)
 
 
+class NothingFound(Exception):
+    """Every gait of a step failed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """A search that the program made.
@@ -116,9 +123,9 @@ class Step:
 
     @property
     def design(self) -> GaitDesign:
-        """The best gait, as long as it was judged; a ValueError in one line if all failed."""
+        """The best gait, as long as it was judged; raises ``NothingFound`` if all failed."""
         if self.last.best_point is None:
-            raise ValueError(f"{self.history.path}: every gait failed")
+            raise NothingFound
         return self.problem.design(self.problem.space.from_dict(self.last.best_point))
 
 
@@ -133,7 +140,7 @@ class Program:
         slope: to be climbed in the end [degrees].
         progress: called with the fraction done, which is estimated from the number of gaits.
         where: geometry, precision, device and threads of the simulations.
-        steps: made so far.
+        steps: made so far, by name, in the order in which they began.
     """
 
     folder: Path
@@ -142,26 +149,23 @@ class Program:
     slope: float
     progress: Progress = None
     where: Mapping[str, Any] = field(default_factory=dict)
-    steps: list[Step] = field(default_factory=list)
+    steps: dict[str, Step] = field(default_factory=dict)
 
-    def run(self) -> Step:
-        """All of it; the last step has found what the program has found."""
-        plan = self.plan
-        best = self._lead(self._halve(self._kinds()))
-        gait = replace(self._on((1.0,), GRADED), encoding="graded").in_full()
-        full = gait.design(gait.space.from_dict(start_values(gait, best.design)))
-        heading = replace(gait, encoding="codes", pressure=full.pressure, schedule=full.schedule)
-        near = {"population": plan.headings, "start": start_values(heading, full)}
-        facing = self._search("heading", heading, "genetic", near, 0)
-        return self._refine("finish", (1.0,), facing.design, plan.refined, plan.generations)
+    def run(self) -> Step | None:
+        """All of it; the last step has found what the program has found. None if every gait of a step failed."""
+        try:
+            facing = self._face(self._lead(self._halve(self._kinds())).design)
+            return self._refine("finish", (1.0,), facing, self.plan.refined, self.plan.generations)
+        except NothingFound:
+            return None
 
     def _kinds(self) -> list[GaitDesign]:
         """Of random gaits, turned, the best of each kind."""
-        points = {"population": self.plan.kept, "starts": self.plan.looks}
+        points = {"population": self.plan.kept, "starts": self.plan.looks, "seed": self.seed}
         found: list[GaitDesign] = []
         for name, pressure in (("look-empty", 0.0), ("look-any", None)):
             problem = replace(self._on((0.0,), LOOK), orientation=MIDDLE, pressure=pressure)
-            step = self._search(name, problem, "genetic", points, 0)
+            step = self._search(name, problem, points, 0)
             if best := read_result(step.history, step.problem):
                 found += [problem.design(point) for point in best.points]
         return self._turn(found)
@@ -184,7 +188,7 @@ class Program:
         """The best of searches near each design, of which the worse halves end early."""
         left, generations = list(enumerate(designs)), 0
         if not left:
-            raise ValueError(f"{self.folder}: every random gait failed")
+            raise NothingFound
         for more in self.plan.rounds:
             generations += more
             found = [
@@ -196,23 +200,33 @@ class Program:
         return found[0][0]
 
     def _lead(self, step: Step) -> Step:
-        """Search again on the slopes that are not climbed yet, the one before the first of them left behind."""
+        """Search again and again on the slopes that are not climbed yet; those before are left behind."""
+        rungs: tuple[float, ...] = RUNGS
         for number in range(self.plan.leads):
-            names = [terrain.name for terrain in step.problem.terrains]
-            ahead = [step.speeds.get(name, 0.0) > NEXT for name in names]
-            first = len(RUNGS) - len(names) + next((n for n, enough in enumerate(ahead) if not enough), len(names) - 1)
-            step = self._refine(
-                f"lead-{number + 1}", RUNGS[first:], step.design, self.plan.refined, self.plan.generations
-            )
+            while len(rungs) > 1 and step.speeds.get(self._terrain(rungs[0]).name, 0.0) > NEXT:
+                rungs = rungs[1:]
+            step = self._refine(f"lead-{number + 1}", rungs, step.design, self.plan.refined, self.plan.generations)
         return step
+
+    def _face(self, design: GaitDesign) -> GaitDesign:
+        """A gait with the best of some headings near its own, in full on the steepest slope."""
+        gait = self._on((1.0,), GRADED).in_full()
+        full = gait.design(gait.space.from_dict(start_values(gait, design)))
+        problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
+        return self._near("heading", problem, full, self.plan.headings, 0).design
 
     def _refine(
         self, name: str, rungs: Sequence[float], start: GaitDesign, population: int, generations: int
     ) -> Step:  # fmt: skip
         """A genetic search of graded cycles near a gait, on a ladder of these parts of the slope."""
         problem = replace(self._on(rungs, GRADED), ladder=len(rungs) > 1)
-        settings = {"population": population, "start": start_values(problem, start)}
-        return self._search(name, problem, "genetic", settings, generations)
+        return self._near(name, problem, start, population, generations)
+
+    def _near(self, name: str, problem: GaitProblem, start: GaitDesign, population: int, generations: int) -> Step:
+        """A search near a gait; with the numbers of another search it would try the same directions."""
+        stream = np.random.SeedSequence([self.seed, zlib.crc32(name.encode())]).generate_state(1)
+        settings = {"population": population, "start": start_values(problem, start), "seed": int(stream[0])}
+        return self._search(name, problem, settings, generations)
 
     def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
         return GaitProblem(tuple(self._terrain(rung) for rung in rungs), **options, **self.where)
@@ -220,19 +234,17 @@ class Program:
     def _terrain(self, rung: float) -> Terrain:
         return Terrain(rung * self.slope)
 
-    def _search(
-        self, name: str, problem: GaitProblem, method: str, settings: Mapping[str, Any], generations: int
-    ) -> Step:  # fmt: skip
-        """A search up to a generation, which may have been made before."""
-        folder, settings, count = self.folder / name, {**settings, "seed": self.seed}, generations + 1
-        history = search_within(problem, method, settings, folder, math.inf, None, generations)
+    def _search(self, name: str, problem: GaitProblem, settings: Mapping[str, Any], generations: int) -> Step:
+        """A genetic search up to a generation, which may have been made before."""
+        folder, count = self.folder / name, generations + 1
+        history = search_within(problem, "genetic", settings, folder, math.inf, None, generations)
         # A run that was begun before may have come further: what counts is what it had found then.
         history = replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
         return self._note(Step(name, problem, history, sum(read_spent(folder)[:count])))
 
     def _note(self, step: Step) -> Step:
         """Remember a step, or that it has come further."""
-        self.steps = [known for known in self.steps if known.name != step.name] + [step]
+        self.steps[step.name] = step
         if self.progress:
-            self.progress(min(sum(s.last.evaluations for s in self.steps) / self.plan.evaluations, 1.0))
+            self.progress(min(sum(s.last.evaluations for s in self.steps.values()) / self.plan.evaluations, 1.0))
         return step
