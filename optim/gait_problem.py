@@ -21,7 +21,7 @@ from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Vector
 from robots import gaits
 from robots.checks import number, whole_number
-from robots.cores import Pressure, checked_pressure, each_pressure, highest_pressure
+from robots.cores import Pressure, checked_pressure, each_pressure
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
@@ -377,8 +377,7 @@ class GaitProblem:
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
         ramp_steps, drive = self._relaxed_ramp if relaxed else None, self._actuation
-        begins = [drive.initial_steps(highest_pressure(d.pressure), ramp_steps) for d in designs]
-        each = np.array([begin + gaits.steps_of(d, drive) for begin, d in zip(begins, designs, strict=True)])
+        each = np.array([gaits.simulated_steps(design, drive, ramp_steps) for design in designs])
         return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
     def save(self, point: ArrayLike, path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots import inflatable
-from robots.cores import Pressure
+from robots.cores import Pressure, highest_pressure
 from robots.files import read_record, read_text, write_record
 from robots.inflatable import ACTUATION, InflatableActuation, InflatableDesign, InflatableResult
 from robots.inflatable_actuation import Column, nominal_steps, play
@@ -97,6 +97,19 @@ def played(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> Pl
 def steps_of(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> int:
     """Time steps of a gait, without those of the initialisation; cheap."""
     return _columns(design, actuation)[1]
+
+
+def simulated_steps(
+    design: GaitDesign, actuation: InflatableActuation = ACTUATION, ramp_steps: int | None = None
+) -> int:  # fmt: skip
+    """Time steps of a gait with those of the initialisation; cheap.
+
+    Args:
+        design: the gait.
+        actuation: how it is driven.
+        ramp_steps: of the core pressure, see ``InflatableActuation.initial_steps``.
+    """
+    return actuation.initial_steps(highest_pressure(design.pressure), ramp_steps) + steps_of(design, actuation)
 
 
 def counted_steps(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> int:

@@ -5,6 +5,7 @@ import signal
 import time
 
 from test_gait_hunt import Hill
+from worker_checks import wait_for
 
 from optim.studies.gait_hunt.study import _search
 from robots import gaits
@@ -17,14 +18,33 @@ def leave(folder, name, where, progress):
     return name
 
 
-def refuse(where, progress):
+class Wordy(ValueError):
+    """Cannot be unpickled: it is built of other things than it tells."""
+
+    def __init__(self, field, why):
+        super().__init__(f"{field}: {why}")
+
+
+def refuse(folder, where, progress):
     """Bad input that shows late."""
+    _until_another_waits(folder)
     raise ValueError("kite: it does not fly")
 
 
-def die(where, progress):
+def stumble(folder, where, progress):
+    """An error that does not travel."""
+    _until_another_waits(folder)
+    raise Wordy("kite", "it fell")
+
+
+def die(folder, where, progress):
     """As the kernel ends what takes too much memory."""
+    _until_another_waits(folder)
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _until_another_waits(folder):
+    wait_for(lambda: any(folder.iterdir()))
 
 
 def wait(folder, where, progress):

@@ -92,6 +92,9 @@ def test_kinds_lie_apart_and_the_best_is_one(seed, count):
     assert (np.diff(scores[chosen]) <= 0).all()
     if np.isfinite(scores).any():
         assert scores[chosen[0]] == np.nanmax(scores)
+    if len(chosen) < count:  # all others are of the kind of one of them
+        rest = [n for n in range(12) if np.isfinite(scores[n]) and n not in chosen]
+        assert all(min(difference(designs[n], designs[one], BODY) for one in chosen) < APART for n in rest)
     for place, one in enumerate(chosen):
         assert all(difference(designs[one], designs[other], BODY) >= APART for other in chosen[:place])
 
@@ -134,13 +137,15 @@ def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     assert steps["heading"].problem.free == ("orientation",)
     assert [t.name for t in last.problem.terrains] == ["hill:15"]
     assert last.score >= steps["lead-2"].last.best_details["speed_hill:15"]
-    assert 0 < sum(step.last.evaluations for step in program.steps.values()) <= PLAN.evaluations
+    assert sum(step.last.evaluations for step in program.steps.values()) == PLAN.evaluations
+    near = [step.history.config["method"]["seed"] for name, step in steps.items() if name[:4] in ("kind", "lead")]
+    assert len(near) == len(set(near)) == 5
 
 
-def step_with(tmp_path, speeds) -> Step:
+def step_with(tmp_path, speeds, rungs=RUNGS) -> Step:
     """One that has found such speeds on the rungs."""
     program = Program(tmp_path, PLAN, 0, 15.0)
-    problem = program._on(RUNGS, {"encoding": "graded", "columns": 2, "ladder": True})
+    problem = program._on(rungs, {"encoding": "graded", "columns": 2, "ladder": len(rungs) > 1})
     details = {f"speed_{terrain.name}": speed for terrain, speed in zip(problem.terrains, speeds, strict=True)}
     point = problem.space.to_dict(problem.space.low)
     last = Generation(0, 1, 0, 0.0, 0.0, 0.0, None, point, details, {})
@@ -160,6 +165,33 @@ def test_the_best_is_led_to_the_first_slope_that_it_does_not_climb(slopes, tmp_p
     program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=1), 0, 15.0)
     led = program._lead(step_with(tmp_path, speeds))
     assert [terrain.name for terrain in led.problem.terrains] == searched
+
+
+def test_leads_go_on_from_where_the_one_before_was(slopes, tmp_path, monkeypatch):
+    """The first lead climbs 10 degrees, so that the second searches 15 alone; a third stays there."""
+    asked, speeds = [], iter([(0.03, 0.01), (0.01,), (0.03,)])
+
+    def refine(name, rungs, start, population, generations):
+        asked.append(rungs)
+        return step_with(tmp_path, next(speeds), rungs)
+
+    program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=3), 0, 15.0)
+    monkeypatch.setattr(program, "_refine", refine)
+    program._lead(step_with(tmp_path, (0.03, 0.03, 0.004, 0.0)))
+    assert asked == [RUNGS[2:], RUNGS[3:], RUNGS[3:]]
+
+
+def test_a_seed_with_which_every_gait_fails_ends_as_such(slopes, tmp_path, monkeypatch):
+    def lost(designs, *given, **options):
+        found = slopes(designs, *given, **options)
+        found.status[:], found.speed[:], found.stages[:] = "diverged", np.nan, np.nan
+        return found
+
+    monkeypatch.setattr(gaits, "simulate", lost)
+    climb.study(tmp_path / "lost", FEW)
+    (row,) = json.loads((tmp_path / "lost/summary.json").read_text())["seeds"]
+    assert row["speed"] is None and not row["stays"] and row["robot_steps"] > 0
+    assert not list((tmp_path / "lost/gaits").iterdir())
 
 
 def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):

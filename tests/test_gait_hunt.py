@@ -251,6 +251,7 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     for row in summary["runs"]:
         spent = read_spent(tmp_path / "hunt" / "runs" / f"{row['search']}-{row['seed']}")
         assert row["robot_steps"] in (spent[0], sum(spent[:-1]), sum(spent))
+        assert sum(spent) + GRADIENT_COST * max(spent) > settings.budget  # no search ends early
         assert row["robot_steps"] <= settings.budget or row["robot_steps"] == spent[0]
     assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
     assert (tmp_path / "hunt" / "hunt.png").stat().st_size > 1000
@@ -269,13 +270,24 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
 def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     settings = quick(monkeypatch)
     hunting.study(tmp_path / "hunt", dataclasses.replace(settings, searches=("genetic",)))
-    calls = hill.calls
+    kept = tmp_path / "hunt" / "runs" / "genetic.json"
+    before, calls = kept.read_text(), hill.calls
     more = dataclasses.replace(settings, searches=("genetic",), evaluations=8)
     hunting.study(tmp_path / "hunt", more)
-    judged = json.loads((tmp_path / "hunt" / "runs" / "genetic.json").read_text())
-    assert hill.calls > calls
+    assert hill.calls > calls and kept.read_text() != before
     spent = np.cumsum(read_spent(tmp_path / "hunt" / "runs" / "genetic-0"))
-    assert judged["of"]["generations"][0] == (spent <= more.budget).sum() > 1
+    (row, _) = json.loads((tmp_path / "hunt" / "summary.json").read_text())["runs"]
+    assert row["robot_steps"] == spent[spent <= more.budget][-1] > spent[0]
+
+
+def test_finalists_of_other_seeds_are_judged_anew(hill, tmp_path, monkeypatch):
+    """Of runs with as many generations, too: what was judged are their designs."""
+    settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",))
+    hunting.study(tmp_path / "hunt", settings)
+    kept = tmp_path / "hunt" / "runs" / "genetic.json"
+    before = json.loads(kept.read_text())["of"]
+    hunting.study(tmp_path / "hunt", dataclasses.replace(settings, seeds=(2, 3)))
+    assert json.loads(kept.read_text())["of"] != before
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(f"sweep: study {args.study} reads none; leave it out")
     if args.jobs is not None and not item.jobs:
         able = ", ".join(name for name, one in CATALOGUE.items() if one.jobs)
-        raise ValueError(f"jobs: study {args.study} takes none, as {able} do; leave them out")
+        raise ValueError(f"jobs: {args.jobs} is not allowed with study {args.study}; {able} take them")
     given = {"sweep_folder": args.sweep} if args.sweep else {}
     given |= {"jobs": args.jobs} if args.jobs else {}
     try:

@@ -56,9 +56,7 @@ class ProcessWorker:
 
 
 class Processes:
-    """Starts workers that die with this process, at the latest.
-
-    Use it in one thread: Linux counts the end of the thread that started a process as the death of its parent.
+    """Starts workers that die with this process, at the latest; see :func:`start_process`.
 
     Args:
         problem: what they judge.
@@ -93,6 +91,8 @@ def start_process(
 ) -> "tuple[SpawnProcess, Connection[Any, Any]]":
     """Start a process that dies with this one, never sees Ctrl-C, and writes to stderr alone.
 
+    Use it in one thread: Linux counts the end of the thread that started a process as the death of its parent.
+
     Args:
         life: all that it does, given its end of the pipe; it can be pickled.
         environment: variables that are set before it loads anything.
@@ -104,8 +104,14 @@ def start_process(
     resource_tracker.ensure_running()  # its start, which comes with the first process, would let interrupts in
     ours, theirs = context.Pipe()
     process = context.Process(target=_live, args=(life, theirs, os.getpid()), daemon=True)
-    with environment_set(environment), _interrupts_held_back():
-        process.start()
+    try:
+        with environment_set(environment), _interrupts_held_back():
+            process.start()
+    except BaseException:  # Ctrl-C came meanwhile
+        if process.pid is not None:
+            process.kill()
+            process.join()
+        raise
     theirs.close()
     return process, ours
 

@@ -81,10 +81,10 @@ class Service:
         try:
             return judge(self._problem, request)
         except Exception as error:
-            return Raised(_portable(error))
+            return Raised(portable(error))
 
 
-def _portable(error: Exception) -> Exception:
+def portable(error: Exception) -> Exception:
     """The error, with a note where it was raised, or another in its place if it cannot be pickled."""
     where = "".join(traceback.format_exception(error)).rstrip()
     try:

@@ -16,7 +16,7 @@ from optim.studies.figures import COLOURS, PAGE, figure, letter
 from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of
 from optim.studies.gait_hunt.program import Plan, Program, Step
-from optim.studies.gait_hunt.study import PUBLISHED_COST
+from optim.studies.gait_hunt.spending import PUBLISHED_COST
 from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_records

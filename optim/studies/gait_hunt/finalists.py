@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from optim.gait_problem import GaitProblem
+from optim.runs.files import sha256
 from optim.runs.history import History
 from optim.studies.gait_hunt.judging import Finalist, judge_finalists, last_bests
 from optim.studies.results import Progress
@@ -30,7 +31,8 @@ def kept_finalists(
 ) -> list[list[Finalist]]:  # fmt: skip
     """The last bests of each run of a search, played in full: from the file, if they are of these runs, or now.
 
-    All of them are one batch under either condition, since a few robots take as long as a vector full of them.
+    All of them are one batch under either condition, since a few robots take as long as a vector full of them. The
+    noise of each follows from its place among them.
 
     Args:
         path: of the JSON file, which may be missing, or of fewer generations.
@@ -43,10 +45,11 @@ def kept_finalists(
         where: options of the simulations.
     """
     found = [last_bests(history, problem, count) for history in histories]
-    of = {"generations": [len(history.generations) for history in histories], "count": count, "runs": runs}
-    known = _read(path)
-    if known.get("of") != of:
-        judged = judge_finalists([each for one in found for each in one], terrain, runs, progress=progress, **where)
+    bests = json.dumps([[generation.best_point for generation in history.generations] for history in histories])
+    of = {"bests": sha256(bests.encode()), "count": count, "runs": runs}
+    known, listed = _read(path), [each for one in found for each in one]
+    if known.get("of") != of or len(known["speeds"]) != len(listed):
+        judged = judge_finalists(listed, terrain, runs, progress=progress, **where)
         speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]
         known = {"of": of, "speeds": json.loads(json.dumps(speeds).replace("NaN", "null"))}
         write_text(path, json.dumps(known) + "\n")

@@ -19,6 +19,7 @@ from robots.files import write_text
 
 # A gradient takes as long as so many simulations without, for robots that fill vectors; see docs/performance.md.
 GRADIENT_COST = 7.5
+PUBLISHED_COST = 200_720  # robot-steps of a published evaluation at half of the largest pressure
 ENDLESS = 1_000_000  # generations
 SPENT = "spent.json"
 

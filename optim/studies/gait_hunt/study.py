@@ -23,7 +23,7 @@ from optim.studies.figures import COLOURS, PAGE, figure, letter
 from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of
 from optim.studies.gait_hunt.searches import SEARCHES
-from optim.studies.gait_hunt.spending import paid, read_spent, search_within
+from optim.studies.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
 from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_table
@@ -33,7 +33,6 @@ from robots.inflatable import NAMED_GEOMETRIES
 from robots.judgement import LEAST_HARD_SPEED
 from robots.terrain import Terrain
 
-PUBLISHED_COST = 200_720  # robot-steps of a published evaluation at half of the largest pressure
 Floats = NDArray[np.float64]
 
 
@@ -104,16 +103,17 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
     beside([(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
            jobs, where, part_of(progress, 0, 10, 9))  # fmt: skip
+    judged = [folder / "runs" / f"{name}.json" for name in searches]
     for number, (name, seed) in enumerate(parts):
         share = part_of(progress, 9 * number, 10 * len(parts), 9)
         found[name, seed] = _search(folder, settings, name, seed, where, share)
-        if name == searches[-1]:
+        if name == searches[-1] and jobs == 1 and not any(path.exists() for path in judged):
             report(folder, settings, list(found.values()))  # what there is so far is of use
-    for number, name in enumerate(searches):
+    for number, (name, path) in enumerate(zip(searches, judged, strict=True)):
         of = [(name, seed) for seed in settings.seeds]
         finalists = kept_finalists(
-            folder / "runs" / f"{name}.json", [found[part].history for part in of],
-            _problem(settings, name, where), Terrain(settings.slope), settings.finalists, settings.runs, 
+            path, [found[part].history for part in of], _problem(settings, name, where), Terrain(settings.slope),
+            settings.finalists, settings.runs,
             part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
             geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
         )  # fmt: skip
@@ -186,7 +186,7 @@ def _group(group: Sequence[Found]) -> dict[str, Any]:
         "high": None if high is None else float(high),
         "best": float(speeds.max()) if len(speeds) else None,
         "hard_speed": float(hard.mean()) if len(hard) else None,
-        "staying": int((hard >= LEAST_HARD_SPEED).sum()),
+        "staying": int((hard >= LEAST_HARD_SPEED).sum()) if known else None,
     }
 
 
@@ -201,7 +201,7 @@ def _table(summary: dict[str, dict[str, Any]]) -> str:
         interval = f"{values['low']} to {values['high']}" if values["low"] else ""
         lines.append(
             f"| {row['label']} | {row['evaluations']} | {values['speed']} | {interval} | {values['best']} "
-            f"| {values['hard_speed']} | {row['staying']} of {row['runs']} |"
+            f"| {values['hard_speed']} | {'' if row['staying'] is None else row['staying']} of {row['runs']} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -18,7 +18,6 @@ from optim.studies.results import Arrays
 from robots import gaits
 from robots.dual import Array
 from robots.gaits import GaitDesign
-from robots.inflatable_actuation import ACTUATION
 from robots.terrain import Terrain
 
 
@@ -52,8 +51,7 @@ def turned(problem: GaitProblem, designs: Sequence[GaitDesign], options: Mapping
     facing = [replace(design, orientation=float(angle)) for design, angle in zip(designs, headings, strict=True)]
     points = np.array([problem.space.from_dict(start_values(problem, design)) for design in facing])
     judged = problem.evaluate(points)
-    begin = [ACTUATION.initial_steps(float(np.max(design.pressure))) for design in designs]
-    looked = sum(begin) + sum(gaits.steps_of(design) for design in designs)
+    looked = sum(gaits.simulated_steps(design) for design in designs)
     return {
         "points": points,
         "scores": np.where(ok, judged.objectives[:, 0], np.nan),
@@ -64,7 +62,13 @@ def turned(problem: GaitProblem, designs: Sequence[GaitDesign], options: Mapping
 
 
 def history_of(problem: GaitProblem, found: Arrays, folder: Path) -> History:
-    """The same as if it were the only generation of a search."""
+    """What :func:`turned` found as a run of a single generation.
+
+    Args:
+        problem: that judged the designs.
+        found: see there.
+        folder: where it is kept.
+    """
     scores, count = found["scores"], len(found["scores"])
     known = np.flatnonzero(np.isfinite(scores))
     best = int(known[np.argmax(scores[known])]) if known.size else None
