@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from graded import QUICK, TINY
 
 from optim.studies.shape_change import friction, metrics, sensitivity, slopes
-from optim.studies.shape_change.gaits import Robot
+from optim.studies.shape_change.gaits import Case, Robot
 from optim.studies.shape_change.variations import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
-from robots.inflatable import ACTUATION, PUBLISHED
+from robots.inflatable import ACTUATION, PUBLISHED, InflatableDesign, travel_directions
 from robots.inflatable_actuation import nominal_steps
+from robots.schedule import GaitSchedule
+from robots.terrain import Terrain
 
 TWO = Robot(copies=2)
 
@@ -172,16 +175,31 @@ def test_metrics_of_made_up_gaits():
 def test_metrics_are_studied_body_by_body_with_the_same_gaits(simulator, tmp_path):
     settings = metrics.SoftRobotMetrics((0.0, 12e3), (0.0, 90.0), gaits=5)
     summary = metrics.study(tmp_path / "a", settings)
-    assert len(simulator.calls) == 4 and all(len(call.designs) == 10 for call in simulator.calls)
+    assert len(simulator.calls) == 6 and all(len(call.designs) == 5 for call in simulator.calls)
     texts = {tuple(design.schedule.to_text() for design in call.designs) for call in simulator.calls}
     assert len(texts) == 1
-    assert [terrain.slope for terrain in simulator.calls[0].terrain] == [0.0] * 5 + [15.0] * 5
+    assert [call.terrain[0].slope for call in simulator.calls] == [0.0] * 2 + [15.0] * 4
     assert len(summary["rows"]) == 12 and json.loads((tmp_path / "a/summary.json").read_text()) == summary
     simulator.calls.clear()
     metrics.study(tmp_path / "a", replace(settings, pressures=(0.0, 6e3, 12e3)))  # more bodies
-    assert [call.designs[0].pressure for call in simulator.calls] == [6e3, 6e3]
+    assert [call.designs[0].pressure for call in simulator.calls] == [6e3, 6e3, 6e3]
     with pytest.raises(ValueError, match="holds a soft-robot-metrics of other settings"):
         metrics.study(tmp_path / "a", replace(settings, gaits=6))
+
+
+def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch):
+    """By the simulator itself, one short gait."""
+    monkeypatch.setattr(metrics.SoftRobotMetrics, "schedules", [GaitSchedule(np.eye(10, 8, dtype=bool), 1)])
+    robot = Robot(geometry=TINY, actuation=QUICK, copies=1, noise=0.0)
+    settings = metrics.SoftRobotMetrics((0.0,), (0.0, 30.0, 90.0), gaits=1, robot=robot)
+    ways = metrics.on_flat(settings, 0.0, None, None)
+    cases = [
+        Case(InflatableDesign(0.0, heading, settings.schedules[0]), Terrain()) for heading in settings.orientations
+    ]
+    counted = nominal_steps(16, QUICK) * TINY.time_step
+    speeds = robot.play(cases).distance / (TINY.body_length * counted)
+    found = travel_directions(np.array(settings.orientations)) @ ways[:, 0]
+    assert found == pytest.approx(speeds, rel=1e-3) and (found != 0).all()
 
 
 @pytest.mark.parametrize(

@@ -75,24 +75,24 @@ class Robot:
         """All of it; fits JSON."""
         return asdict(self)
 
-    def speeds(
-        self,
-        cases: Sequence[Case],
-        threads: int | None = None,
-        progress: Progress = None,
-    ) -> Floats:
+    def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:
         """Play all cases as one batch.
 
         Returns:
             Speeds by the published convention [body lengths/s], shape (cases, copies); NaN of copies that diverged.
         """
+        return np.asarray(self.play(cases, threads, progress).speed, float).reshape(len(cases), self.copies)
+
+    def play(
+        self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None
+    ) -> inflatable.InflatableResult:  # fmt: skip
+        """All cases as one batch, the copies of each beside each other."""
         each = [case for case in cases for _ in range(self.copies)]
-        result = inflatable.simulate(
+        return inflatable.simulate(
             [case.design for case in each], [case.terrain for case in each], geometry=self.geometry,
             actuation=self.actuation, precision=self.precision, perturbation=self.noise, seed=self.seed,
             threads=threads, progress=progress,
         )  # fmt: skip
-        return np.asarray(result.speed, float).reshape(len(cases), self.copies)
 
 
 def speeds_in_parts(

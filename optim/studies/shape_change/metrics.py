@@ -21,7 +21,8 @@ from optim.studies.results import Budget, Progress, kept_in_turn, write_summary
 from optim.studies.shape_change.gaits import Case, Floats, Robot
 from optim.studies.shape_change.metrics_figure import draw
 from robots.checks import number
-from robots.inflatable import InflatableDesign
+from robots.inflatable import InflatableDesign, travel_directions
+from robots.inflatable_actuation import nominal_steps
 from robots.results_folder import ResultsFolder
 from robots.schedule import ROWS, GaitSchedule
 from robots.terrain import Terrain
@@ -97,11 +98,12 @@ def study(
     """
     about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
     parts = ResultsFolder(folder, KIND, {**about, "robot": settings.robot.describe()})
-    work = (
-        (f"body_{pressure:g}_{orientation:g}", partial(speeds_of, settings, (pressure, orientation), threads))
-        for pressure, orientation in settings.bodies
-    )
-    rows = rows_of(settings.bodies, np.array(kept_in_turn(parts, "speeds", work, progress)))
+    flat = [(f"flat_{pressure:g}", partial(on_flat, settings, pressure, threads)) for pressure in settings.pressures]
+    hill = [(f"hill_{body[0]:g}_{body[1]:g}", partial(on_hill, settings, body, threads)) for body in settings.bodies]
+    found = kept_in_turn(parts, "speeds", [*flat, *hill], progress)
+    ways, climbs = np.array(found[: len(flat)]), np.array(found[len(flat) :])
+    level = (travel_directions(np.array(settings.orientations)) @ ways).reshape(climbs.shape)
+    rows = rows_of(settings.bodies, np.stack([level, climbs], axis=1))
     summary = {
         **about,
         "thresholds": {name: list(least) for name, least in THRESHOLDS.items()},
@@ -113,11 +115,26 @@ def study(
     return summary
 
 
-def speeds_of(settings: SoftRobotMetrics, body: tuple[float, float], threads: int | None, progress: Progress) -> Floats:
-    """Speeds of all gaits in a body, on flat ground and on the hill, shape (2, gaits); NaN of those that diverged."""
-    designs = [InflatableDesign(*body, schedule) for schedule in settings.schedules]
-    cases = [Case(design, terrain) for terrain in (Terrain(), Terrain(settings.slope)) for design in designs]
-    return settings.robot.speeds(cases, threads, progress)[:, 0].reshape(2, len(designs))
+def on_flat(settings: SoftRobotMetrics, pressure: float, threads: int | None, progress: Progress) -> Floats:
+    """Speeds of all gaits on flat ground along 0 and 90 degrees, shape (2, gaits); NaN of those that diverged.
+
+    There a robot goes its way whatever its orientation, which only says what counts as ahead: one run is enough.
+    """
+    robot, cases = settings.robot, [Case(design, Terrain()) for design in _designs(settings, pressure, 0.0)]
+    counted = nominal_steps(2 * COLUMNS, robot.actuation) * robot.geometry.time_step
+    return np.asarray(robot.play(cases, threads, progress).displacement, float).T / (
+        robot.geometry.body_length * counted
+    )
+
+
+def on_hill(settings: SoftRobotMetrics, body: tuple[float, float], threads: int | None, progress: Progress) -> Floats:
+    """Speeds of all gaits up the hill in a body, shape (gaits,); NaN of those that diverged."""
+    cases = [Case(design, Terrain(settings.slope)) for design in _designs(settings, *body)]
+    return settings.robot.speeds(cases, threads, progress)[:, 0]
+
+
+def _designs(settings: SoftRobotMetrics, pressure: float, orientation: float) -> list[InflatableDesign]:
+    return [InflatableDesign(pressure, orientation, schedule) for schedule in settings.schedules]
 
 
 def solved(speeds: Floats, least: tuple[float, float]) -> NDArray[np.int64]:
