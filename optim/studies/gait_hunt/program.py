@@ -6,7 +6,8 @@
 3. Kinds: the best of each kind becomes the start of a search of its own on the ladder, since what climbs later is
    seldom what is ahead now. After every round the better half of the kinds goes on ("successive halving": Jamieson &
    Talwalkar, "Non-stochastic best arm identification", Proc. AISTATS 2016).
-4. Lead: the best is refined on the slopes that it does not yet climb.
+4. Lead: the best is refined on a ladder from the last slope that it climbs to the steepest, whose steps get ever
+   smaller: where a gait that is tried on the next slope slides down it, it pays not to be tried.
 5. Heading: that alone, in full, on the steepest slope.
 6. Finish: everything, on the steepest slope.
 
@@ -40,6 +41,8 @@ RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
 # A look lasts until a cycle counts, and is along the middle of all headings: who goes that way goes well along its own.
 LOOK: Mapping[str, Any] = {**STEPPED, "steps": SHORT // 2, "stages": 1}
 MIDDLE = 45.0  # degrees
+CLIMBS = NEXT / 2  # body lengths/s, on a slope that is left behind; what was fast there cannot be so all the way up
+LEADS = 4  # slopes of a lead
 GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}
 
 
@@ -53,7 +56,7 @@ class Plan:
         kinds: that get a search of their own.
         population: of these searches.
         rounds: generations of each round of these; the better half of the kinds goes on to the next.
-        leads: searches on the slopes that are not climbed yet, one from the other's best.
+        leads: searches on the way to the steepest slope, one from the other's best.
         headings: near that of the best that are tried.
         refined: population of these searches, and of the last one.
         generations: of each of these.
@@ -64,7 +67,7 @@ class Plan:
     kinds: int = 4
     population: int = 12
     rounds: tuple[int, ...] = (2, 2, 4)
-    leads: int = 2
+    leads: int = 3
     headings: int = 16
     refined: int = 24
     generations: int = 4
@@ -116,7 +119,7 @@ class Step:
         found: dict[str, float] = {}
         for terrain in self.problem.terrains:
             speed = (self.last.best_details or {}).get(f"speed_{terrain.name}")
-            if speed is None or any(before <= NEXT for before in found.values()):
+            if speed is None or any(before <= self.problem.ahead for before in found.values()):
                 break
             found[terrain.name] = float(speed)
         return found
@@ -200,12 +203,14 @@ class Program:
         return found[0][0]
 
     def _lead(self, step: Step) -> Step:
-        """Search again and again on the slopes that are not climbed yet; those before are left behind."""
-        rungs: tuple[float, ...] = RUNGS
+        """Search again and again on the way from the last slope that is climbed to the steepest."""
         for number in range(self.plan.leads):
-            while len(rungs) > 1 and step.speeds.get(self._terrain(rungs[0]).name, 0.0) > NEXT:
-                rungs = rungs[1:]
-            step = self._refine(f"lead-{number + 1}", rungs, step.design, self.plan.refined, self.plan.generations)
+            climbed = [t.slope for t in step.problem.terrains if step.speeds.get(t.name, 0.0) > CLIMBS]
+            rungs = np.linspace(min(max(climbed, default=0.0) / self.slope, 1.0), 1.0, LEADS)
+            rungs = np.unique(rungs)  # one, if all is climbed
+            step = self._refine(
+                f"lead-{number + 1}", rungs.tolist(), step.design, self.plan.refined, self.plan.generations, CLIMBS
+            )
         return step
 
     def _face(self, design: GaitDesign) -> GaitDesign:
@@ -216,10 +221,13 @@ class Program:
         return self._near("heading", problem, full, self.plan.headings, 0).design
 
     def _refine(
-        self, name: str, rungs: Sequence[float], start: GaitDesign, population: int, generations: int
+        self, name: str, rungs: Sequence[float], start: GaitDesign, population: int, generations: int,
+        ahead: float = NEXT,
     ) -> Step:  # fmt: skip
         """A genetic search of graded cycles near a gait, on a ladder of these parts of the slope."""
-        problem = replace(self._on(rungs, GRADED), ladder=len(rungs) > 1)
+        problem = self._on(rungs, GRADED)
+        if len(rungs) > 1:
+            problem = replace(problem, ladder=True, ahead=ahead)
         return self._near(name, problem, start, population, generations)
 
     def _near(self, name: str, problem: GaitProblem, start: GaitDesign, population: int, generations: int) -> Step:
