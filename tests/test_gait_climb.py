@@ -10,6 +10,7 @@ from graded import settling
 from hypothesis import given
 from hypothesis import strategies as st
 
+from optim.gait_outcomes import NEXT
 from optim.runs.history import History
 from optim.runs.loop import Generation
 from optim.studies.gait_hunt import climb
@@ -142,10 +143,12 @@ def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     assert len(near) == len(set(near)) == 5
 
 
-def step_with(tmp_path, speeds, rungs=RUNGS) -> Step:
+def step_with(tmp_path, speeds, rungs=RUNGS, ahead=NEXT) -> Step:
     """One that has found such speeds on the rungs."""
     program = Program(tmp_path, PLAN, 0, 15.0)
-    problem = program._on(rungs, {"encoding": "graded", "columns": 2, "ladder": len(rungs) > 1})
+    problem = program._on(rungs, {"encoding": "graded", "columns": 2})
+    if len(rungs) > 1:
+        problem = dataclasses.replace(problem, ladder=True, ahead=ahead)
     details = {f"speed_{terrain.name}": speed for terrain, speed in zip(problem.terrains, speeds, strict=True)}
     point = problem.space.to_dict(problem.space.low)
     last = Generation(0, 1, 0, 0.0, 0.0, 0.0, None, point, details, {})
@@ -153,32 +156,34 @@ def step_with(tmp_path, speeds, rungs=RUNGS) -> Step:
 
 
 @pytest.mark.parametrize(
-    ("speeds", "searched"),
+    ("speeds", "slopes_searched"),
     [
-        ((0.01, 0.0, 0.0, 0.0), ["flat", "hill:5", "hill:10", "hill:15"]),
-        ((0.03, 0.03, 0.004, 0.0), ["hill:10", "hill:15"]),
-        ((0.03, 0.03, 0.03, 0.001), ["hill:15"]),
-        ((0.03, 0.03, 0.03, 0.03), ["hill:15"]),
+        ((0.01, 0.0, 0.0, 0.0), [0.0, 5.0, 10.0, 15.0]),
+        ((0.03, 0.03, 0.004, 0.0), [5.0, 5 + 10 / 3, 5 + 20 / 3, 15.0]),
+        ((0.03, 0.03, 0.03, 0.001), [10.0, 10 + 5 / 3, 10 + 10 / 3, 15.0]),
+        ((0.03, 0.015, 0.03, 0.03), [5.0, 5 + 10 / 3, 5 + 20 / 3, 15.0]),  # it was not tried further up
+        ((0.03, 0.03, 0.03, 0.03), [15.0]),
     ],
 )
-def test_the_best_is_led_to_the_first_slope_that_it_does_not_climb(slopes, tmp_path, speeds, searched):
+def test_the_best_is_led_up_from_the_last_slope_that_it_climbs(slopes, tmp_path, speeds, slopes_searched):
     program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=1), 0, 15.0)
     led = program._lead(step_with(tmp_path, speeds))
-    assert [terrain.name for terrain in led.problem.terrains] == searched
+    assert [terrain.slope for terrain in led.problem.terrains] == pytest.approx(slopes_searched)
 
 
 def test_leads_go_on_from_where_the_one_before_was(slopes, tmp_path, monkeypatch):
-    """The first lead climbs 10 degrees, so that the second searches 15 alone; a third stays there."""
-    asked, speeds = [], iter([(0.03, 0.01), (0.01,), (0.03,)])
+    """In ever smaller steps, until all is climbed."""
+    asked, speeds = [], iter([(0.03, 0.012, 0.004, 0.0), (0.03, 0.011, 0.011, 0.011), (0.02,)])
 
-    def refine(name, rungs, start, population, generations):
+    def refine(name, rungs, start, population, generations, ahead):
         asked.append(rungs)
-        return step_with(tmp_path, next(speeds), rungs)
+        return step_with(tmp_path, next(speeds), rungs, ahead)
 
     program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=3), 0, 15.0)
     monkeypatch.setattr(program, "_refine", refine)
     program._lead(step_with(tmp_path, (0.03, 0.03, 0.004, 0.0)))
-    assert asked == [RUNGS[2:], RUNGS[3:], RUNGS[3:]]
+    third = np.linspace(1 / 3, 1, 4)
+    assert [pytest.approx(rungs) for rungs in asked] == [third.tolist(), np.linspace(third[1], 1, 4).tolist(), [1.0]]
 
 
 def test_a_seed_with_which_every_gait_fails_ends_as_such(slopes, tmp_path, monkeypatch):
