@@ -332,6 +332,7 @@ def test_a_calibration_goes_from_a_file_to_simulate(morpholab, tmp_path, monkeyp
 def stand_in():
     """What ``simulate`` needs of a result."""
     numbers = dict.fromkeys(("distance", "speed", "speed_simulated"), np.array([0.1]))
+    numbers["displacement"] = np.array([[0.0, 0.1]])
     return type("Result", (), {**numbers, "status": np.array(["ok"]), "steps": np.array([3]), "frames": None})
 
 
