@@ -14,8 +14,8 @@ import numpy as np
 
 from optim.studies.figures import COLOURS, PAGE, figure, letter
 from optim.studies.gait_hunt.finalists import kept_finalists
-from optim.studies.gait_hunt.judging import Finalist, best_of
-from optim.studies.gait_hunt.program import Plan, Program, Step
+from optim.studies.gait_hunt.judging import Finalist, best_of, columns_of
+from optim.studies.gait_hunt.program import RUNGS, Plan, Program, Step
 from optim.studies.gait_hunt.spending import PUBLISHED_COST
 from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
@@ -121,23 +121,19 @@ def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
     for one in found:
         if one.best:
             save_gait(one.best.design, folder / "gaits" / f"seed-{one.seed}.json")
-    _draw(found, folder / "climb.png")
+    _draw(settings, found, folder / "climb.png")
 
 
 def _row(one: Climbed) -> dict[str, Any]:
     """A seed in a line."""
-    best = one.best
     return {
         "seed": one.seed,
         "evaluations": sum(step.last.evaluations for step in one.steps),
         "robot_steps": one.spent,
         "published_evaluations": one.spent / PUBLISHED_COST,
         "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
-        "speed": best.speed if best else None,
-        "hard_speed": best.hard_speed if best else None,
-        "stays": best.stays if best else False,
-        "pressure": best.design.pressure if best else None,
-        "orientation": best.design.orientation if best else None,
+        "stays": one.best.stays if one.best else False,
+        **columns_of(one.best),
     }
 
 
@@ -174,29 +170,21 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _draw(found: Sequence[Climbed], path: Path) -> None:
-    """Speed of each step's best on every slope of the ladder, over what was spent; a panel a seed."""
+def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
+    """Speed of each step's best on the slopes of the first ladder, a panel a seed; looks are judged in another way."""
+    names = [Terrain(rung * settings.slope).name for rung in RUNGS]
     with figure(path, PAGE, 2.4, ncols=len(found), sharey=True) as (_, panels):
         for panel, one in zip(panels[0], found, strict=True):
-            names = list(dict.fromkeys(t.name for step in one.steps for t in step.problem.terrains))
+            steps = [step for step in one.steps if not step.name.startswith("look")]
             for name, colour in zip(names, COLOURS, strict=False):
-                spent, speeds = _course(one, name)
-                panel.plot(spent, speeds, ".-", color=colour, label=name, linewidth=0.8, markersize=4)
+                tried = [(place, step.speeds[name]) for place, step in enumerate(steps) if name in step.speeds]
+                panel.plot(*np.array(tried).reshape(-1, 2).T, "o", color=colour, label=name, markersize=4)
             if one.best:
-                panel.plot(one.spent / 1e6, one.best.speed, "k*", label="in full")
-            panel.set(title=f"seed {one.seed}", xlabel="spent [million robot-steps]")
+                panel.plot(len(steps) - 1, one.best.speed, "k*", label="in full")
+            panel.axhline(0.0, color="0.7", linewidth=0.6)
+            panel.set(title=f"seed {one.seed}", xticks=range(len(steps)))
+            panel.set_xticklabels([step.name for step in steps], rotation=90)
         panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
         panels[0, 0].legend()
         if len(found) > 1:
             letter(panels)
-
-
-def _course(one: Climbed, terrain: str) -> tuple[list[float], list[float]]:
-    """What steps and those that began before had spent, and the speed of their best on a terrain, if it was there."""
-    spent, speeds, total = [], [], 0.0
-    for step in one.steps:
-        total += step.spent
-        if terrain in step.speeds:
-            spent.append(total / 1e6)
-            speeds.append(step.speeds[terrain])
-    return spent, speeds

@@ -46,6 +46,17 @@ class Finalist:
         return bool(self.hard_speed >= LEAST_HARD_SPEED)
 
 
+def columns_of(best: Finalist | None) -> dict[str, Any]:
+    """What tables tell of the best finalist, by column; None of what is not known."""
+    return {
+        "generation": best.generation if best else None,
+        "speed": best.speed if best else None,
+        "hard_speed": best.hard_speed if best else None,
+        "pressure": best.design.pressure if best else None,
+        "orientation": best.design.orientation if best else None,
+    }
+
+
 def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[GaitDesign, int]]:
     """The last few designs that a run found better than all before, and the generations that found them."""
     found: list[tuple[GaitDesign, int]] = []

@@ -21,7 +21,7 @@ from optim.measures.statistics import mean_band
 from optim.runs.history import History
 from optim.studies.figures import COLOURS, PAGE, figure, letter
 from optim.studies.gait_hunt.finalists import kept_finalists
-from optim.studies.gait_hunt.judging import Finalist, best_of
+from optim.studies.gait_hunt.judging import Finalist, best_of, columns_of
 from optim.studies.gait_hunt.searches import SEARCHES
 from optim.studies.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
 from optim.studies.jobs import beside
@@ -156,7 +156,7 @@ def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
 
 def _row(one: Found) -> dict[str, Any]:
     """A run in a line."""
-    last, best = one.history.generations[-1], one.best
+    last = one.history.generations[-1]
     return {
         "search": one.search,
         "seed": one.seed,
@@ -164,11 +164,7 @@ def _row(one: Found) -> dict[str, Any]:
         "robot_steps": float(one.spent.sum()),
         "wall_s": float(np.nansum(one.history.seconds)),
         "score": last.best,
-        "generation": best.generation if best else None,
-        "speed": best.speed if best else None,
-        "hard_speed": best.hard_speed if best else None,
-        "pressure": best.design.pressure if best else None,
-        "orientation": best.design.orientation if best else None,
+        **columns_of(one.best),
     }
 
 
