@@ -10,12 +10,12 @@ from graded import settling
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.gait_outcomes import NEXT
+from optim.gait_start import start_values
 from optim.runs.history import History
 from optim.runs.loop import Generation
 from optim.studies.gait_hunt import climb
 from optim.studies.gait_hunt.kinds import APART, best_of_kinds, difference
-from optim.studies.gait_hunt.program import RUNGS, Plan, Program, Step
+from optim.studies.gait_hunt.program import GRADED, RUNGS, Plan, Program, Step
 from optim.studies.gait_hunt.turning import heading_of
 from robots import gaits
 from robots.gaits import GaitDesign, as_graded, load_gait, simulate, steps_of
@@ -23,7 +23,9 @@ from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 
 BODY = NAMED_GEOMETRIES["published"]
-PLAN = Plan(looks=6, kept=4, kinds=3, population=4, rounds=(1, 2), leads=2, headings=3, refined=4, generations=1)
+PLAN = Plan(
+    looks=6, kept=4, kinds=3, population=4, rounds=(1, 2), leads=(0.0, 2 / 3), headings=3, refined=4, generations=1
+)
 FEW = climb.Climb((0,), PLAN, finalists=2, runs=2)
 
 
@@ -122,7 +124,7 @@ def test_on_flat_ground_the_heading_changes_no_way():
     assert left[0] == pytest.approx(found.displacement[0, 1]) and left[2] == pytest.approx(-found.displacement[2, 0])
 
 
-def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
+def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
     last = program.run()
     steps = program.steps
@@ -143,47 +145,29 @@ def test_the_program_halves_kinds_and_leaves_rungs_behind(slopes, tmp_path):
     assert len(near) == len(set(near)) == 5
 
 
-def step_with(tmp_path, speeds, rungs=RUNGS, ahead=NEXT) -> Step:
-    """One that has found such speeds on the rungs."""
-    program = Program(tmp_path, PLAN, 0, 15.0)
-    problem = program._on(rungs, {"encoding": "graded", "columns": 2})
-    if len(rungs) > 1:
-        problem = dataclasses.replace(problem, ladder=True, ahead=ahead)
-    details = {f"speed_{terrain.name}": speed for terrain, speed in zip(problem.terrains, speeds, strict=True)}
-    point = problem.space.to_dict(problem.space.low)
-    last = Generation(0, 1, 0, 0.0, 0.0, 0.0, None, point, details, {})
-    return Step("kind-1", problem, History(tmp_path, {}, (last,), (1.0,), None, False), 1.0)
+def test_leads_go_by_the_mean_of_a_slope_and_the_steepest_one_from_the_others_best(slopes, tmp_path):
+    program = Program(tmp_path / "run", PLAN, 0, 15.0)
+    program.run()
+    first, second = program.steps["lead-1"], program.steps["lead-2"]
+    assert [[t.slope for t in step.problem.terrains] for step in (first, second)] == [[0.0, 15.0], [10.0, 15.0]]
+    for step in (first, second):
+        assert not step.problem.ladder and set(step.speeds) == {t.name for t in step.problem.terrains}
+        assert step.score == pytest.approx(np.mean(list(step.speeds.values())))
+    assert second.history.config["method"]["start"] == start_values(second.problem, first.design)
 
 
-@pytest.mark.parametrize(
-    ("speeds", "slopes_searched"),
-    [
-        ((0.01, 0.0, 0.0, 0.0), [0.0, 5.0, 10.0, 15.0]),
-        ((0.03, 0.03, 0.004, 0.0), [5.0, 5 + 10 / 3, 5 + 20 / 3, 15.0]),
-        ((0.03, 0.03, 0.03, 0.001), [10.0, 10 + 5 / 3, 10 + 10 / 3, 15.0]),
-        ((0.03, 0.015, 0.03, 0.03), [5.0, 5 + 10 / 3, 5 + 20 / 3, 15.0]),  # it was not tried further up
-        ((0.03, 0.03, 0.03, 0.03), [15.0]),
-    ],
-)
-def test_the_best_is_led_up_from_the_last_slope_that_it_climbs(slopes, tmp_path, speeds, slopes_searched):
-    program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=1), 0, 15.0)
-    led = program._lead(step_with(tmp_path, speeds))
-    assert [terrain.slope for terrain in led.problem.terrains] == pytest.approx(slopes_searched)
+def test_speeds_of_a_step_are_of_the_slopes_on_which_its_best_was_tried(tmp_path):
+    """Also downhill, where all count; on a ladder not beyond the slope that it does not climb."""
 
+    def step(ladder: bool) -> Step:
+        problem = dataclasses.replace(Program(tmp_path, PLAN, 0, 15.0)._on(RUNGS, GRADED), ladder=ladder)
+        details = dict(zip(("speed_flat", "speed_hill:5", "speed_hill:10", "speed_hill:15"), (0.03, 0.01, 0.0, -0.01),
+                           strict=True))  # fmt: skip
+        last = Generation(0, 1, 0, 0.0, 0.0, 0.0, None, problem.space.to_dict(problem.space.low), details, {})
+        return Step("kind-1", problem, History(tmp_path, {}, (last,), (1.0,), None, False), 1.0)
 
-def test_leads_go_on_from_where_the_one_before_was(slopes, tmp_path, monkeypatch):
-    """In ever smaller steps, until all is climbed."""
-    asked, speeds = [], iter([(0.03, 0.012, 0.004, 0.0), (0.03, 0.011, 0.011, 0.011), (0.02,)])
-
-    def refine(name, rungs, start, population, generations, ahead):
-        asked.append(rungs)
-        return step_with(tmp_path, next(speeds), rungs, ahead)
-
-    program = Program(tmp_path / "run", dataclasses.replace(PLAN, leads=3), 0, 15.0)
-    monkeypatch.setattr(program, "_refine", refine)
-    program._lead(step_with(tmp_path, (0.03, 0.03, 0.004, 0.0)))
-    third = np.linspace(1 / 3, 1, 4)
-    assert [pytest.approx(rungs) for rungs in asked] == [third.tolist(), np.linspace(third[1], 1, 4).tolist(), [1.0]]
+    assert step(ladder=True).speeds == {"flat": 0.03, "hill:5": 0.01}
+    assert list(step(ladder=False).speeds.values()) == [0.03, 0.01, 0.0, -0.01]
 
 
 def test_a_seed_with_which_every_gait_fails_ends_as_such(slopes, tmp_path, monkeypatch):

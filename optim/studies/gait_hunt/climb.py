@@ -50,7 +50,7 @@ class Climb:
 
 
 SCALES: Mapping[Budget, Climb] = {
-    "small": Climb((0,), Plan(8, 6, 2, 4, (1, 1), 1, 4, 4, 1), geometry="small", finalists=2, runs=2),
+    "small": Climb((0,), Plan(8, 6, 2, 4, (1, 1), (2 / 3,), 4, 4, 1), geometry="small", finalists=2, runs=2),
     "medium": Climb((0,)),
     "full": Climb((0, 1, 2, 3, 4)),
 }

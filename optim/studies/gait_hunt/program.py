@@ -6,12 +6,15 @@
 3. Kinds: the best of each kind becomes the start of a search of its own on the ladder, since what climbs later is
    seldom what is ahead now. After every round the better half of the kinds goes on ("successive halving": Jamieson &
    Talwalkar, "Non-stochastic best arm identification", Proc. AISTATS 2016).
-4. Lead: the best is refined on a ladder from the last slope that it climbs to the steepest, whose steps get ever
-   smaller: where a gait that is tried on the next slope slides down it, it pays not to be tried.
+4. Lead: near the best, by the mean speed on an easier slope and on the steepest, the easier one ever steeper. On a
+   ladder, a gait that is tried on the next slope and slides down it loses to one that is not tried; here all are, and
+   what makes it faster where it climbs pays for what it still slides elsewhere. Near a gait that climbs, the mean no
+   longer leads to those that roll.
 5. Heading: that alone, in full, on the steepest slope.
 6. Finish: everything, on the steepest slope.
 
-All searches are genetic. What they cost is counted as in the hunt, in robot-steps.
+Searches are genetic up to the kinds; where few numbers have to fit together, from the leads on, they are CMA-ES. What
+they cost is counted as in the hunt, in robot-steps.
 """
 
 import math
@@ -23,7 +26,6 @@ from typing import Any
 
 import numpy as np
 
-from optim.gait_outcomes import NEXT
 from optim.gait_problem import GaitProblem
 from optim.gait_start import start_values
 from optim.runs.history import History, read_result
@@ -41,8 +43,7 @@ RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
 # A look lasts until a cycle counts, and is along the middle of all headings: who goes that way goes well along its own.
 LOOK: Mapping[str, Any] = {**STEPPED, "steps": SHORT // 2, "stages": 1}
 MIDDLE = 45.0  # degrees
-CLIMBS = NEXT / 2  # body lengths/s, on a slope that is left behind; what was fast there cannot be so all the way up
-LEADS = 4  # slopes of a lead
+SIGMA = 0.05  # first deviations of CMA-ES near a gait [ranges]; with 0.3 nothing of the gait is left
 GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}
 
 
@@ -56,7 +57,7 @@ class Plan:
         kinds: that get a search of their own.
         population: of these searches.
         rounds: generations of each round of these; the better half of the kinds goes on to the next.
-        leads: searches on the way to the steepest slope, one from the other's best.
+        leads: parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best.
         headings: near that of the best that are tried.
         refined: population of these searches, and of the last one.
         generations: of each of these.
@@ -67,10 +68,10 @@ class Plan:
     kinds: int = 4
     population: int = 12
     rounds: tuple[int, ...] = (2, 2, 4)
-    leads: int = 3
+    leads: tuple[float, ...] = (0.0, 2 / 3)
     headings: int = 16
-    refined: int = 24
-    generations: int = 4
+    refined: int = 16
+    generations: int = 20
 
     @property
     def evaluations(self) -> int:
@@ -80,7 +81,7 @@ class Plan:
         for more in self.rounds:
             found += left * self.population * more
             left = (left + 1) // 2
-        return found + (self.leads + 1) * self.refined * (self.generations + 1)
+        return found + (len(self.leads) + 1) * self.refined * (self.generations + 1)
 
 
 class NothingFound(Exception):
@@ -119,7 +120,7 @@ class Step:
         found: dict[str, float] = {}
         for terrain in self.problem.terrains:
             speed = (self.last.best_details or {}).get(f"speed_{terrain.name}")
-            if speed is None or any(before <= self.problem.ahead for before in found.values()):
+            if speed is None or (self.problem.ladder and any(one <= self.problem.ahead for one in found.values())):
                 break
             found[terrain.name] = float(speed)
         return found
@@ -157,8 +158,8 @@ class Program:
     def run(self) -> Step | None:
         """All of it; the last step has found what the program has found. None if every gait of a step failed."""
         try:
-            facing = self._face(self._lead(self._halve(self._kinds())).design)
-            return self._refine("finish", (1.0,), facing, self.plan.refined, self.plan.generations)
+            facing = self._face(self._lead(self._halve(self._kinds()).design))
+            return self._refine("finish", (1.0,), facing)
         except NothingFound:
             return None
 
@@ -190,51 +191,45 @@ class Program:
     def _halve(self, designs: Sequence[GaitDesign]) -> Step:
         """The best of searches near each design, of which the worse halves end early."""
         left, generations = list(enumerate(designs)), 0
+        ladder = replace(self._on(RUNGS, GRADED), ladder=True)
         if not left:
             raise NothingFound
         for more in self.plan.rounds:
             generations += more
             found = [
-                (self._refine(f"kind-{n + 1}", RUNGS, design, self.plan.population, generations), (n, design))
+                (self._near(f"kind-{n + 1}", ladder, design, "genetic", self.plan.population, generations), (n, design))
                 for n, design in left
             ]
             found.sort(key=lambda pair: -pair[0].score)
             left = [pair[1] for pair in found[: (len(found) + 1) // 2]]
         return found[0][0]
 
-    def _lead(self, step: Step) -> Step:
-        """Search again and again on the way from the last slope that is climbed to the steepest."""
-        for number in range(self.plan.leads):
-            climbed = [t.slope for t in step.problem.terrains if step.speeds.get(t.name, 0.0) > CLIMBS]
-            rungs = np.linspace(min(max(climbed, default=0.0) / self.slope, 1.0), 1.0, LEADS)
-            rungs = np.unique(rungs)  # one, if all is climbed
-            step = self._refine(
-                f"lead-{number + 1}", rungs.tolist(), step.design, self.plan.refined, self.plan.generations, CLIMBS
-            )
-        return step
+    def _lead(self, design: GaitDesign) -> GaitDesign:
+        """Searches by the mean of an easier slope and the steepest, one from the other's best."""
+        for number, part in enumerate(self.plan.leads):
+            design = self._refine(f"lead-{number + 1}", (part, 1.0), design).design
+        return design
 
     def _face(self, design: GaitDesign) -> GaitDesign:
         """A gait with the best of some headings near its own, in full on the steepest slope."""
         gait = self._on((1.0,), GRADED).in_full()
         full = gait.design(gait.space.from_dict(start_values(gait, design)))
         problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
-        return self._near("heading", problem, full, self.plan.headings, 0).design
+        return self._near("heading", problem, full, "genetic", self.plan.headings, 0).design
 
-    def _refine(
-        self, name: str, rungs: Sequence[float], start: GaitDesign, population: int, generations: int,
-        ahead: float = NEXT,
-    ) -> Step:  # fmt: skip
-        """A genetic search of graded cycles near a gait, on a ladder of these parts of the slope."""
+    def _refine(self, name: str, rungs: Sequence[float], start: GaitDesign) -> Step:
+        """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
         problem = self._on(rungs, GRADED)
-        if len(rungs) > 1:
-            problem = replace(problem, ladder=True, ahead=ahead)
-        return self._near(name, problem, start, population, generations)
+        return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=SIGMA)
 
-    def _near(self, name: str, problem: GaitProblem, start: GaitDesign, population: int, generations: int) -> Step:
+    def _near(
+        self, name: str, problem: GaitProblem, start: GaitDesign, method: str, population: int, generations: int,
+        **settings: Any,
+    ) -> Step:  # fmt: skip
         """A search near a gait; with the numbers of another search it would try the same directions."""
         stream = np.random.SeedSequence([self.seed, zlib.crc32(name.encode())]).generate_state(1)
-        settings = {"population": population, "start": start_values(problem, start), "seed": int(stream[0])}
-        return self._search(name, problem, settings, generations)
+        settings |= {"population": population, "start": start_values(problem, start), "seed": int(stream[0])}
+        return self._search(name, problem, settings, generations, method)
 
     def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
         return GaitProblem(tuple(self._terrain(rung) for rung in rungs), **options, **self.where)
@@ -242,10 +237,12 @@ class Program:
     def _terrain(self, rung: float) -> Terrain:
         return Terrain(rung * self.slope)
 
-    def _search(self, name: str, problem: GaitProblem, settings: Mapping[str, Any], generations: int) -> Step:
-        """A genetic search up to a generation, which may have been made before."""
+    def _search(
+        self, name: str, problem: GaitProblem, settings: Mapping[str, Any], generations: int, method: str = "genetic"
+    ) -> Step:
+        """A search up to a generation, which may have been made before."""
         folder, count = self.folder / name, generations + 1
-        history = search_within(problem, "genetic", settings, folder, math.inf, None, generations)
+        history = search_within(problem, method, settings, folder, math.inf, None, generations)
         # A run that was begun before may have come further: what counts is what it had found then.
         history = replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
         return self._note(Step(name, problem, history, sum(read_spent(folder)[:count])))
