@@ -14,6 +14,7 @@ FOLDER = Path(__file__).parents[1] / "docs" / "gaits"
 LEAST = {
     "both-genetic": {0.0: 0.11, 15.0: 0.035},
     "flat-genetic": {0.0: 0.3},
+    "hill-cma": {15.0: 0.06},
     "hill-cma-gradient": {15.0: 0.035},
     "hill-genetic": {15.0: 0.03},
 }
