@@ -126,8 +126,9 @@ def test_on_flat_ground_the_heading_changes_no_way():
 
 def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
-    last = program.run()
+    facing, last = program.run()
     steps = program.steps
+    assert (facing, last) == (steps["heading"], steps["finish"])
     assert list(steps)[:3] == ["look-empty", "look-any", "turn"] and list(steps)[-2:] == ["heading", "finish"]
     assert {"kind-1", "kind-2", "kind-3", "lead-1", "lead-2"} <= set(steps)
     kinds = [steps[f"kind-{k}"] for k in (1, 2, 3)]
@@ -190,6 +191,10 @@ def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
     known = {name: (tmp_path / "whole" / name).read_bytes() for name in ("steps.csv", "table.md")}
     row = json.loads((tmp_path / "whole" / "summary.json").read_text())["seeds"][0]
     design = load_gait(tmp_path / "whole" / "gaits" / "seed-0.json")
+    kept = [
+        json.loads((tmp_path / "whole" / "runs" / f"seed-0-{step}.json").read_text()) for step in ("heading", "finish")
+    ]
+    assert row["speed"] == max(np.mean(speeds) for one in kept for speeds, _ in one["speeds"])  # all stay
     assert design.orientation == row["orientation"] and steps_of(design) <= 186_719
     assert (tmp_path / "whole" / "climb.png").stat().st_size > 1000
     calls = slopes.calls

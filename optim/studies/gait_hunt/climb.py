@@ -1,6 +1,6 @@
 """A gait that climbs 15 degrees, found by a program from random gaits: what each of its steps finds, and costs.
 
-See ``optim.studies.gait_hunt.program``. The last designs that its last step found best are played in full, with
+See ``optim.studies.gait_hunt.program``. The last designs that its last two steps found best are played in full, with
 noise, under both conditions of ``robots.judgement``; the best of them is what the program has found.
 """
 
@@ -37,7 +37,7 @@ class Climb:
         plan: of each of them.
         slope: to be climbed [degrees].
         geometry: of the robot, by name.
-        finalists: designs of the last step that are played in full.
+        finalists: designs of each of the last two steps that are played in full, at most.
         runs: with noise, of each of them under either condition.
     """
 
@@ -63,7 +63,7 @@ class Climbed:
     Attributes:
         seed: of the program.
         steps: it made, in the order in which they began.
-        best: the best of the last step's finalists; None if all failed.
+        best: the best of the finalists; None if all failed.
     """
 
     seed: int
@@ -101,12 +101,13 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     options = {"geometry": settings.geometry, **where}
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
     last, finalists = program.run(), list[Finalist]()
-    if last:
-        (finalists,) = kept_finalists(
-            runs / f"seed-{seed}.json", [last.history], last.problem, Terrain(settings.slope), settings.finalists,
-            settings.runs, part_of(progress, 9, 10), geometry=NAMED_GEOMETRIES[settings.geometry],
-            **{"precision": "f32", **where},
+    for number, step in enumerate(last):
+        (found,) = kept_finalists(
+            runs / f"seed-{seed}-{step.name}.json", [step.history], step.problem, Terrain(settings.slope),
+            settings.finalists, settings.runs, part_of(progress, 18 + number, 20),
+            geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
         )  # fmt: skip
+        finalists += found
     return Climbed(seed, list(program.steps.values()), best_of(finalists))
 
 

@@ -155,13 +155,13 @@ class Program:
     where: Mapping[str, Any] = field(default_factory=dict)
     steps: dict[str, Step] = field(default_factory=dict)
 
-    def run(self) -> Step | None:
-        """All of it; the last step has found what the program has found. None if every gait of a step failed."""
+    def run(self) -> tuple[Step, ...]:
+        """All of it: the last two steps. What is best in full may be of either; none if every gait of a step failed."""
         try:
             facing = self._face(self._lead(self._halve(self._kinds()).design))
-            return self._refine("finish", (1.0,), facing)
+            return facing, self._refine("finish", (1.0,), facing.design)
         except NothingFound:
-            return None
+            return ()
 
     def _kinds(self) -> list[GaitDesign]:
         """Of random gaits, turned, the best of each kind."""
@@ -210,12 +210,12 @@ class Program:
             design = self._refine(f"lead-{number + 1}", (part, 1.0), design).design
         return design
 
-    def _face(self, design: GaitDesign) -> GaitDesign:
+    def _face(self, design: GaitDesign) -> Step:
         """A gait with the best of some headings near its own, in full on the steepest slope."""
         gait = self._on((1.0,), GRADED).in_full()
         full = gait.design(gait.space.from_dict(start_values(gait, design)))
         problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
-        return self._near("heading", problem, full, "genetic", self.plan.headings, 0).design
+        return self._near("heading", problem, full, "genetic", self.plan.headings, 0)
 
     def _refine(self, name: str, rungs: Sequence[float], start: GaitDesign) -> Step:
         """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
