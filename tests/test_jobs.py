@@ -63,6 +63,15 @@ def test_a_part_that_fails_ends_the_others(tmp_path, task, error, message):
     assert len(numbers(tmp_path)) == 1 and multiprocessing.active_children() == []
 
 
+@pytest.fixture
+def interruptible():
+    """A shell's background job ignores Ctrl-C, and what it starts does so, too."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_ends_all(tmp_path):
     def strike():
         try:
