@@ -63,12 +63,22 @@ class Climbed:
     Attributes:
         seed: of the program.
         steps: it made, in the order in which they began.
-        best: the best of the finalists; None if all failed.
+        finalists: played in full, by the step that found them.
     """
 
     seed: int
     steps: Sequence[Step]
-    best: Finalist | None
+    finalists: Mapping[str, Sequence[Finalist]]
+
+    @property
+    def best(self) -> Finalist | None:
+        """Of all finalists; None if all failed."""
+        return best_of([one for found in self.finalists.values() for one in found])
+
+    @property
+    def found_by(self) -> str | None:
+        """The step that found the best."""
+        return next((name for name, found in self.finalists.items() if self.best in found), None)
 
     @property
     def spent(self) -> float:
@@ -100,15 +110,14 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     """The program of one seed, and its finalists."""
     options = {"geometry": settings.geometry, **where}
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
-    last, finalists = program.run(), list[Finalist]()
-    for number, step in enumerate(last):
-        (found,) = kept_finalists(
+    finalists: dict[str, Sequence[Finalist]] = {}
+    for number, step in enumerate(program.run()):
+        (finalists[step.name],) = kept_finalists(
             runs / f"seed-{seed}-{step.name}.json", [step.history], step.problem, Terrain(settings.slope),
             settings.finalists, settings.runs, part_of(progress, 18 + number, 20),
             geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
         )  # fmt: skip
-        finalists += found
-    return Climbed(seed, list(program.steps.values()), best_of(finalists))
+    return Climbed(seed, list(program.steps.values()), finalists)
 
 
 def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
@@ -134,6 +143,7 @@ def _row(one: Climbed) -> dict[str, Any]:
         "published_evaluations": one.spent / PUBLISHED_COST,
         "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
         "stays": one.best.stays if one.best else False,
+        "found_by": one.found_by,
         **columns_of(one.best),
     }
 
@@ -156,14 +166,14 @@ def _step_rows(one: Climbed) -> list[dict[str, Any]]:
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     """The seeds in Markdown."""
     lines = [
-        "| seed | evaluations | million robot-steps | heading | core [kPa] | speed | harder | stays |",
-        "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
+        "| seed | evaluations | million robot-steps | found by | heading | core [kPa] | speed | harder | stays |",
+        "| ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | --- |",
     ]
     for row in rows:
-        found = ("", "", "", "")
+        found = ("",) * 5
         if row["speed"] is not None:
-            found = (f"{row['orientation']:.0f}°", f"{np.max(row['pressure']) / 1e3:.1f}", f"{row['speed']:.4f}",
-                     f"{row['hard_speed']:.4f}")  # fmt: skip
+            found = (row["found_by"], f"{row['orientation']:.0f}°", f"{np.max(row['pressure']) / 1e3:.1f}",
+                     f"{row['speed']:.4f}", f"{row['hard_speed']:.4f}")  # fmt: skip
         lines.append(
             f"| {row['seed']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {' | '.join(found)} "
             f"| {'yes' if row['stays'] else 'no'} |"
@@ -180,11 +190,12 @@ def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
             for name, colour in zip(names, COLOURS, strict=False):
                 tried = [(place, step.speeds[name]) for place, step in enumerate(steps) if name in step.speeds]
                 panel.plot(*np.array(tried).reshape(-1, 2).T, "o", color=colour, label=name, markersize=4)
-            if one.best:
-                panel.plot(len(steps) - 1, one.best.speed, "k*", label="in full")
+            places = {step.name: place for place, step in enumerate(steps)}
+            if one.best and one.found_by:
+                panel.plot(places[one.found_by], one.best.speed, "k*", label="in full")
             panel.axhline(0.0, color="0.7", linewidth=0.6)
             panel.set(title=f"seed {one.seed}", xticks=range(len(steps)))
-            panel.set_xticklabels([step.name for step in steps], rotation=90)
+            panel.set_xticklabels(list(places), rotation=90)
         panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
         panels[0, 0].legend()
         if len(found) > 1:
