@@ -126,10 +126,10 @@ def test_on_flat_ground_the_heading_changes_no_way():
 
 def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
-    facing, last = program.run()
+    facing, finish, firm = program.run()
     steps = program.steps
-    assert (facing, last) == (steps["heading"], steps["finish"])
-    assert list(steps)[:3] == ["look-empty", "look-any", "turn"] and list(steps)[-2:] == ["heading", "finish"]
+    assert (facing, finish, firm) == (steps["heading"], steps["finish"], steps["firm"])
+    assert list(steps)[:3] == ["look-empty", "look-any", "turn"] and list(steps)[-3:] == ["heading", "finish", "firm"]
     assert {"kind-1", "kind-2", "kind-3", "lead-1", "lead-2"} <= set(steps)
     kinds = [steps[f"kind-{k}"] for k in (1, 2, 3)]
     lengths = [len(kind.history.generations) for kind in kinds]
@@ -139,8 +139,12 @@ def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     assert steps["look-empty"].problem.pressure == 0.0 and steps["look-any"].problem.pressure is None
     assert steps["turn"].design.orientation == pytest.approx(80.0) and steps["turn"].last.evaluations == 4 * PLAN.kept
     assert steps["heading"].problem.free == ("orientation",)
-    assert [t.name for t in last.problem.terrains] == ["hill:15"]
-    assert last.score >= steps["lead-2"].last.best_details["speed_hill:15"]
+    assert [t.name for t in finish.problem.terrains] == ["hill:15"]
+    assert finish.score >= steps["lead-2"].last.best_details["speed_hill:15"]
+    assert "speed_hill:15_hard" not in finish.last.best_details
+    details = firm.last.best_details
+    assert firm.score == pytest.approx(np.mean([details["speed_hill:15"], details["speed_hill:15_hard"]]))
+    assert firm.history.config["method"]["start"] == start_values(firm.problem, finish.design)
     assert sum(step.last.evaluations for step in program.steps.values()) == PLAN.evaluations
     near = [step.history.config["method"]["seed"] for name, step in steps.items() if name[:4] in ("kind", "lead")]
     assert len(near) == len(set(near)) == 5
@@ -191,11 +195,10 @@ def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
     known = {name: (tmp_path / "whole" / name).read_bytes() for name in ("steps.csv", "table.md")}
     row = json.loads((tmp_path / "whole" / "summary.json").read_text())["seeds"][0]
     design = load_gait(tmp_path / "whole" / "gaits" / "seed-0.json")
-    kept = [
-        json.loads((tmp_path / "whole" / "runs" / f"seed-0-{step}.json").read_text()) for step in ("heading", "finish")
-    ]
+    last = ("heading", "finish", "firm")
+    kept = [json.loads((tmp_path / "whole" / "runs" / f"seed-0-{step}.json").read_text()) for step in last]
     fastest = [max(np.mean(speeds) for speeds, _ in one["speeds"]) for one in kept]  # all stay
-    assert row["speed"] == max(fastest) and row["found_by"] == ("heading", "finish")[int(np.argmax(fastest))]
+    assert row["speed"] == max(fastest) and row["found_by"] == last[int(np.argmax(fastest))]
     assert design.orientation == row["orientation"] and steps_of(design) <= 186_719
     assert (tmp_path / "whole" / "climb.png").stat().st_size > 1000
     calls = slopes.calls

@@ -1,6 +1,6 @@
 """A gait that climbs 15 degrees, found by a program from random gaits: what each of its steps finds, and costs.
 
-See ``optim.studies.gait_hunt.program``. The last designs that its last two steps found best are played in full, with
+See ``optim.studies.gait_hunt.program``. The last designs that its last three steps found best are played in full, with
 noise, under both conditions of ``robots.judgement``; the best of them is what the program has found.
 """
 
@@ -37,7 +37,7 @@ class Climb:
         plan: of each of them.
         slope: to be climbed [degrees].
         geometry: of the robot, by name.
-        finalists: designs of each of the last two steps that are played in full, at most.
+        finalists: designs of each of the last three steps that are played in full, at most.
         runs: with noise, of each of them under either condition.
     """
 
@@ -114,7 +114,7 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     for number, step in enumerate(program.run()):
         (finalists[step.name],) = kept_finalists(
             runs / f"seed-{seed}-{step.name}.json", [step.history], step.problem, Terrain(settings.slope),
-            settings.finalists, settings.runs, part_of(progress, 18 + number, 20),
+            settings.finalists, settings.runs, part_of(progress, 27 + number, 30),
             geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
         )  # fmt: skip
     return Climbed(seed, list(program.steps.values()), finalists)

@@ -12,6 +12,8 @@
    longer leads to those that roll.
 5. Heading: that alone, in full, on the steepest slope.
 6. Finish: everything, on the steepest slope.
+7. Firm: the same under the harder conditions of ``robots.judgement``, too. Before, they would be in the way: hardly any
+   gait that has still to learn to climb stands them.
 
 Searches are genetic up to the kinds; where few numbers have to fit together, from the leads on, they are CMA-ES. What
 they cost is counted as in the hunt, in robot-steps.
@@ -44,7 +46,7 @@ RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
 LOOK: Mapping[str, Any] = {**STEPPED, "steps": SHORT // 2, "stages": 1}
 MIDDLE = 45.0  # degrees
 SIGMA = 0.05  # first deviations of CMA-ES near a gait [ranges]; with 0.3 nothing of the gait is left
-GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}
+GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}  # the harder conditions are for what climbs
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Plan:
         rounds: generations of each round of these; the better half of the kinds goes on to the next.
         leads: parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best.
         headings: near that of the best that are tried.
-        refined: population of these searches, and of the last one.
+        refined: population of these searches, and of the last two.
         generations: of each of these.
     """
 
@@ -81,7 +83,7 @@ class Plan:
         for more in self.rounds:
             found += left * self.population * more
             left = (left + 1) // 2
-        return found + (len(self.leads) + 1) * self.refined * (self.generations + 1)
+        return found + (len(self.leads) + 2) * self.refined * (self.generations + 1)
 
 
 class NothingFound(Exception):
@@ -156,10 +158,11 @@ class Program:
     steps: dict[str, Step] = field(default_factory=dict)
 
     def run(self) -> tuple[Step, ...]:
-        """All of it: the last two steps. What is best in full may be of either; none if every gait of a step failed."""
+        """All of it: the last three steps. What is best in full may be of each; none if every gait of a step failed."""
         try:
             facing = self._face(self._lead(self._halve(self._kinds()).design))
-            return facing, self._refine("finish", (1.0,), facing.design)
+            finish = self._refine("finish", (1.0,), facing.design)
+            return facing, finish, self._refine("firm", (1.0,), finish.design, CYCLE)
         except NothingFound:
             return ()
 
@@ -217,9 +220,11 @@ class Program:
         problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
         return self._near("heading", problem, full, "genetic", self.plan.headings, 0)
 
-    def _refine(self, name: str, rungs: Sequence[float], start: GaitDesign) -> Step:
+    def _refine(
+        self, name: str, rungs: Sequence[float], start: GaitDesign, options: Mapping[str, Any] = GRADED
+    ) -> Step:
         """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
-        problem = self._on(rungs, GRADED)
+        problem = self._on(rungs, options)
         return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=SIGMA)
 
     def _near(
