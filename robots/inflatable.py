@@ -157,11 +157,8 @@ class InflatableResult:
     displacement: np.ndarray
 
 
-def predicted_steps(
-    design: InflatableDesign, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION
-) -> int:
-    """Time steps of an evaluation, initialisation included; cheap."""
-    del geometry  # timing is counted in steps, whatever their length
+def predicted_steps(design: InflatableDesign, actuation: InflatableActuation = ACTUATION) -> int:
+    """Time steps of an evaluation, initialisation included, whatever the robot's geometry; cheap."""
     return actuation.initial_steps(highest_pressure(design.pressure)) + play(design.schedule, actuation)[1]
 
 
@@ -210,7 +207,7 @@ def simulate(
     seed = whole_number("seed", seed, 0)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     # Robots of a block wait for its slowest: put those of like length together.
-    order = np.argsort([predicted_steps(d, geometry, actuation) for d in designs], kind="stable")
+    order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
     body = geometry.body
     engine = LatticeEngine(
         body, len(designs), time_step=geometry.time_step, **terrains[0].medium,

@@ -182,7 +182,7 @@ def test_each_core_stops_at_its_own_pressure_and_the_gait_waits_for_the_highest(
     first, second = (program.values_after(0, region, Quantity.PRESSURE, steps) for region in (0, REGION_COUNT))
     assert first.tolist() == [0.5, 1500.0, 2e3, 2e3, 2e3, 2e3, 2e3]
     assert second.tolist() == [0.5, 1500.0, 2000.5, 2001.0, 4500.0, 6e3, 6e3]
-    assert program.snapshots[0, 0] == begin and predicted_steps(design, TWO_CORE) == program.lengths[0]
+    assert program.snapshots[0, 0] == begin and predicted_steps(design) == program.lengths[0]
 
 
 def test_bladders_lengthen_by_the_mean_pressure_over_the_rows_under_them():
