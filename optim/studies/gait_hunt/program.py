@@ -45,7 +45,8 @@ RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
 # A look lasts until a cycle counts, and is along the middle of all headings: who goes that way goes well along its own.
 LOOK: Mapping[str, Any] = {**STEPPED, "steps": SHORT // 2, "stages": 1}
 MIDDLE = 45.0  # degrees
-SIGMA = 0.05  # first deviations of CMA-ES near a gait [ranges]; with 0.3 nothing of the gait is left
+# First deviations of CMA-ES near a gait [ranges]: with 0.3 nothing of it is left; in the end it is to stay what it is.
+SIGMA, FIRM_SIGMA = 0.05, 0.02
 GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}  # the harder conditions are for what climbs
 
 
@@ -162,7 +163,7 @@ class Program:
         try:
             facing = self._face(self._lead(self._halve(self._kinds()).design))
             finish = self._refine("finish", (1.0,), facing.design)
-            return facing, finish, self._refine("firm", (1.0,), finish.design, CYCLE)
+            return facing, finish, self._refine("firm", (1.0,), finish.design, CYCLE, FIRM_SIGMA)
         except NothingFound:
             return ()
 
@@ -221,11 +222,12 @@ class Program:
         return self._near("heading", problem, full, "genetic", self.plan.headings, 0)
 
     def _refine(
-        self, name: str, rungs: Sequence[float], start: GaitDesign, options: Mapping[str, Any] = GRADED
-    ) -> Step:
+        self, name: str, rungs: Sequence[float], start: GaitDesign, options: Mapping[str, Any] = GRADED,
+        sigma: float = SIGMA,
+    ) -> Step:  # fmt: skip
         """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
         problem = self._on(rungs, options)
-        return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=SIGMA)
+        return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=sigma)
 
     def _near(
         self, name: str, problem: GaitProblem, start: GaitDesign, method: str, population: int, generations: int,
