@@ -100,7 +100,8 @@ def test_numbers_bits_and_an_integer_together_come_closer_at_first():
         methods = [kind(problem.space, population=40, seed=seed) for seed in range(4)]
         gaps[kind] = np.median([-cost_to(m, problem.judge, problem.slope, 0.0, 5000)[1] for m in methods])
         for method in methods:
-            assert method.result().score == problem.judge(method.result().point[None])[0]
+            again = problem.judge(method.result().point[None])[0]  # some processors round one row differently
+            assert method.result().score == pytest.approx(again, rel=1e-12)
     assert 3 * gaps[CMAGradient] < gaps[CMAESWithMargin]
 
 

@@ -187,6 +187,35 @@ def test_given_starts_are_kept_and_the_rest_is_random():
         HillClimb(SPACE, start={"y": 91.0})
 
 
+@pytest.mark.parametrize("name", [name for name, method in METHODS.items() if "start" in signature(method).parameters])
+def test_no_search_ends_below_a_start_that_is_given_in_full(name):
+    """Not even at a peak as narrow as a needle, which no other point meets."""
+    start = {"x": 1.25, "y": 31.0, "n": 1}
+    needle = np.array(list(start.values()))
+    method = run(build(name, 6, start=start, seed=1), 4, lambda points: sphere(points) + (points == needle).all(axis=1))
+    assert method.result().score > 0.9
+    np.testing.assert_array_equal(method.result().point, needle)
+
+
+@pytest.mark.parametrize("name", ["cma", "cma-gradient", "nes"])
+def test_a_distribution_is_not_told_of_its_start(name):
+    """It is judged for the record alone; what is drawn later does not depend on it."""
+    start, least = {"x": 1.25, "y": 31.0, "n": 1}, {"population": 6, "seed": 1}
+    drawn = []
+    for score in (5.0, -5.0, np.nan):
+        method = build_method(name, RELAXABLE, {**least, "start": start})
+        points = method.ask()
+        assert len(points) == 7 and list(points[6]) == [1.25, 31.0, 1.0]
+        method.tell(points, Evaluation(np.append(sphere(points[:6]), score)))
+        assert len(method.result().points) == 6 and (method.result().score == 5.0) == (score == 5.0)
+        while method.wants != "points":
+            method.tell(method.ask(), Evaluation([0.0], gradients=np.zeros((1, 3))))
+        drawn.append(method.ask())
+        assert len(drawn[-1]) == 6
+    assert np.array_equal(drawn[0], drawn[1]) and np.array_equal(drawn[0], drawn[2])
+    assert len(build_method(name, RELAXABLE, {**least, "start": {"x": 1.25}}).ask()) == 6
+
+
 def test_a_climber_needs_steps():
     with pytest.raises(ValueError, match="step: 0 of x is not allowed"):
         HillClimb(Space((Variable("x", 0, 1),)))

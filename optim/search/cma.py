@@ -51,7 +51,8 @@ class CMAESWithMargin(PopulationSearch):
             space: what may be changed.
             population: N, points a generation, at least 4.
             seed: of all random numbers.
-            start: values by name where the mean first is; of the other variables it is in the middle.
+            start: values by name where the mean first is; of the other variables it is in the middle. Where
+                all are given, generation 0 judges that point, too.
             sigma: first standard deviation of every variable [ranges].
             patience: generations without a better point before a restart.
             random_mean: whether the mean is first at random where ``start`` says nothing, as after a restart: for
@@ -73,14 +74,15 @@ class CMAESWithMargin(PopulationSearch):
         return 4
 
     def ask(self) -> Vector:
-        """N points drawn from the distribution."""
+        """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
         _, places, _ = self._draw()
-        return self._to_points(places)
+        return np.concatenate([self._to_points(places), self._given()])
 
     def _take(self, points: Vector, evaluation: Evaluation) -> None:
         """Move the distribution, unless there is nothing to learn; restart it if it has done what it can."""
-        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
-        scores = below_all(evaluation.objectives[:, 0])
+        self.points = points[: self.population].copy()
+        self.objectives = evaluation.objectives[: self.population].copy()
+        scores = below_all(self.objectives[:, 0])
         rose = scores.max() > below_all(self.record)
         self.record = np.array(scores.max()) if rose else self.record
         self.stalled = np.array(0 if rose else self.stalled + 1)

@@ -63,7 +63,8 @@ class CMAGradient(CMAESWithMargin):
             space: what may be changed.
             population: N, points a generation, at least 4.
             seed: of all random numbers.
-            start: values by name where the mean first is; of the other variables it is in the middle.
+            start: values by name where the mean first is; of the other variables it is in the middle. Where
+                all are given, generation 0 judges that point, too.
             sigma: first standard deviation of every variable [ranges].
             patience: generations of points without a better one before a restart.
             every: generations of points before one of gradients.

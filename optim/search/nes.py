@@ -50,6 +50,7 @@ class SeparableNES(PopulationSearch):
             population: N, points a generation, at least 4.
             seed: of all random numbers.
             start: values by name where the mean first is; of the other variables it is in the middle, or at random.
+                Where all are given, generation 0 judges that point, too.
             sigma: first standard deviation of every variable [ranges].
             mirrored: draw every other point opposite to the one before, seen from the mean.
             random_mean: begin at a random point, not in the middle.
@@ -74,14 +75,16 @@ class SeparableNES(PopulationSearch):
         return 4
 
     def ask(self) -> Vector:
-        """N points drawn from the distribution."""
-        return self.space.round(self._inside(self.mean + self.deviation * self._deviates(), 1))
+        """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
+        drawn = self.space.round(self._inside(self.mean + self.deviation * self._deviates(), 1))
+        return np.concatenate([drawn, self._given()])
 
     def _take(self, points: Vector, evaluation: Evaluation) -> None:
         """Algorithm 6: both gradients in the coordinates of the distribution itself."""
-        self.points, self.objectives = points.copy(), evaluation.objectives.copy()
+        self.points = points[: self.population].copy()
+        self.objectives = evaluation.objectives[: self.population].copy()
         deviates, size = self._deviates(), self.space.size
-        utilities = _utilities(below_all(evaluation.objectives[:, 0]))
+        utilities = _utilities(below_all(self.objectives[:, 0]))
         moved = self.mean + self.deviation * (utilities @ deviates)  # learning rate 1
         self.mean = (self._inside(moved, 2) - self.space.low) / self.space.span
         rate = (3 + math.log(size)) / (5 * math.sqrt(size))

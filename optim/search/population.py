@@ -122,6 +122,15 @@ class PopulationSearch(ABC):
         """The first population, shape (N, D): random but for the values given by name."""
         return with_values(self.space, self.space.sample(self._generator(), self.population), self.start)
 
+    def _given(self) -> Vector:
+        """The start itself, shape (1, D), in generation 0 of a distribution around it; else none, shape (0, D).
+
+        It is judged beside the points drawn, so that no search ends below where it began; the distribution is not told.
+        Nor is anything judged where ``start`` leaves variables open.
+        """
+        complete = self.generation == 0 and set(self.start) == set(self.space.names)
+        return with_values(self.space, self.space.low[None], self.start)[: int(complete)]
+
     def _generator(self, *stream: int) -> np.random.Generator:
         """Random numbers of this generation; the same as often as asked."""
         return generator(self.seed, self.generation, *stream)

@@ -84,7 +84,7 @@ class Plan:
         for more in self.rounds:
             found += left * self.population * more
             left = (left + 1) // 2
-        return found + (len(self.leads) + 2) * self.refined * (self.generations + 1)
+        return found + (len(self.leads) + 2) * (1 + self.refined * (self.generations + 1))
 
 
 class NothingFound(Exception):
