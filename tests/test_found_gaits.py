@@ -17,7 +17,7 @@ LEAST = {
     "hill-cma": {15.0: 0.06},
     "hill-cma-gradient": {15.0: 0.035},
     "hill-genetic": {15.0: 0.03},
-    "hill-program": {15.0: 0.06},
+    "hill-program": {15.0: 0.09},
 }
 SLOPES = {"flat": {0.0}, "hill": {15.0}, "both": {0.0, 15.0}}
 
