@@ -107,20 +107,21 @@ def outcomes(
 
 
 def capped(found: Mapping[str, Outcome], conditions: Sequence[Condition], most: float) -> dict[str, Outcome]:
-    """The same with speeds of at most so much on all terrains but the last, where the slopes are zero.
+    """The same with speeds of at most so much on all terrains but the last; those that are cut have no slope.
 
     On a ladder nobody gains by being faster on easy ground than is asked for there, but loses by sliding down the next
     slope.
 
     Args:
         found: what came out under the conditions, by their names.
-        conditions: of the ladder, in order.
+        conditions: of the ladder, in order; the harder ones of the last terrain, if any, come last.
         most: [body lengths/s].
     """
-    top = conditions[-1].terrain
+    last = conditions[-1]
+    spared = {last.name, last.follows if last.carries else None}  # what carries is the same terrain, harder
     result = dict(found)
     for condition in conditions:
-        if condition.terrain == top:
+        if condition.name in spared:
             continue
         outcome = found[condition.name]
         slopes = None if outcome.slopes is None else np.where((outcome.speeds < most)[:, None], outcome.slopes, 0.0)

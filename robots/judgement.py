@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from robots import gaits
+from robots.checks import whole_number
 from robots.dual import Array
 from robots.gaits import GaitDesign, steps_of
 from robots.inflatable import PUBLISHED, InflatableActuation, InflatableGeometry
@@ -50,9 +51,19 @@ class GaitJudgement:
     steps: int
 
     @property
+    def speed(self) -> float:
+        """Mean of the runs [body lengths/s]; NaN if one diverged."""
+        return float(self.speeds.mean())
+
+    @property
+    def hard_speed(self) -> float:
+        """The same under the harder conditions."""
+        return float(self.hard_speeds.mean())
+
+    @property
     def slip_ratio(self) -> float:
-        """Slip of the two feet on average, per distance."""
-        return float(self.slip.mean() / abs(self.distance))
+        """Slip of the two feet on average, per distance; infinite for a gait that goes nowhere."""
+        return float(self.slip.mean() / abs(self.distance)) if self.distance else np.inf
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
@@ -64,9 +75,9 @@ class GaitJudgement:
             found.append(f"takes {self.steps:,} steps, more than {PUBLISHED_STEPS:,}")
         if not self.slip_ratio <= MOST_SLIP:
             found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
-        if not self.hard_speeds.mean() >= LEAST_HARD_SPEED:
+        if not self.hard_speed >= LEAST_HARD_SPEED:
             found.append(
-                f"{self.hard_speeds.mean():.4f} BL/s remain with friction {HARD_FRICTION:g} of sliding feet and"
+                f"{self.hard_speed:.4f} BL/s remain with friction {HARD_FRICTION:g} of sliding feet and"
                 f" bladders that keep their weight, less than {LEAST_HARD_SPEED:g}"
             )
         return tuple(found)
@@ -79,8 +90,8 @@ class GaitJudgement:
     def to_document(self) -> dict[str, Any]:
         """Its numbers, for JSON."""
         numbers = {
-            "speed": self.speeds.mean(), "deviation": self.speeds.std(ddof=1),
-            "hard_speed": self.hard_speeds.mean(), "hard_deviation": self.hard_speeds.std(ddof=1),
+            "speed": self.speed, "deviation": self.speeds.std(ddof=1),
+            "hard_speed": self.hard_speed, "hard_deviation": self.hard_speeds.std(ddof=1),
             "slip_ratio": self.slip_ratio, "distance": self.distance,
         }  # fmt: skip
         known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
@@ -116,6 +127,7 @@ def judge_gait(
     Raises:
         ValueError: in one line, for what is not allowed.
     """
+    whole_number("runs", runs, 2)
     terrain = terrain or Terrain()
     options: dict[str, Any] = {"geometry": geometry, "precision": precision, "device": device, "threads": threads}
     report = progress or (lambda fraction: None)
@@ -128,12 +140,13 @@ def judge_gait(
 
 
 def harder(terrain: Terrain) -> tuple[Terrain, InflatableActuation]:
-    """The harder conditions on a terrain: ``HARD_FRICTION`` of sliding feet, and bladders that keep their weight.
+    """The harder conditions on a terrain: sliding feet of at least ``HARD_FRICTION``, bladders that keep their weight.
 
     Raises:
         ValueError: in one line, for a fluid, and friction of gripping feet below that.
     """
-    return replace(terrain, low_friction=HARD_FRICTION), InflatableActuation(weight="physical")
+    friction = max(HARD_FRICTION, terrain.low_friction or 0.0)
+    return replace(terrain, low_friction=friction), InflatableActuation(weight="physical")
 
 
 def play_with_noise(
@@ -145,7 +158,7 @@ def play_with_noise(
     Args:
         designs: N of them.
         terrain: see :func:`judge_gait`, as for the others.
-        runs: R, of each design under either condition, as two batches.
+        runs: R, of each design under either condition, as two batches; at least 1.
         seed: see there.
         progress: see there.
         options: of ``robots.gaits.simulate``.
@@ -153,6 +166,7 @@ def play_with_noise(
     Raises:
         ValueError: in one line, for what is not allowed.
     """
+    whole_number("runs", runs, 1)
     conditions = ((terrain, InflatableActuation()), harder(terrain))
     report = progress or (lambda fraction: None)
     copies = [design for design in designs for _ in range(runs)]

@@ -9,13 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.gait_outcomes import Condition, Outcome, capped, effort
+from optim.gait_outcomes import Outcome, capped, effort
 from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
 from optim.runs.requests import Request
-from optim.studies.gait_hunt import judging, searches, spending
+from optim.studies.gait_hunt import climb, judging, searches, spending
 from optim.studies.gait_hunt import study as hunting
+from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of, last_bests
+from optim.studies.gait_hunt.program import Plan
 from optim.studies.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
 from robots import gaits, inflatable_gradient
 from robots.gaits import as_graded, load_gait, steps_of
@@ -130,14 +132,19 @@ def test_gaits_climb_a_ladder_as_far_as_they_are_fast_enough(hill):
         GaitProblem(terrains, **given, ahead=0.01)
 
 
-def test_what_is_fast_enough_has_no_slope():
-    """But on the last terrain."""
-    ladder = [Condition(terrain.name, terrain, ACTUATION) for terrain in (Terrain(), Terrain(5.0))]
+@pytest.mark.parametrize("hard", [False, True])
+def test_what_is_fast_enough_has_no_slope(hard):
+    """But on the last terrain, under both conditions."""
+    ladder = GaitProblem((Terrain(), Terrain(5.0)), **{**SMALL, "hard": hard}, ladder=True).conditions
     speeds = np.array([0.01, 0.05])
     found = {each.name: Outcome(speeds, np.array(["ok", "ok"], object), np.ones((2, 3))) for each in ladder}
-    first, last = capped(found, ladder, 0.02).values()
-    assert first.speeds.tolist() == [0.01, 0.02] and first.slopes.tolist() == [[1] * 3, [0] * 3]
-    assert last.speeds.tolist() == speeds.tolist() and (last.slopes == 1).all()
+    each = capped(found, ladder, 0.02)
+    assert len(each) == (4 if hard else 2)
+    for name, outcome in each.items():
+        if name.startswith("speed_flat"):
+            assert outcome.speeds.tolist() == [0.01, 0.02] and outcome.slopes.tolist() == [[1] * 3, [0] * 3]
+        else:
+            assert outcome.speeds.tolist() == speeds.tolist() and (outcome.slopes == 1).all()
 
 
 def test_a_graded_pattern_tells_alike_what_lies_alike():
@@ -206,6 +213,19 @@ def test_a_generation_that_was_cut_off_is_not_paid_twice(hill, tmp_path):
     assert 123.0 not in read_spent(tmp_path / "run")
 
 
+@pytest.mark.parametrize("text", [None, "", "{}", "[1]", '["a"]', "[-1, 2, 3]"])
+def test_a_run_that_does_not_know_what_it_has_spent_is_refused(hill, tmp_path, text):
+    """It would go on for its whole budget again."""
+    problem, settings = GaitProblem(HILL, **SMALL), {"population": 4, "seed": 1}
+    path = tmp_path / "run" / spending.SPENT
+    search_within(problem, "genetic", settings, tmp_path / "run", 4e6)
+    path.unlink() if text is None else path.write_text(text)
+    calls = hill.calls
+    with pytest.raises(ValueError, match=r"^.*spent.json: (is damaged; it must be|tells the cost of . of \d)"):
+        search_within(problem, "genetic", settings, tmp_path / "run", 4e6)
+    assert hill.calls == calls
+
+
 @pytest.mark.parametrize("budget", [0.0, -1.0, float("nan")])
 def test_a_budget_of_nothing_is_refused(budget, tmp_path):
     with pytest.raises(ValueError, match=r"^budget: .* robot-steps are not allowed; give more than 0$"):
@@ -251,7 +271,9 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     for row in summary["runs"]:
         spent = read_spent(tmp_path / "hunt" / "runs" / f"{row['search']}-{row['seed']}")
         assert row["robot_steps"] in (spent[0], sum(spent[:-1]), sum(spent))
-        assert sum(spent) + GRADIENT_COST * max(spent) > settings.budget  # no search ends early
+        # No search ends early: what it asks for next, perhaps gradients, would cost more than is left.
+        gradients = GRADIENT_COST if row["search"] in ("gradient", "memetic") else 1.0
+        assert sum(spent) + gradients * max(spent) > settings.budget
         assert row["robot_steps"] <= settings.budget or row["robot_steps"] == spent[0]
     assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
     assert (tmp_path / "hunt" / "hunt.png").stat().st_size > 1000
@@ -288,6 +310,18 @@ def test_finalists_of_other_seeds_are_judged_anew(hill, tmp_path, monkeypatch):
     before = json.loads(kept.read_text())["of"]
     hunting.study(tmp_path / "hunt", dataclasses.replace(settings, seeds=(2, 3)))
     assert json.loads(kept.read_text())["of"] != before
+    # What the table no longer tells of is gone.
+    assert sorted(path.name for path in (tmp_path / "hunt" / "gaits").iterdir()) == ["genetic-2.json", "genetic-3.json"]
+
+
+def test_finalists_under_other_conditions_are_judged_anew(hill, tmp_path):
+    problem = GaitProblem(HILL, **SMALL)
+    history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
+    calls = []
+    for terrain, precision in ((15, "f32"), (15, "f32"), (10, "f32"), (10, "f64")):
+        kept_finalists(tmp_path / "f.json", [history], problem, Terrain(terrain), 1, 2, None, precision=precision)
+        calls.append(hill.calls)
+    assert calls[0] == calls[1] < calls[2] < calls[3]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])
@@ -307,9 +341,43 @@ def test_other_folders_are_refused(tmp_path):
         hunting.study(tmp_path, hunting.SCALES["small"])
 
 
-def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
-    from optim.studies.gait_hunt.finalists import kept_finalists
+def test_a_hunt_and_a_climb_refuse_each_others_folders(hill, tmp_path, monkeypatch):
+    """Both have runs, tables and gaits: a file tells which study they are of, from the start."""
+    hunting.study(tmp_path / "hunt", dataclasses.replace(quick(monkeypatch), searches=("genetic",), seeds=(0,)))
+    with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
+        climb.study(tmp_path / "hunt", climb.SCALES["small"])
+    (tmp_path / "climb").mkdir()
+    (tmp_path / "climb" / "gait-climb.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
+        hunting.study(tmp_path / "climb", hunting.SCALES["small"])
 
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: hunting.Hunt(0, (0,)), "evaluations: 0 is not allowed; give a number above 0"),
+        (lambda: hunting.Hunt(float("nan"), (0,)), "evaluations: nan is not allowed; give a number above 0"),
+        (lambda: hunting.Hunt(1, ()), r"seeds: \(\) are not allowed; give at least one, and none twice"),
+        (lambda: hunting.Hunt(1, (1, 1)), r"seeds: \(1, 1\) are not allowed; give at least one, and none twice"),
+        (lambda: hunting.Hunt(1, (-1,)), "seeds: -1 is not allowed; give a whole number, at least 0"),
+        (lambda: hunting.Hunt(1, (0,), ("genetics",)), "searches: 'genetics' is unknown.*; did you mean genetic?"),
+        (lambda: hunting.Hunt(1, (0,), ()), "searches: none given; give at least one, and none twice"),
+        (lambda: hunting.Hunt(1, (0,), finalists=0), "finalists: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: climb.Climb((0,), slope=60.0), "slope: 60.0 is not allowed; give a finite number from 0.1 to 45 deg"),
+        (lambda: climb.Climb((0,), geometry="large"), "geometry: 'large' is unknown; choose one of published"),
+        (lambda: climb.Climb((0,), runs=0), "runs: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: Plan(rounds=()), "rounds: none given; give the generations of at least one"),
+        (lambda: Plan(kinds=0), "kinds: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: Plan(leads=(1.5,)), "leads: 1.5 is not allowed; give a number from 0 to 1"),
+    ],
+)
+def test_settings_that_no_study_can_do_are_refused(make, message):
+    with pytest.raises(ValueError, match=f"^{message}") as error:
+        make()
+    assert "\n" not in str(error.value)
+
+
+def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
     problem = GaitProblem(HILL, **SMALL)
     history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
     one = Finalist(INCHING, 0, np.array([np.nan, 0.1]), np.array([0.0, 0.1]))

@@ -45,15 +45,16 @@ def test_the_largest_deviation_from_the_published_speeds_is_told():
     settings = friction.FrictionSweeps(TWO, {"difference": [(0.0, 2.0, 0.06), (0.5, 1.5, 0.03), (1.0, 1.0, 0.0)]})
     rows = friction.rows_of(settings, np.array([[0.061, 0.063], [0.02, 0.03], [np.nan, np.nan]]))
     worst = friction.largest_deviation(rows)
-    assert worst == {"low": 0.5, "high": 1.5, "speed": pytest.approx(-0.005), "within": 1, "of": 3}
+    assert worst == {"low": 0.5, "high": 1.5, "difference": pytest.approx(-0.005), "within": 1, "of": 3}
     text = friction.page(rows)
     assert "| difference | 0 | 2 | 0.0620 ± 0.0014 | 0.0600 | +0.0020 |" in text and "all diverged" in text
     assert "1 of 3 points are within 0.004" in text
 
 
 def test_a_crossing_is_interpolated_where_inching_first_overtakes():
-    assert slopes.crossing([0.0, 5.0, 10.0], np.array([0.1, 0.05, -0.05])) == pytest.approx(7.5)
-    assert slopes.crossing([0.0, 1.0, 2.0, 3.0], np.array([1.0, -1.0, 1.0, -1.0])) == pytest.approx(0.5)
+    assert slopes.crossing([0.0, 5.0, 10.0], np.array([0.1, 0.05, -0.05])) == pytest.approx((7.5, 5.0, 10.0))
+    assert slopes.crossing([0.0, 1.0, 2.0, 3.0], np.array([1.0, -1.0, 1.0, -1.0])) == pytest.approx((0.5, 0.0, 1.0))
+    assert slopes.crossing([0.0, 4.0, 8.0], np.array([0.1, 0.0, -0.1])) == (4.0, 4.0, 8.0)
     assert slopes.crossing([0.0, 1.0], np.array([0.2, 0.1])) is None
     assert slopes.crossing([0.0, 1.0], np.array([-0.2, -0.1])) is None
 
@@ -213,6 +214,7 @@ def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch
         (lambda: friction.FrictionSweeps(TWO, {"mean": ()}), "points: sweep mean has none; give at least one"),
         (lambda: sensitivity.Sensitivity(repeats=0), "repeats: 0 is not allowed"),
         (lambda: metrics.SoftRobotMetrics(gaits=0), "gaits: 0 is not allowed"),
+        (lambda: metrics.SoftRobotMetrics(robot=TWO), "robot: 2 copies with noise of 1e-08 m are not allowed"),
         (lambda: metrics.SoftRobotMetrics(pressures=(16e3,)), "pressure: 16000.0 is not allowed; .* to 15000 Pa"),
         (lambda: metrics.SoftRobotMetrics(orientations=()), r"orientations: \(\) are not allowed; give at least one"),
     ],

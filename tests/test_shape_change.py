@@ -168,6 +168,7 @@ def test_rows_tests_and_curves_of_made_up_searches():
     # Welch by hand: means 0.01 and -0.2, variances 0.0001 / 3 and 0.02 / 2
     assert test["welch"]["t"] == pytest.approx(0.21 / np.sqrt(0.0001 / 3 + 0.01))
     assert test["effect"]["difference"] == pytest.approx(0.21) and test["climbers"] == [2, 3]
+    assert test["paired"] is None  # of other numbers of climbers
     assert curve(flat.scores)["mean"] == pytest.approx([0.05, 0.2]) and curve(flat.scores)["max"] == [0.1, 0.3]
     assert "| orientation, shape, control | 60 x 1 | 12 | 0.2000 (0.0791) | 0.3000 (0.1888) |" in page(summary)
 
@@ -210,3 +211,18 @@ def test_costs_add_up_over_processes_and_survive_a_torn_line(tmp_path):
         sum(range(10**6))
     found = costs.total()
     assert list(found) == ["a", "all", "b"] and found["all"]["cpu"] == found["a"]["cpu"] + found["b"]["cpu"] > 0
+
+
+def test_climbers_that_drew_the_same_numbers_are_compared_in_pairs():
+    found = {"orientation-shape-control-hill": made_up([[0.0, 0.03, np.nan, 0.0]]),
+             "rolling-on-the-hill-as-run": made_up([[-0.2, -0.1, 0.0, np.nan]])}  # fmt: skip
+    (test,) = tests(found)
+    paired = test["paired"]
+    assert paired["climbers"] == 2 and paired["difference"] == pytest.approx(0.165)
+    assert paired["low"] == pytest.approx(0.13) and paired["high"] == pytest.approx(0.2)
+
+
+def test_curves_count_climbers_from_when_they_have_found_anything():
+    found = curve(np.array([[np.nan, np.nan, 0.1], [np.nan, 0.5, 0.1], [np.nan, 0.5, 0.3]]))
+    assert found["mean"] == pytest.approx([0.1, 0.3, 0.4]) and found["max"] == [0.1, 0.5, 0.5]
+    assert curve(np.array([[np.nan], [0.1]]))["low"] == [None, pytest.approx(0.1)]

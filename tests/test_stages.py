@@ -12,7 +12,7 @@ from robots.gaits import PlayedGait
 from robots.inflatable import INCHING, Frames, InflatableResult
 from robots.inflatable_body import FOOT_1, FOOT_2
 from robots.inflatable_gradient import differentiate, simulate_relaxed
-from robots.judgement import GaitJudgement, judge_gait
+from robots.judgement import GaitJudgement, harder, judge_gait
 from robots.relaxed_motion import cycle_starts, stage_starts
 from robots.relaxed_schedule import RelaxedDesign
 from robots.slip import slip_under_load
@@ -159,6 +159,19 @@ def test_a_gait_that_slides_for_its_living_is_not_physical():
         (found,) = judged(**changes).faults
         assert found.startswith(fault)
     assert judged(speeds=np.array([np.nan, 0.1])).to_document()["speed"] is None
+    still = judged(distance=0.0)
+    assert not still.physical and still.to_document()["slip_ratio"] is None
+
+
+def test_harder_conditions_are_never_easier():
+    assert harder(Terrain(15.0))[0].low_friction == 0.2
+    assert harder(Terrain(15.0, low_friction=0.8))[0].low_friction == 0.8
+
+
+@pytest.mark.parametrize("runs", [0, 1, 2.5])
+def test_a_judgement_takes_several_runs(runs):
+    with pytest.raises(ValueError, match=rf"^runs: {runs} is not allowed; give a whole number, at least 2$"):
+        judge_gait(INCHING, runs=runs)
 
 
 def test_a_judgement_simulates_under_both_conditions(monkeypatch):

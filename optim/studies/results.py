@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar
 from numpy.typing import NDArray
 
 from optim.studies.tables import write_records
-from robots.files import ASIDE, write_text
+from robots.files import ASIDE, write_record, write_text
 from robots.results_folder import ResultsFolder
 
 Arrays = dict[str, NDArray[Any]]
@@ -25,22 +25,31 @@ def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
     raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
 
 
-def check_folder(folder: Path, names: Collection[str]) -> None:
+def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
     """Refuse a folder of something else before a study whose parts have folders of their own fills it.
 
     Args:
         folder: may be new.
         names: of all that the study puts there.
+        kind: of study, which a file in the folder tells from now on, where names alone do not.
 
     Raises:
-        ValueError: in one line, for a file, or a folder that holds anything else.
+        ValueError: in one line, for a file, a folder that holds anything else, or one that cannot be made.
     """
 
+    known = {*names, f"{kind}.json"}
+
     def other(path: Path) -> bool:
-        return path.name not in names and not path.name.startswith(ASIDE)  # what a kill left of a write
+        return path.name not in known and not path.name.startswith(ASIDE)  # what a kill left of a write
 
     if folder.exists() and (not folder.is_dir() or any(map(other, folder.iterdir()))):
         raise ValueError(f"out: {folder} holds something else; name a new folder")
+    if kind and not (folder / f"{kind}.json").exists():
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ValueError(f"out: {folder} cannot be made ({error.strerror})") from None
+        write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 
 def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from optim.gait_problem import HARD
 from optim.studies.figures import COLOURS, PAGE, figure, letter
-from optim.studies.gait_hunt.finalists import kept_finalists
+from optim.studies.gait_hunt.checks import check_settings
+from optim.studies.gait_hunt.finalists import kept_finalists, write_gaits
 from optim.studies.gait_hunt.judging import Finalist, best_of, columns_of
 from optim.studies.gait_hunt.program import RUNGS, Plan, Program, Step
 from optim.studies.gait_hunt.spending import PUBLISHED_COST
@@ -21,7 +23,6 @@ from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_records
 from robots.files import write_text
-from robots.gaits import save_gait
 from robots.inflatable import NAMED_GEOMETRIES
 from robots.terrain import Terrain
 
@@ -47,6 +48,9 @@ class Climb:
     geometry: str = "published"
     finalists: int = 4
     runs: int = 4
+
+    def __post_init__(self) -> None:
+        check_settings(self.seeds, self.slope, self.geometry, self.finalists, self.runs)
 
 
 SCALES: Mapping[Budget, Climb] = {
@@ -94,7 +98,7 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         jobs: programs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
-    check_folder(folder, FILES)
+    check_folder(folder, FILES, "gait-climb")
     seeds, found = settings.seeds, list[Climbed]()
     beside([(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds],
            jobs, where, progress)  # fmt: skip
@@ -127,10 +131,7 @@ def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
     write_records(folder / "steps.csv", list(steps[0]), steps)
     write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
     write_text(folder / "table.md", _table(rows))
-    (folder / "gaits").mkdir(exist_ok=True)
-    for one in found:
-        if one.best:
-            save_gait(one.best.design, folder / "gaits" / f"seed-{one.seed}.json")
+    write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
     _draw(settings, found, folder / "climb.png")
 
 
@@ -182,7 +183,10 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
-    """Speed of each step's best on the slopes of the first ladder, a panel a seed; looks are judged in another way."""
+    """Speed of each step's best on the slopes of the first ladder, a panel a seed; looks are judged in another way.
+
+    Crosses are speeds under the harder conditions, of the steps that judge them.
+    """
     names = [Terrain(rung * settings.slope).name for rung in RUNGS]
     with figure(path, PAGE, 2.4, ncols=len(found), sharey=True) as (_, panels):
         for panel, one in zip(panels[0], found, strict=True):
@@ -190,6 +194,11 @@ def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
             for name, colour in zip(names, COLOURS, strict=False):
                 tried = [(place, step.speeds[name]) for place, step in enumerate(steps) if name in step.speeds]
                 panel.plot(*np.array(tried).reshape(-1, 2).T, "o", color=colour, label=name, markersize=4)
+                hard = [(place, (step.last.best_details or {}).get(f"speed_{name}{HARD}"))
+                        for place, step in enumerate(steps)]  # fmt: skip
+                judged = [(place, speed) for place, speed in hard if speed is not None]
+                label = f"{name}, harder" if judged else None
+                panel.plot(*np.array(judged, float).reshape(-1, 2).T, "x", color=colour, label=label, markersize=4)
             places = {step.name: place for place, step in enumerate(steps)}
             if one.best and one.found_by:
                 panel.plot(places[one.found_by], one.best.speed, "k*", label="in full")

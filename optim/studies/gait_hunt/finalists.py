@@ -1,7 +1,8 @@
-"""The finalists of a search's runs, judged once and kept."""
+"""The finalists of a search's runs, judged once and kept, and files of the best."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from optim.runs.history import History
 from optim.studies.gait_hunt.judging import Finalist, judge_finalists, last_bests
 from optim.studies.results import Progress
 from robots.files import read_text, write_text
+from robots.gaits import save_gait
+from robots.judgement import HARD_FRICTION, NOISE
 from robots.terrain import Terrain
 
 
@@ -25,11 +28,23 @@ def _read(path: Path) -> dict[str, Any]:
     return known if isinstance(known, dict) and isinstance(known.get("speeds"), list) else {}
 
 
+def _conditions(problem: GaitProblem, terrain: Terrain, where: Mapping[str, Any]) -> str:
+    """A digest of all that speeds of given designs depend on, beside the number of runs."""
+    record = {
+        "problem": problem.describe(),
+        "terrain": asdict(terrain),
+        "noise": NOISE,
+        "friction": HARD_FRICTION,
+        **{name: where.get(name) for name in ("precision", "device")},
+    }
+    return sha256(json.dumps(record, sort_keys=True).encode())
+
+
 def kept_finalists(
     path: Path, histories: Sequence[History], problem: GaitProblem, terrain: Terrain, count: int, runs: int,
     progress: Progress, **where: Any,
 ) -> list[list[Finalist]]:  # fmt: skip
-    """The last bests of each run of a search, played in full: from the file, if they are of these runs, or now.
+    """The last bests of each run of a search, played in full: from the file, if they are of these runs and conditions.
 
     All of them are one batch under either condition, since a few robots take as long as a vector full of them. The
     noise of each follows from its place among them.
@@ -46,7 +61,8 @@ def kept_finalists(
     """
     found = [last_bests(history, problem, count) for history in histories]
     bests = json.dumps([[generation.best_point for generation in history.generations] for history in histories])
-    of = {"bests": sha256(bests.encode()), "count": count, "runs": runs}
+    of = {"bests": sha256(bests.encode()), "count": count, "runs": runs,
+          "conditions": _conditions(problem, terrain, where)}  # fmt: skip
     known, listed = _read(path), [each for one in found for each in one]
     if known.get("of") != of or len(known["speeds"]) != len(listed):
         judged = judge_finalists(listed, terrain, runs, progress=progress, **where)
@@ -55,3 +71,19 @@ def kept_finalists(
         write_text(path, json.dumps(known) + "\n")
     rest = iter(known["speeds"])
     return [[Finalist(*each, *(np.array(values, float) for values in next(rest))) for each in one] for one in found]
+
+
+def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:
+    """Write the gaits found, by the names of their files; what earlier reports named there goes.
+
+    Args:
+        folder: of gaits alone, which may be new.
+        found: None where nothing was.
+    """
+    folder.mkdir(exist_ok=True)
+    for path in folder.glob("*.json"):
+        if not found.get(path.stem):
+            path.unlink()
+    for name, best in found.items():
+        if best:
+            save_gait(best.design, folder / f"{name}.json")

@@ -43,10 +43,10 @@ def best_of_kinds(designs: Sequence[GaitDesign], scores: Array, count: int, body
     """
     chosen: list[int] = []
     for number in (int(n) for n in np.argsort(-scores, kind="stable") if np.isfinite(scores[n])):
-        if all(difference(designs[number], designs[other], body) >= APART for other in chosen):
-            chosen.append(number)
         if len(chosen) == count:
             break
+        if all(difference(designs[number], designs[other], body) >= APART for other in chosen):
+            chosen.append(number)
     return chosen
 
 

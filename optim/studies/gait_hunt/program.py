@@ -32,6 +32,7 @@ from optim.gait_problem import GaitProblem
 from optim.gait_start import start_values
 from optim.runs.history import History, read_result
 from optim.runs.loop import Generation
+from optim.search.method import check_number, check_whole
 from optim.studies.gait_hunt.kinds import best_of_kinds
 from optim.studies.gait_hunt.searches import CYCLE, SHORT, STEPPED
 from optim.studies.gait_hunt.spending import read_spent, search_within
@@ -62,7 +63,7 @@ class Plan:
         rounds: generations of each round of these; the better half of the kinds goes on to the next.
         leads: parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best.
         headings: near that of the best that are tried.
-        refined: population of these searches, and of the last two.
+        refined: population of the searches that lead, and of the last two.
         generations: of each of these.
     """
 
@@ -75,6 +76,17 @@ class Plan:
     headings: int = 16
     refined: int = 16
     generations: int = 20
+
+    def __post_init__(self) -> None:
+        for name, low in (("looks", 2), ("kept", 1), ("kinds", 1), ("population", 2), ("headings", 2), ("refined", 2),
+                          ("generations", 0)):  # fmt: skip
+            check_whole(name, getattr(self, name), low)
+        if not self.rounds:
+            raise ValueError("rounds: none given; give the generations of at least one")
+        for generations in self.rounds:
+            check_whole("rounds", generations, 0)
+        for part in self.leads:
+            check_number("leads", part, 0.0, 1.0)
 
     @property
     def evaluations(self) -> int:

@@ -56,7 +56,7 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
             "evolution with gradients on cycles", "memetic", {"population": 32, "every": 4, "refine": 16}
         ),
         "ladder": HuntSearch(
-            "genetic search of patterns, up a ladder",
+            "genetic search of networks, up a ladder",
             "genetic",
             {"population": 48, "starts": 96, "elites": 48, "crossover": 0.2, "mutation": 0.06},
             STEPPED,

@@ -15,7 +15,7 @@ from optim.runs import open_run, run_search
 from optim.runs.history import History, read_history
 from optim.runs.requests import Request, judge
 from optim.search import build_method, default_settings
-from robots.files import write_text
+from robots.files import read_text, write_text
 
 # A gradient takes as long as so many simulations without, for robots that fill vectors; see docs/performance.md.
 GRADIENT_COST = 7.5
@@ -52,7 +52,7 @@ def search_within(
         generations: number of the last one, if the budget lasts.
 
     Raises:
-        ValueError: in one line, for a budget or a folder that is not allowed.
+        ValueError: in one line, for a budget or a folder that is not allowed, or one that lacks what has been spent.
     """
     if not budget > 0:
         raise ValueError(f"budget: {budget:g} robot-steps are not allowed; give more than 0")
@@ -62,6 +62,7 @@ def search_within(
         spent = read_spent(folder)
 
         def evaluate(request: Request) -> Evaluation:
+            _check_known(folder, spent, run.lines)
             del spent[run.lines :]  # of a generation that was cut off
             if spent and sum(spent) + least_cost(problem, request) > budget:
                 raise BudgetSpent
@@ -74,7 +75,14 @@ def search_within(
 
         with contextlib.suppress(BudgetSpent):
             run_search(problem, build_method(method, problem.space, known), run, generations, evaluate=evaluate)
-    return read_history(folder)
+    history = read_history(folder)
+    _check_known(folder, spent, len(history.generations))
+    return history
+
+
+def _check_known(folder: Path, spent: Sequence[float], generations: int) -> None:
+    if len(spent) < generations:
+        raise ValueError(f"{folder / SPENT}: tells the cost of {len(spent)} of {generations} generations; restore it")
 
 
 def paid(history: History, spent: Sequence[float], budget: float) -> History:
@@ -84,9 +92,21 @@ def paid(history: History, spent: Sequence[float], budget: float) -> History:
 
 
 def read_spent(folder: Path) -> list[float]:
-    """What the generations of a run have cost, the last perhaps of one that was cut off; nothing of a new run."""
+    """What the generations of a run have cost, the last perhaps of one that was cut off; nothing of a new run.
+
+    Raises:
+        ValueError: in one line, for a damaged file.
+    """
     path = folder / SPENT
-    return list(json.loads(path.read_text())) if path.exists() else []
+    if not path.exists():
+        return []
+    try:
+        spent = json.loads(read_text(path))
+    except ValueError:
+        spent = None
+    if not isinstance(spent, list) or not all(isinstance(each, int | float) and each >= 0 for each in spent):
+        raise ValueError(f"{path}: is damaged; it must be a list of robot-steps, one of each generation")
+    return spent
 
 
 def least_cost(problem: GaitProblem, request: Request) -> float:

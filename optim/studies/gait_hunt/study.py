@@ -7,6 +7,7 @@ count. When all have ended, the last few designs that each found best are played
 conditions of ``robots.judgement``, and the best of them is what the run has found.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.gait_problem import GaitProblem
+from optim.hints import nearest
 from optim.measures.statistics import mean_band
 from optim.runs.history import History
 from optim.studies.figures import COLOURS, PAGE, figure, letter
-from optim.studies.gait_hunt.finalists import kept_finalists
+from optim.studies.gait_hunt.checks import check_settings
+from optim.studies.gait_hunt.finalists import kept_finalists, write_gaits
 from optim.studies.gait_hunt.judging import Finalist, best_of, columns_of
 from optim.studies.gait_hunt.searches import SEARCHES
 from optim.studies.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
@@ -28,7 +31,6 @@ from optim.studies.jobs import beside
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
 from optim.studies.tables import write_table
 from robots.files import write_text
-from robots.gaits import save_gait
 from robots.inflatable import NAMED_GEOMETRIES
 from robots.judgement import LEAST_HARD_SPEED
 from robots.terrain import Terrain
@@ -57,6 +59,17 @@ class Hunt:
     geometry: str = "published"
     finalists: int = 4
     runs: int = 4
+
+    def __post_init__(self) -> None:
+        if not 0 < self.evaluations < math.inf:
+            raise ValueError(f"evaluations: {self.evaluations!r} is not allowed; give a number above 0")
+        if not self.searches or len(set(self.searches)) < len(self.searches):
+            raise ValueError(f"searches: {', '.join(self.searches) or 'none'} given; give at least one, and none twice")
+        for name in self.searches:
+            if name not in SEARCHES:
+                known = ", ".join(SEARCHES)
+                raise ValueError(f"searches: {name!r} is unknown; choose of {known}{nearest(name, SEARCHES)}")
+        check_settings(self.seeds, self.slope, self.geometry, self.finalists, self.runs)
 
     @property
     def budget(self) -> float:
@@ -98,7 +111,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
         jobs: runs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
-    check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"))
+    check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"), "gait-hunt")
     searches = settings.searches
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
     beside([(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
@@ -147,10 +160,7 @@ def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
     summary = {name: _group(group) for name, group in groups.items() if group}
     write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, "searches": summary, "runs": rows})
     write_text(folder / "table.md", _table(summary))
-    (folder / "gaits").mkdir(exist_ok=True)
-    for one in found:
-        if one.best:
-            save_gait(one.best.design, folder / "gaits" / f"{one.search}-{one.seed}.json")
+    write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
     _draw({name: group for name, group in groups.items() if group}, folder / "hunt.png")
 
 
@@ -177,6 +187,7 @@ def _group(group: Sequence[Found]) -> dict[str, Any]:
         "label": SEARCHES[group[0].search].label,
         "runs": len(group),
         "evaluations": int(np.median([one.history.generations[-1].evaluations for one in group])),
+        "robot_steps": float(np.median([one.spent.sum() for one in group])),
         "speed": float(speeds.mean()) if len(speeds) else None,
         "low": None if low is None else float(low),
         "high": None if high is None else float(high),
@@ -187,17 +198,18 @@ def _group(group: Sequence[Found]) -> dict[str, Any]:
 
 
 def _table(summary: dict[str, dict[str, Any]]) -> str:
-    """The same in Markdown."""
+    """The same in Markdown; evaluations and robot-steps are medians of the runs."""
     lines = [
-        "| search | evaluations, median | speed, mean | its interval | best | harder | of runs, stay |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| search | evaluations | million robot-steps | speed, mean | its interval | best | harder | of runs, stay |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for row in summary.values():
         values = {name: "" if row[name] is None else f"{row[name]:.4f}" for name in _SPEEDS}
         interval = f"{values['low']} to {values['high']}" if values["low"] else ""
+        staying = "" if row["staying"] is None else row["staying"]
         lines.append(
-            f"| {row['label']} | {row['evaluations']} | {values['speed']} | {interval} | {values['best']} "
-            f"| {values['hard_speed']} | {'' if row['staying'] is None else row['staying']} of {row['runs']} |"
+            f"| {row['label']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {values['speed']} "
+            f"| {interval} | {values['best']} | {values['hard_speed']} | {staying} of {row['runs']} |"
         )
     return "\n".join(lines) + "\n"
 
@@ -206,24 +218,25 @@ _SPEEDS = ("speed", "low", "high", "best", "hard_speed")
 
 
 def _draw(groups: dict[str, list[Found]], path: Path) -> None:
-    """Best scores over what was spent, and what the runs have found in the end."""
+    """Best scores over what was spent, each by its search's own rule, and what the runs have found in the end."""
     with figure(path, PAGE, 3.0, ncols=2) as (_, panels):
         over, end = panels[0]
         for (name, group), colour in zip(groups.items(), COLOURS, strict=False):
             for one in group:
                 scores = np.array([g.best for g in one.history.generations], float)
-                label = SEARCHES[name].label if one is group[0] else None
-                over.step(np.cumsum(one.spent)[: len(scores)] / 1e6, scores, where="post", color=colour, label=label,
-                          linewidth=0.8)  # fmt: skip
+                style = "--" if SEARCHES[name].rungs else "-"  # scores of ladders count easier slopes
+                over.step(np.cumsum(one.spent)[: len(scores)] / 1e6, scores, where="post", color=colour,
+                          linewidth=0.8, linestyle=style)  # fmt: skip
             place = list(groups).index(name)
             known = [one.best for one in group if one.best]
             for value, marker in (("speed", "o"), ("hard_speed", "x")):
-                end.plot(
-                    [getattr(best, value) for best in known], [place] * len(known), marker, color=colour, markersize=4
-                )
-        over.set(xlabel="spent [million robot-steps]", ylabel="best score so far [BL/s]")
+                end.plot([getattr(best, value) for best in known], [place] * len(known), marker, color=colour,
+                         markersize=5, fillstyle="none")  # fmt: skip
+        over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
         end.axvline(0.0, color="0.7", linewidth=0.6)
         end.set(yticks=range(len(groups)), yticklabels=[SEARCHES[name].label for name in groups],
                 xlabel="speed in full, o usual, x harder [BL/s]")  # fmt: skip
+        for label, colour in zip(end.get_yticklabels(), COLOURS, strict=False):
+            label.set_color(colour)  # they are the legend of both panels
         end.invert_yaxis()
         letter(panels)

@@ -101,7 +101,7 @@ def largest_deviation(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | Non
     row = max(known, key=lambda row: abs(row["deviation_from_published"]))
     within = sum(abs(each["deviation_from_published"]) <= TOLERANCE for each in known)
     away = row["deviation_from_published"]
-    return {"low": row["low"], "high": row["high"], "speed": away, "within": within, "of": len(rows)}
+    return {"low": row["low"], "high": row["high"], "difference": away, "within": within, "of": len(rows)}
 
 
 def page(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -117,7 +117,7 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
         lines.append(f"| {row['sweep']} | {row['low']:g} | {row['high']:g} | {shown(row)} | {row['published']:.4f} | "
                      f"{'–' if away is None else f'{round(away, 4) + 0.0:+.4f}'} |")  # fmt: skip
     if worst := largest_deviation(rows):
-        lines += ["", f"Largest difference: {worst['speed']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
+        lines += ["", f"Largest difference: {worst['difference']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
                   f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}."]  # fmt: skip
     return "\n".join(lines) + "\n"
 

@@ -17,12 +17,12 @@ from optim.studies.results import Progress, kept_in_turn
 from robots import inflatable
 from robots.checks import number
 from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
+from robots.judgement import NOISE
 from robots.results_folder import ResultsFolder
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
 
 Floats = NDArray[np.float64]
-START_NOISE = 1e-8  # m
 MOST_COPIES = 1000
 BATCH = 16  # robots of a part of a study at least, if there are any more: they fill the lanes of two threads in f64
 
@@ -63,7 +63,7 @@ class Robot:
     actuation: InflatableActuation = ACTUATION
     precision: str = "f64"
     copies: int = 8
-    noise: float = START_NOISE
+    noise: float = NOISE
     seed: int = 0
 
     def __post_init__(self) -> None:

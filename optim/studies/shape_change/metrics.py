@@ -60,6 +60,9 @@ class SoftRobotMetrics:
     def __post_init__(self) -> None:
         check_whole("gaits", self.gaits, 1, 100_000)
         check_whole("seed", self.seed, 0)
+        if self.robot.copies != 1 or self.robot.noise:
+            raise ValueError(f"robot: {self.robot.copies} copies with noise of {self.robot.noise:g} m are not allowed; "
+                             "give 1 without noise")  # fmt: skip
         object.__setattr__(self, "slope", number("slope", Terrain(self.slope).slope, 0.1, 45.0, "degrees"))
         for name in ("pressures", "orientations"):
             values = getattr(self, name)

@@ -87,24 +87,26 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
     """
     ahead = np.asarray(rolling, float) - np.asarray(inching, float)
     ahead = ahead[:, ~np.isnan(ahead).any(axis=0)]  # a copy counts that is there at every slope
-    if not ahead.size or (place := crossing(slopes, ahead.mean(axis=1))) is None:
+    if not ahead.size or (found := crossing(slopes, ahead.mean(axis=1))) is None:
         return None
+    place, *between = found
     resampled = [crossing(slopes, means) for means in bootstrap_means(ahead.T)]
-    known = np.array([each for each in resampled if each is not None])
+    known = np.array([each[0] for each in resampled if each is not None])
     low, high = np.percentile(known, [2.5, 97.5]).tolist() if known.size else (place, place)
-    after = int(np.searchsorted(slopes, place, side="left"))
-    between = [float(slopes[max(after - 1, 0)]), float(slopes[after])]
     return {"slope": place, "low": low, "high": high, "between": between, "cross": known.size / len(resampled)}
 
 
-def crossing(slopes: Sequence[float], ahead: Floats) -> float | None:
-    """Where a difference, shape (S,), that is positive first becomes negative; None if it never does."""
+def crossing(slopes: Sequence[float], ahead: Floats) -> tuple[float, float, float] | None:
+    """Where a difference, shape (S,), that is positive first becomes negative, and the slopes before and after.
+
+    None if it never does.
+    """
     negative = np.flatnonzero(ahead < 0)
     if not negative.size or negative[0] == 0:
         return None
     n = int(negative[0])
     share = ahead[n - 1] / (ahead[n - 1] - ahead[n])
-    return float(slopes[n - 1] + share * (slopes[n] - slopes[n - 1]))
+    return float(slopes[n - 1] + share * (slopes[n] - slopes[n - 1])), float(slopes[n - 1]), float(slopes[n])
 
 
 def page(settings: SlopeSweep, summary: dict[str, Any]) -> str:

@@ -89,6 +89,11 @@ def _tests(tests: Sequence[Mapping[str, Any]]) -> list[str]:
             f"climbers): mean difference {size['difference']:+.4f} [{size['low']:+.4f}, {size['high']:+.4f}] BL/s; "
             f"Welch's t-test: {value}"
         )
+        if paired := test["paired"]:
+            lines[-1] += (
+                f"; {paired['climbers']} pairs that drew the same numbers: {paired['difference']:+.4f} "
+                f"[{paired['low']:+.4f}, {paired['high']:+.4f}]"
+            )
     return ["Whether shape has to change: rolling on the hill against the search with all free.", "", *lines] * bool(
         lines
     )
