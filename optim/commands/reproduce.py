@@ -22,7 +22,7 @@ def add_parser(commands: Any) -> None:
         "--budget",
         choices=("small", "medium", "full"),
         default="small",
-        help="to see that it works (default); about an hour, of studies of the soft robot that take days; or all",
+        help="to see that it works (default); an hour to a few, of studies of the soft robot that take days; or all",
     )
     parser.add_argument(
         "--sweep", type=Path, metavar="DIR", help="folder of a sweep, of studies that read bodies from one"

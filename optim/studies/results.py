@@ -13,7 +13,7 @@ from robots.results_folder import ResultsFolder
 
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[float], None] | None
-Budget = Literal["small", "medium", "full"]  # to see that a study works; about an hour, where offered; all of it
+Budget = Literal["small", "medium", "full"]  # to see that a study works; hours, where offered; all of it
 _Settings = TypeVar("_Settings")
 
 
