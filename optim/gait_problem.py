@@ -161,8 +161,9 @@ class GaitProblem:
             raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
         if self.ramp_steps is not None:
             whole_number("ramp_steps", self.ramp_steps, 1)
-        # What is fixed is checked where it is used: better now than in the first evaluation.
-        self.design(self.space.low)
+        # What is fixed is checked where it is used: better now than in the first evaluation. Of any point: the lowest
+        # moves nothing, and is played again and again to fill its time.
+        self.design(self.space.sample(np.random.default_rng(0), 1)[0])
         InflatableActuation(weight=self.weight)
 
     @property

@@ -60,11 +60,11 @@ def columns_of(best: Finalist | None) -> dict[str, Any]:
 def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[GaitDesign, int]]:
     """The last few designs that a run found better than all before, and the generations that found them."""
     found: list[tuple[GaitDesign, int]] = []
-    before = None
+    full, before = problem.in_full(), None
     for generation in history.generations:
         if generation.best_point is not None and generation.best_point != before:
             before = generation.best_point
-            found.append((problem.in_full().design(problem.space.from_dict(before)), generation.generation))
+            found.append((full.design(problem.space.from_dict(before)), generation.generation))
     return found[-count:]
 
 
