@@ -76,6 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(args.command, f"error: {error}", 2)
     except (OSError, RuntimeError) as error:
         return _fail(args.command, f"failed: {error}", FAILED)
+    except MemoryError as error:
+        return _fail(args.command, f"failed: there is not enough memory for this ({error})", FAILED)
     except KeyboardInterrupt as interrupt:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
     print(json.dumps(report.document, allow_nan=False) if args.json else report.text)

@@ -20,14 +20,14 @@ from optim.gait_shape import EMPTY_CORE, ShapeGenes
 from optim.problem import GAIT, OK, Evaluation, check_kind
 from optim.space import Space, Vector
 from robots import gaits
-from robots.checks import number, whole_number
+from robots.checks import choice, number, whole_number
 from robots.cores import Pressure, checked_pressure, each_pressure
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
 from robots.judgement import harder
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
-from robots.schedule import FEET
+from robots.schedule import FEET, MOST_COLUMNS, MOST_REPEATS
 from robots.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ LATER_OPTIONS = {
 }
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
+LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
@@ -126,8 +127,7 @@ class GaitProblem:
         names = [terrain.name for terrain in self.terrains]
         if not names or len(set(names)) < len(names):
             raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
-        if self.geometry not in NAMED_GEOMETRIES:
-            raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        choice("geometry", self.geometry, NAMED_GEOMETRIES)
         if self.pressure is not None:
             object.__setattr__(self, "pressure", checked_pressure(self.pressure))
             each_pressure(self.pressure, self.body)
@@ -137,17 +137,17 @@ class GaitProblem:
             object.__setattr__(self, "columns", self.schedule.columns)
             object.__setattr__(self, "repeats", self.schedule.repeats)
             object.__setattr__(self, "encoding", "codes")  # of nothing
-        if self.encoding not in ENCODINGS:
-            raise ValueError(f"encoding: {self.encoding!r} is unknown; choose one of {', '.join(ENCODINGS)}")
-        if self.objectives not in OBJECTIVES:
-            raise ValueError(f"objectives: {self.objectives!r} is unknown; choose one of {', '.join(OBJECTIVES)}")
-        whole_number("stages", self.stages, 1)
+        choice("encoding", self.encoding, ENCODINGS)
+        choice("objectives", self.objectives, OBJECTIVES)
+        for name, low, high in (("columns", 1, MOST_COLUMNS), ("repeats", 1, MOST_REPEATS), ("stages", 1, MOST_COLUMNS),
+                                ("warm_up", 0, LONGEST_GAIT)):  # fmt: skip
+            object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))
         for name in GRADED_OPTIONS:
             if (value := getattr(self, name)) != LATER_OPTIONS[name] and not self.graded:
                 what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
                 raise ValueError(f"{name}: {value} is not allowed with {what}; they are of a free graded gait")
         if self.steps is not None:
-            whole_number("steps", self.steps, 1)
+            whole_number("steps", self.steps, 1, LONGEST_GAIT)
         if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
         if self.ladder and len(self.terrains) < 2:

@@ -12,14 +12,21 @@ ASIDE = ".aside-"  # how files begin that are not whole yet; run folders clear a
 
 
 def new_path(path: str | os.PathLike[str]) -> Path:
-    """A path at which there is nothing yet.
+    """A path at which there is nothing yet, in a folder that there is.
 
     Raises:
-        ValueError: in one line, if there is something.
+        ValueError: in one line, if there is something, or no such folder.
     """
     if Path(path).exists():
         raise ValueError(f"path: {path} exists; name a new file")
+    check_parent("path", Path(path))
     return Path(path)
+
+
+def check_parent(field: str, path: Path) -> None:
+    """Refuse a file whose folder there is not: better before the work than after it."""
+    if not path.parent.is_dir():
+        raise ValueError(f"{field}: {path} cannot be written; there is no folder {path.parent}")
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
@@ -80,7 +87,7 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
     text = read_text(path)
     try:
         record = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: it is no JSON of the format {form!r} ({error})") from None
     try:
         if not isinstance(record, dict) or record.get("format") != form:
@@ -88,5 +95,5 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
         return build(record)
     except KeyError as missing:
         raise ValueError(f"{path}: {missing} is missing") from None
-    except (ValueError, TypeError) as problem:
+    except (ValueError, TypeError, OverflowError) as problem:
         raise ValueError(f"{path}: {problem}") from None

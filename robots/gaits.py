@@ -151,7 +151,7 @@ def _format_of(path: str | PathLike[str]) -> Any:
     """What a file says it is; nothing if it is no record."""
     try:
         record = json.loads(read_text(path))
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         return None
     return record.get("format") if isinstance(record, dict) else None
 

@@ -200,6 +200,10 @@ def simulate(
     designs = [designs] if isinstance(designs, InflatableDesign) else list(designs)
     if not designs or not all(isinstance(d, InflatableDesign) for d in designs):
         raise ValueError("designs: give at least one InflatableDesign")
+    for name, value, kind, example in (("geometry", geometry, InflatableGeometry, "NAMED_GEOMETRIES['small']"),
+                                       ("actuation", actuation, InflatableActuation, "ACTUATION")):  # fmt: skip
+        if not isinstance(value, kind):
+            raise ValueError(f"{name}: {value!r} is not allowed; give an {kind.__name__}, such as {example}")
     for design in designs:
         each_pressure(design.pressure, geometry)  # better refused before any work
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))

@@ -13,7 +13,7 @@ from robots.checks import number, whole_number
 from robots.cores import MAXIMUM_PRESSURE, Pressure, checked_pressure
 from robots.dual import Array
 from robots.inflatable import InflatableDesign
-from robots.schedule import BLADDERS, FEET, GaitSchedule
+from robots.schedule import BLADDERS, FEET, MOST_REPEATS, GaitSchedule
 
 LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
 IDENTITY = 1e-8  # sharpness below which sharpening changes no digit
@@ -53,7 +53,7 @@ class RelaxedSchedule:
         columns = inflation.shape[1]
         object.__setattr__(self, "inflation", inflation)
         object.__setattr__(self, "grip", _table("grip", self.grip, 1.0, (FEET, columns)))
-        object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1))
+        object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1, MOST_REPEATS))
         if self.pressure is not None:
             object.__setattr__(self, "pressure", _table("pressure", self.pressure, MAXIMUM_PRESSURE, (columns,)))
         for field in ("motion_steps", "settle_steps"):
@@ -242,7 +242,7 @@ def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, .
     allowed = f"give shape ({', '.join('T' if n is None else str(n) for n in shape)}{',' * (len(shape) == 1)})"
     try:
         table = np.array(given, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{field}: {type(given).__name__} is not allowed; {allowed}") from None
     if len(table.shape) != len(shape) or any(
         n < 1 or m not in (None, n) for n, m in zip(table.shape, shape, strict=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.checks import LONGEST_SHOWN
 from robots.files import ASIDE, read_text, write_bytes, write_text
 
 
@@ -36,9 +37,10 @@ class ResultsFolder:
         self.path = path
         text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
         if file.exists():
-            if read_text(file) != text:
+            if (before := read_text(file)) != text:
                 article = "an" if kind[0] in "aeiou" else "a"
-                raise ValueError(f"out: {path} holds {article} {kind} of other settings; name another folder")
+                raise ValueError(f"out: {path} holds {article} {kind} of other settings{_difference(before, text)}; "
+                                 "name another folder")  # fmt: skip
             return
         if path.exists() and (not path.is_dir() or any(not each.name.startswith(ASIDE) for each in path.iterdir())):
             raise ValueError(f"out: {path} holds something else; name a new folder")
@@ -77,6 +79,17 @@ def read_settings(path: Path, kind: str) -> dict[str, Any]:
     except (ValueError, KeyError, TypeError, AttributeError):
         raise ValueError(f"{path}: holds no {kind}") from None
     return record
+
+
+def _difference(before: str, now: str) -> str:
+    """The first setting that differs, in brackets."""
+    try:
+        old, new = json.loads(before), json.loads(now)
+        name = next(name for name in [*new, *old] if old.get(name) != new.get(name))
+    except (ValueError, AttributeError, StopIteration):
+        return " (its file of settings is damaged)"
+    values = [json.dumps(record.get(name)) for record in (old, new)]
+    return f" ({name}: {values[0]}, not {values[1]})" if max(map(len, values)) < LONGEST_SHOWN else f" ({name})"
 
 
 def _form(kind: str) -> str:

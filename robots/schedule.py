@@ -15,6 +15,7 @@ from robots.checks import whole_number
 BLADDERS = 8
 FEET = 2
 ROWS = BLADDERS + FEET
+MOST_COLUMNS, MOST_REPEATS = 10_000, 100_000  # published gaits have 8, played twice
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +56,7 @@ class GaitSchedule:
         bits = given.astype(np.bool_)
         bits.setflags(write=False)
         object.__setattr__(self, "bits", bits)
-        object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1))
+        object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1, MOST_REPEATS))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, GaitSchedule):
@@ -101,7 +102,7 @@ class GaitSchedule:
             columns: T.
             repeats: how often the columns are played.
         """
-        columns = whole_number("columns", columns, 1)
+        columns = whole_number("columns", columns, 1, MOST_COLUMNS)
         period = _codes("f", f, columns)[:, None] + 1
         offset = _codes("phi", phi, columns)[:, None]
         return cls((np.arange(columns) - offset) % period == 0, repeats)

@@ -65,6 +65,12 @@ def test_what_exceeds_limits_is_refused_or_clipped_as_asked(morpholab, folder):
     assert read_csv(folder / "a.csv").pressures[:, 1:9].max() == 15.0
 
 
+def test_a_rate_too_slow_for_the_gait_is_told(morpholab, folder):
+    code, out, _ = morpholab("export rolling.json --csv a.csv --rate 0.3")
+    assert code == 0 and "note: in whole samples at 0.3 Hz it takes that long; without --rate 48.2 s" in out
+    assert "note" not in morpholab("export rolling.json --csv a.csv --rate 100")[1]
+
+
 def test_a_dry_run_tells_when_what_happens_and_writes_no_table(morpholab, folder):
     code, out, _ = morpholab("export rolling.json --csv a.csv --dry-run")
     lines = out.splitlines()

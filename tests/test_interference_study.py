@@ -126,10 +126,18 @@ def test_bad_input_is_one_line(call, message):
 
 def test_folders_of_other_settings_or_that_went_further_are_refused(tmp_path):
     evolve(BRIEF, CHOSEN[:1], 1, 2, tmp_path, threads=1)
-    with pytest.raises(ValueError, match="holds an interference of other settings; name another folder"):
+    with pytest.raises(ValueError, match=r"holds an interference of other settings .*; name another folder"):
         evolve(replace(BRIEF, population=5), CHOSEN[:1], 1, 2, tmp_path)
     with pytest.raises(ValueError, match=r"generations: 1 is not allowed; .* holds 2"):
         evolve(BRIEF, CHOSEN[:1], 1, 1, tmp_path)
+
+
+def test_results_of_something_else_are_not_written_over(tmp_path):
+    (tmp_path / "runs.csv").write_text("a table of another study")
+    (tmp_path / "training.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
+        train(BRIEF, CHOSEN[:1], 1, 0, tmp_path, threads=1)
+    assert (tmp_path / "runs.csv").read_text() == "a table of another study"
 
 
 def test_a_device_that_is_not_there_leaves_no_folder(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """The pipeline: tasks, plans, changes of shape, packages that play from their tables alone."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -252,6 +253,51 @@ def interrupted(*_args, **_options):
 def test_the_command_refuses_in_one_line(line, message, morpholab):
     code, _, error = morpholab(f"pipeline {line}")
     assert code == 2 and message in error and error.count("\n") == 1
+
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "pipeline" / "flat-and-water"
+
+
+def damage(machine, path, value):
+    *way, last = path
+    for key in way:
+        machine = machine[key]
+    if value is None:
+        del machine[last]
+    else:
+        machine[last] = value
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("simulated",), None, "'simulated' is missing"),
+        (("states", 0, "table"), None, "'table' is missing"),
+        (("states", 0, "table"), "../../secret.csv", "table: '../../secret.csv' is not allowed; it must be"),
+        (("states", 0, "terrain"), {"steep": 3}, "steep"),
+        (("states", 0, "speed_bl_per_s"), "fast", "speed_bl_per_s: 'fast' is not allowed"),
+        (("states",), {"flat": 1}, "is damaged"),
+        (("states",), [3], "is damaged"),
+        (("states",), [], "is no state machine"),
+        (("simulated", "geometry"), ["small"], "geometry: ['small'] is unknown; choose one of"),
+        (("simulated", "runs"), 0, "runs: 0 is not allowed; give a whole number, at least 1"),
+        (("format",), "other", "is no state machine of a package"),
+    ],
+)
+def test_a_damaged_state_machine_is_one_line(morpholab, tmp_path, monkeypatch, path, value, message):
+    monkeypatch.setattr("robots.gaits.simulate", None)
+    machine = json.loads((EXAMPLE / "machine.json").read_text())
+    damage(machine, path, value)
+    (tmp_path / "machine.json").write_text(json.dumps(machine))
+    code, _, error = morpholab(f"pipeline --replay {tmp_path} --quiet")
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("search", ['method = ["a"]', "encoding = []", 'warm_up = "x"', "columns = 1e308"])
+def test_types_that_are_wrong_in_a_task_are_one_line(task, tmp_path, morpholab, search):
+    (tmp_path / "t.toml").write_text(f"terrains = ['flat']\ngaits = ['rolling']\n[search]\n{search}\n")
+    code, _, error = morpholab(f"pipeline {tmp_path / 't.toml'} --out {tmp_path / 'o'} --quiet")
+    assert code == 2 and search.split()[0] in error and error.count("\n") == 1
 
 
 def test_a_folder_of_something_else_stays_as_it_is(task, tmp_path, morpholab):

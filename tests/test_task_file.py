@@ -60,6 +60,14 @@ def test_settings_of_any_type_can_be_said(morpholab, tmp_path):
         shutil.rmtree(tmp_path / "a")
 
 
+def test_flags_are_true_or_false(morpholab, tmp_path):
+    task = "terrain = ['flat', 'hill:5']\nencoding = 'graded'\ncolumns = 2\nclimbers = 2\ngenerations = 0\n"
+    (tmp_path / "task.toml").write_text(task + "geometry = 'small'\nladder = true\nhard = false\n")
+    assert morpholab("codesign --task task.toml --quiet --out a")[0] == 0
+    problem = tomllib.loads((tmp_path / "a/config.toml").read_text())["problem"]
+    assert problem["ladder"] is True and "hard" not in problem
+
+
 def test_settings_of_the_task_and_the_command_line_add_up(morpholab, tmp_path):
     task = "terrain = ['flat']\nmethod = 'nes'\n[set]\nsigma = 0.2\nmirrored = true\nseed = 7\npopulation = 4\n"
     (tmp_path / "task.toml").write_text(task)
@@ -82,6 +90,7 @@ def test_settings_of_the_task_and_the_command_line_add_up(morpholab, tmp_path):
         ("set = {step = 3}", "step: method hill-climb does not take it; its settings are climbers, seed, start\n"),
         ("set = {climber = 3}", "its settings are climbers, seed, start; did you mean climbers?"),
         ("set = ['climbers']", "set: 'climbers' is not allowed; give NAME=VALUE"),
+        ("ladder = 'yes'", "task: ladder: 'yes' is not allowed; give true or false"),
     ],
 )
 def test_a_wrong_task_is_one_line(morpholab, tmp_path, task, message):

@@ -97,7 +97,7 @@ def test_what_a_folder_has_is_not_computed_again_unless_it_is_damaged(tmp_path):
     file.write_bytes(file.read_bytes()[:-40])
     third = kept_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
     assert problem.calls > calls and np.array_equal(third.points, first.points)
-    with pytest.raises(ValueError, match="holds a study of other settings; name another folder"):
+    with pytest.raises(ValueError, match=r"holds a study of other settings .*; name another folder"):
         ResultsFolder(tmp_path / "a", "study", {"x": 2})
     assert kept(None, "one", lambda: {"a": np.ones(2)})["a"].tolist() == [1.0, 1.0]
 

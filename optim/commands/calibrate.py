@@ -82,6 +82,8 @@ def _fit(args: argparse.Namespace) -> Report:
     options.check_new_folder(args.out)
     found = read_measurements(args.data, lambda *gait: _load(args.data.parent, *gait))
     names, bounds = _names(args.fit, found.experiments), _bounds(args.bounds)
+    if unused := [text for text in args.bounds if text.partition("=")[0] not in names]:
+        raise ValueError(f"bounds: {unused[0]!r} is not used; fitted are {', '.join(names)}")
     check_names(found.experiments, names)
     geometry = NAMED_GEOMETRIES[found.geometry]
     stiffest = bounds["modulus"][1] if "modulus" in names else geometry.youngs_modulus
@@ -135,6 +137,6 @@ def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
         except ValueError:
             low = high = 0.0
         if not 0 < low < high < float("inf"):
-            raise ValueError(f"bounds: {text!r} is not allowed; give {name}=LOW:HIGH, both positive")
+            raise ValueError(f"bounds: {text!r} is not allowed; give {name}=LOW:HIGH, both positive, the lower first")
         bounds[name] = low, high
     return bounds

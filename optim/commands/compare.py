@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.files import replacing
     from optim.runs.history import read_history, runs_below
 
-    if args.out and args.out.suffix not in PICTURES:
+    if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
     histories = [read_history(path) for path in runs_below(args.runs)]
     comparison.check_comparable(histories)

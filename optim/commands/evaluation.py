@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from optim.runs import RunFolder
     from optim.runs.requests import Evaluate
 
+MOST_WORKERS = 10_000
 LANES = {"f32": 16, "f64": 8}  # robots that a CPU thread simulates side by side, see docs/architecture.md
 
 
@@ -24,7 +25,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("where it runs (the results are the same bits everywhere)")
     group.add_argument(
         "--workers",
-        type=options.whole(1),
+        type=options.whole(1, MOST_WORKERS),
         metavar="N",
         help="processes that evaluate (default: this one, with all threads; on Ray as many as the cluster has cores)",
     )

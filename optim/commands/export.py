@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
+LONGER = 1.02  # times the gait's own length: what whole samples make of it is told from there on
 
 
 def add_parser(commands: Any) -> None:
@@ -59,12 +60,20 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Write the CSV file and the picture, or tell what would be written."""
+    from robots.files import check_parent
     from robots.hardware import PneumaticRig, RigViolation, gait_table, write_csv
 
     if not (args.csv or args.dry_run or args.plot):
         raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
+    for field, path in (("csv", args.csv), ("plot", args.plot)):
+        if path and (path.is_dir() or not path.name):
+            raise ValueError(f"{field}: {path} is a folder; name a file")
+        if path:
+            check_parent(field, path)
+    if args.csv and args.plot and args.csv.absolute() == args.plot.absolute():
+        raise ValueError(f"plot: {args.plot} is the table, too; name another file")
     rig = PneumaticRig.load(args.rig)
     design, seed = _design(args.source, args.member)
     try:
@@ -75,16 +84,19 @@ def run(args: argparse.Namespace) -> Report:
         violations = [str(violation) for violation in refusal.violations]
         text = "\n".join([f"{rig.name}: refuses the gait", *violations])
         return Report({"source": str(args.source), "violations": violations}, text, REFUSED)
+    unsampled = None
+    if args.rate is not None:
+        unsampled = gait_table(design, rig, args.units, on_violation=args.on_violation).seconds
     if args.csv and not args.dry_run:
         write_csv(table, args.csv)
     if args.plot:
         from robots.view.gait_chart import save_gait_chart
 
         save_gait_chart(table, args.plot)
-    return _report(args, table)
+    return _report(args, table, unsampled)
 
 
-def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
+def _report(args: argparse.Namespace, table: "GaitTable", unsampled: float | None) -> Report:
     from robots.hardware.dry_run import timing_document, timing_text
 
     written = None if args.dry_run or not args.csv else str(args.csv)
@@ -100,6 +112,8 @@ def _report(args: argparse.Namespace, table: "GaitTable") -> Report:
         return Report({**document, **timing_document(table)}, timing_text(table))
     name = written or document["plot"]
     text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {args.units}"
+    if unsampled is not None and table.seconds > LONGER * unsampled:
+        text += f"\nnote: in whole samples at {args.rate:g} Hz it takes that long; without --rate {unsampled:.1f} s"
     if table.clipped:
         text += f"\nclipped {counted(len(table.clipped), 'time')}, as the file's header tells; first {table.clipped[0]}"
     return Report(document, text)

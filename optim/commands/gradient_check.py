@@ -68,10 +68,7 @@ def run(args: argparse.Namespace) -> Report:
     from robots.files import write_text
 
     problems = _problems(args)
-    if args.out:
-        if args.out.exists() and not args.out.is_dir():
-            raise ValueError(f"out: {args.out} is not a folder")
-        args.out.mkdir(parents=True, exist_ok=True)
+    options.check_new_folder(args.out)
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
             problems, directions=args.directions, smoothing=args.smoothing, samples=args.samples, seed=args.seed,
@@ -81,6 +78,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.out:
         import json
 
+        args.out.mkdir(parents=True, exist_ok=True)
         write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
         save_plot(report, args.out / "gradient.png")
         text += f"\n{args.out}: gradient.json, gradient.png"

@@ -38,9 +38,9 @@ def number(low: float = -math.inf, high: float = math.inf, unit: str = "") -> Ca
     return checked(lambda text: checks.number("", _value(text), low, high, unit))
 
 
-def whole(low: int) -> Callable[[str], int]:
-    """A whole number of at least ``low``."""
-    return checked(lambda text: checks.whole_number("", _value(text), low))
+def whole(low: int, high: int = 2**63 - 1) -> Callable[[str], int]:
+    """A whole number between two bounds, both included."""
+    return checked(lambda text: checks.whole_number("", _value(text), low, high))
 
 
 def _value(text: str) -> float | str:
@@ -156,9 +156,16 @@ def design_file(path: Path, from_rows: bool = False) -> "GaitDesign":
 
 
 def check_new_folder(path: Path | None) -> None:
-    """Refuse a folder for results, if one is given, that holds anything, or is none."""
-    if path is not None and path.exists() and not (path.is_dir() and not any(path.iterdir())):
-        raise ValueError(f"out: {path} exists and is not empty; name a new folder")
+    """Refuse a folder for results, if one is given, that holds anything, is none, or cannot be made."""
+    if path is None:
+        return
+    if path.is_dir():
+        if any(path.iterdir()):
+            raise ValueError(f"out: {path} exists and is not empty; name a new folder")
+        return
+    above = next((each for each in (path, *path.parents) if each.exists()), path)
+    if not above.is_dir():
+        raise ValueError(f"out: {above} is a file; name a new folder")
 
 
 def cut(schedule: "Schedule", columns: int | None, repeats: int | None) -> "Schedule":

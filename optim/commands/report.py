@@ -46,7 +46,7 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Build the page, and write it."""
     out: Path = args.out
-    if out.suffix not in SUFFIXES:
+    if out.suffix.lower() not in SUFFIXES:
         raise ValueError(f"out: {out} is not allowed; its name must end in {' or '.join(SUFFIXES)}")
     if out.exists():
         raise ValueError(f"out: {out} exists; name a new file")

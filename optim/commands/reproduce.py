@@ -42,6 +42,9 @@ def run(args: argparse.Namespace) -> Report:
     from optim.studies.catalogue import CATALOGUE
 
     if args.study is None:
+        for name in ("out", "sweep", "jobs"):
+            if getattr(args, name) is not None:
+                raise ValueError(f"{name}: {getattr(args, name)} is not allowed without a study; name one first")
         items = {name: {"source": item.source, "title": item.title} for name, item in CATALOGUE.items()}
         return Report(items, "\n".join(f"{name}: {item.title} ({item.source})" for name, item in CATALOGUE.items()))
     if args.study not in CATALOGUE:

@@ -60,6 +60,10 @@ def _complete_settings(args: argparse.Namespace, given: argparse.Namespace) -> N
 def _arguments(action: argparse.Action, value: Any) -> list[str]:
     """The words of a command line that say the same."""
     option = action.option_strings[-1]
+    if action.nargs == 0:
+        if not isinstance(value, bool):
+            raise ValueError(f"task: {option.lstrip('-')}: {value!r} is not allowed; give true or false")
+        return [option] * value
     if isinstance(value, dict):
         value = [f"{name}={json.dumps(setting, default=str)}" for name, setting in value.items()]
     if not isinstance(value, list):

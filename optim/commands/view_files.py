@@ -65,7 +65,7 @@ def check_outputs(args: argparse.Namespace) -> None:
             raise ValueError(f"{output.option}: {path} exists; name a new {output.metavar.lower()}")
         if not path.parent.is_dir():
             raise ValueError(f"{output.option}: {path.parent} is not a folder; make it first")
-        if output.endings and path.suffix not in output.endings:
+        if output.endings and path.suffix.lower() not in output.endings:
             endings = " or ".join(output.endings)
             raise ValueError(f"{output.option}: {path} is not allowed; give a name that ends in {endings}")
         if not output.several and len(args.sources) > 1:
@@ -151,6 +151,6 @@ OUTPUTS = (
     Output("gif", "FILE", "moving picture to write", _gif, several=True, endings=(".gif",)),
     Output("mp4", "FILE", "video to write; needs the extra 'video'", _mp4, several=True, endings=(".mp4",)),
     Output("paraview", "FOLDER", "folder to write, of one robot, for ParaView", _paraview),
-    Output("glb", "FILE", "animation to write, of one robot, for Blender", _glb),
-    Output("out", "FILE", "page to write, such as gait.html", _page, several=True),
+    Output("glb", "FILE", "animation to write, of one robot, for Blender", _glb, endings=(".glb",)),
+    Output("out", "FILE", "page to write, such as gait.html", _page, several=True, endings=(".html", ".htm")),
 )  # fmt: skip

@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import json
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -255,8 +256,12 @@ def _matrix(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
     try:
         found = np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))
         weights = np.asarray(found, float)
-    except (OSError, ValueError, TypeError) as error:
+    except OSError as error:
         raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None
+    except (ValueError, TypeError, OverflowError, EOFError, RecursionError, zipfile.BadZipFile):
+        raise ValueError(f"controller: {path} holds no table of numbers") from None
+    if not np.isfinite(weights).all():
+        raise ValueError(f"controller: {path} holds numbers that are not finite")
     if weights.shape != shape:
         raise ValueError(f"controller: {path} has shape {weights.shape}, which is not allowed; give {shape}")
     return weights

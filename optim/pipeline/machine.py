@@ -10,8 +10,10 @@ from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
+from robots.checks import choice, number, whole_number
 from robots.files import read_text, write_text
 from robots.gaits import GaitDesign
+from robots.inflatable import NAMED_GEOMETRIES
 from robots.terrain import Terrain
 
 FORMAT = "morpholab-state-machine-1"
@@ -117,11 +119,38 @@ def read_machine(folder: Path) -> dict[str, Any]:
         ValueError: in one line, for a folder that has none, or a damaged one.
     """
     path = folder / MACHINE
+    if not path.is_file():
+        raise ValueError(f"package: {folder} holds none; there is no {MACHINE}")
     try:
-        document = json.loads(read_text(path))
+        document: dict[str, Any] = json.loads(read_text(path))
         if document["format"] != FORMAT or not document["states"]:
             raise ValueError
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise ValueError(f"package: {path} is no state machine of a package") from None
-    found: dict[str, Any] = document
-    return found
+    try:
+        _check_simulated(document["simulated"])
+        for state in document["states"]:
+            _check_state(state)
+    except KeyError as missing:
+        raise ValueError(f"package: {path} is damaged: {missing} is missing") from None
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ValueError(f"package: {path} is damaged: {error}") from None
+    return document
+
+
+def _check_simulated(simulated: Mapping[str, Any]) -> None:
+    choice("geometry", simulated["geometry"], NAMED_GEOMETRIES)
+    choice("precision", simulated["precision"], ("f32", "f64"))
+    whole_number("runs", simulated["runs"], 1)
+    whole_number("seed", simulated["seed"], 0)
+
+
+def _check_state(state: Mapping[str, Any]) -> None:
+    """That a state can be replayed, from a table in the package."""
+    table = Path(state["table"])
+    if table.is_absolute() or ".." in table.parts:
+        raise ValueError(f"table: {state['table']!r} is not allowed; it must be in the package")
+    Terrain(**state["terrain"])
+    number("speed_bl_per_s", state["speed_bl_per_s"])
+    if not isinstance(state["name"], str):
+        raise ValueError(f"name: {state['name']!r} is not allowed; it must be a text")

@@ -9,7 +9,7 @@ from typing import Any
 from optim.gait_problem import GaitProblem
 from optim.hints import nearest
 from optim.search import METHODS, build_method, default_settings
-from robots.checks import number, whole_number
+from robots.checks import choice, number, whole_number
 from robots.cores import common_pressure, kilopascals
 from robots.files import why_unread
 from robots.gaits import GaitDesign, load_gait
@@ -103,8 +103,7 @@ class PipelineTask:
             raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
         if not self.gaits and self.search is None:
             raise ValueError("gaits: none given, and no search; give gaits to try, or [search]")
-        if self.geometry not in NAMED_GEOMETRIES:
-            raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        choice("geometry", self.geometry, NAMED_GEOMETRIES)
         if NAMED_GEOMETRIES[self.geometry].cores > 1:
             raise ValueError(f"geometry: {self.geometry!r} is not allowed; the tables of a package have one core")
         for name, design in self.gaits.items():
@@ -183,9 +182,9 @@ def _search(path: Path, given: Any) -> SearchSettings | None:
     if given is None:
         return None
     method = given.get("method", "genetic") if isinstance(given, dict) else ""
-    if isinstance(given, dict) and method not in METHODS:
-        raise ValueError(f"search.method: {method!r} is unknown; choose one of {', '.join(METHODS)}")
-    own = [name for name in default_settings(method) if name != "seed"] if method in METHODS else []
+    own = []
+    if isinstance(given, dict):
+        own = [name for name in default_settings(choice("search.method", method, METHODS)) if name != "seed"]
     _check_keys(path, "search", given, ["method", "generations", *PROBLEM, *own])
     generations = whole_number("search.generations", given.get("generations", 20), 0)
     problem = {name: given[name] for name in PROBLEM if name in given}

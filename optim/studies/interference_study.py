@@ -31,6 +31,7 @@ TABLES = (
 )
 PICTURES = ("curves.png", "traces.png")
 PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
+DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ def train(
     Returns:
         What ``summary.json`` holds. For other arguments and errors see :func:`evolve`.
     """
+    drawn = [path.with_suffix(suffix).name for path in map(Path, (*PICTURES, *PICTURES_OF_TWO)) for suffix in DRAWN]
+    check_folder(out, (*TABLES, *drawn, "runs", "alone", "alone.csv"))
     found = evolve(settings, chosen, runs, generations, out / "runs", threads, progress)
     about = {**asdict(settings), "runs": runs, "generations": generations}
     summary = write_tables(found, out, about)

@@ -14,7 +14,7 @@ from robots.calibration.diameter import SIDES, Diameter
 from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Array, Experiment
-from robots.checks import number, whole_number
+from robots.checks import choice, number, whole_number
 from robots.files import read_text, write_text
 from robots.inflatable import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, InflatableDesign
 from robots.terrain import Terrain
@@ -64,8 +64,7 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
     try:
         data = tomllib.loads(text)
         geometry = data.pop("geometry", "published")
-        if geometry not in NAMED_GEOMETRIES:
-            raise ValueError(f"geometry: {geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        choice("geometry", geometry, NAMED_GEOMETRIES)
         readers: dict[str, Callable[[_Table], Experiment]] = {
             "drag": _drag,
             "diameter": _diameter,

@@ -6,7 +6,7 @@ from os import PathLike
 from types import MappingProxyType
 from typing import Any, Self
 
-from robots.checks import number
+from robots.checks import choice, number
 from robots.files import read_record
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
@@ -96,6 +96,4 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
 
 
 def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
-    if (name := record["geometry"]) not in NAMED_GEOMETRIES:
-        raise ValueError(f"geometry: {name!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
-    return Properties(**record["properties"]), name
+    return Properties(**record["properties"]), choice("geometry", record["geometry"], NAMED_GEOMETRIES)

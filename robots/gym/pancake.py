@@ -8,7 +8,7 @@ from typing import Any, Literal
 import gymnasium
 import numpy as np
 
-from robots.checks import number
+from robots.checks import choice, number
 from robots.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
 from robots.dual import value_of
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
@@ -76,9 +76,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         super().__init__(_LOW, _HIGH)
         self.render_mode = render_mode
         if isinstance(geometry, str):
-            if geometry not in NAMED_GEOMETRIES:
-                raise ValueError(f"geometry: {geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
-            geometry = NAMED_GEOMETRIES[geometry]
+            geometry = NAMED_GEOMETRIES[choice("geometry", geometry, NAMED_GEOMETRIES)]
         self.action_space: gymnasium.Space[Any]
         if actions == "bits":
             self.action_space = gymnasium.spaces.MultiBinary(ROWS)

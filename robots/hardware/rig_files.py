@@ -41,7 +41,7 @@ def read_rig(path: str | os.PathLike[str]) -> PneumaticRig:
 
 def _rig(data: dict[str, Any]) -> PneumaticRig:
     units = data.get("units", "kpa")
-    if units not in KPA_PER_UNIT:
+    if not isinstance(units, str) or units not in KPA_PER_UNIT:
         raise ValueError(f"units: {units!r} is not allowed; give one of {', '.join(KPA_PER_UNIT)}")
     data = _known(_in_kpa(data, units), "rig", _NAMES)
     default = PneumaticRig()

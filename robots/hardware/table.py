@@ -20,7 +20,7 @@ from robots.hardware.timeline import State, section_of, timeline
 from robots.relaxed_schedule import RelaxedSchedule, Schedule
 from robots.schedule import BLADDERS, ROWS, GaitSchedule
 
-FASTEST_RATE = 1000.0  # rows per second
+SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
 
 
@@ -221,8 +221,10 @@ def gait_table(
         if value not in known:
             raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(known)}")
     rig = PneumaticRig() if rig is None else rig
-    if rate is not None and number("rate", rate, 0.0, FASTEST_RATE, "Hz") == 0:
-        raise ValueError("rate: 0 is not allowed; it must be positive")
+    if not isinstance(rig, PneumaticRig):
+        raise ValueError(f"rig: {rig!r} is not allowed; give a PneumaticRig, such as PneumaticRig.load('dissertation')")
+    if rate is not None:
+        number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
     pressure = core_pressure(design)
     line_map, clip = rig.line_map, on_violation == "clip"

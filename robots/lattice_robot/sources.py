@@ -83,7 +83,7 @@ def robot_of_voxel_file(
 def _of_python(path: Path) -> LatticeRobot:
     try:
         names = runpy.run_path(str(path))
-    except Exception as error:  # whatever the user's code does
+    except (Exception, SystemExit) as error:  # whatever the user's code does
         raise ValueError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from None
     robot = names.get("robot")
     if not isinstance(robot, LatticeRobot):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from optim.search.method import check_whole
-from robots.checks import number
+from robots.checks import choice, number
 from robots.inflatable import NAMED_GEOMETRIES
 from robots.terrain import STEEPEST
 
@@ -23,7 +23,6 @@ def check_settings(seeds: Sequence[int], slope: float, geometry: str, finalists:
     for seed in seeds:
         check_whole("seeds", seed, 0)
     number("slope", slope, 0.1, STEEPEST, "degrees")
-    if geometry not in NAMED_GEOMETRIES:
-        raise ValueError(f"geometry: {geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+    choice("geometry", geometry, NAMED_GEOMETRIES)
     check_whole("finalists", finalists, 1)
     check_whole("runs", runs, 1)

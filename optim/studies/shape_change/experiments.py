@@ -21,7 +21,7 @@ from optim.search import HillClimb
 from optim.search.method import check_whole
 from optim.studies.results import Progress, part_of
 from optim.studies.shape_change.costs import Costs
-from robots.checks import number
+from robots.checks import choice, number
 from robots.cores import highest_pressure
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign
 from robots.terrain import STEEPEST, Terrain
@@ -100,8 +100,7 @@ class ShapeChange:
                           ("others", 1)):  # fmt: skip
             check_whole(name, getattr(self, name), low)
         object.__setattr__(self, "slope", number("slope", self.slope, 0.1, STEEPEST, "degrees"))
-        if self.geometry not in NAMED_GEOMETRIES:
-            raise ValueError(f"geometry: {self.geometry!r} is unknown; choose one of {', '.join(NAMED_GEOMETRIES)}")
+        choice("geometry", self.geometry, NAMED_GEOMETRIES)
 
     def terrain(self, place: str) -> Terrain:
         """Of a place, ``"flat"`` or ``"hill"``."""
