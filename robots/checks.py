@@ -20,6 +20,8 @@ def number(field: str, value: object, low: float = -math.inf, high: float = math
     allowed = "a finite number"
     if low > -math.inf:
         allowed += f", at least {low:g}" if high == math.inf else f" from {low:g} to {high:g}"
+    elif unit:
+        allowed += " of"
     raise ValueError(f"{field}: {_shown(value)} is not allowed; give {allowed} {unit}".rstrip())
 
 

@@ -41,7 +41,7 @@ def each_pressure(pressure: Pressure, geometry: InflatableGeometry) -> tuple[flo
         return (pressure,) * geometry.cores
     if len(pressure) != geometry.cores:
         allowed = "give one, for the one core" if geometry.cores == 1 else f"give one, or {geometry.cores}, one a core"
-        raise ValueError(f"pressure: {len(pressure)} are not allowed; {allowed}")
+        raise ValueError(f"pressure: {len(pressure)} values are not allowed; {allowed}")
     return pressure
 
 

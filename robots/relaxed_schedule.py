@@ -212,8 +212,8 @@ class RelaxedDesign:
             raise ValueError(f"schedule: {type(self.schedule).__name__} is not allowed; give a RelaxedSchedule")
         if isinstance(self.pressure, tuple) and self.schedule.pressure is not None:
             raise ValueError(
-                f"pressure: {len(self.pressure)} are not allowed with a gait that has core pressures of its columns; "
-                "give one"
+                f"pressure: {len(self.pressure)} values are not allowed with a gait that has core pressures of its "
+                "columns; give one"
             )
 
     @classmethod

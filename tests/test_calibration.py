@@ -348,8 +348,9 @@ BAD_LINES = [
     ("calibrate a.toml --fit inflation_rate", "fit: inflation_rate does not act in these experiments; add a gait"),
     ("calibrate a.toml --fit mass", "fit: 'mass' is unknown"),
     ("calibrate a.toml --bounds friction=2:1", "bounds: 'friction=2:1' is not allowed; give friction=LOW:HIGH"),
+    ("calibrate a.toml --fit modulus --bounds friction=1:2", "bounds: 'friction=1:2' is not used; fitted are modulus"),
     ("calibrate a.toml --bounds mass=1:2", "bounds: 'mass' is unknown"),
-    ("calibrate a.toml --out a.toml", "out: a.toml exists and is not empty"),
+    ("calibrate a.toml --out a.toml", "out: a.toml is a file; name a new folder"),
     ("simulate --gait inching --calibration a.toml", "a.toml: "),
     ("simulate --gait inching --calibration wrong.json", "wrong.json: geometry: 'large' is unknown"),
 ]

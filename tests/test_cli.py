@@ -105,6 +105,8 @@ BAD_CODESIGN = [
     ("--terrain flat", "terrains: flat, flat given"),
     ("--free legs", "free: 'legs' is unknown; give some of orientation,shape,control"),
     ("--free ''", "free: '' is unknown"),
+    ("--free control,control", "free: control,control is not allowed; give none twice"),
+    ("--free orientation --encoding bits", "encoding: 'bits' is not used; the control is fixed"),
     ("--method best", "argument --method: invalid choice: 'best'"),
     ("--climbers 0", "argument --climbers: 0 is not allowed"),
     ("--generations -1", "argument --generations: -1 is not allowed"),

@@ -122,16 +122,16 @@ def test_one_core_is_the_published_body():
         (lambda: checked_pressure(()), "pressure: none is given; give one for all cores, or one each"),
         (lambda: checked_pressure((1.0, -1.0)), "pressure: -1.0 is not allowed; give a finite number from 0 to 15000"),
         (lambda: checked_pressure([1.0, [2.0]]), r"pressure: \[2.0\] is not allowed"),
-        (lambda: simulate(InflatableDesign((1.0, 2.0), 0.0, IDLE)), "pressure: 2 are not allowed; give one, for the"),
+        (lambda: simulate(InflatableDesign((1.0, 2.0), 0.0, IDLE)), "pressure: 2 values are not allowed; give one"),
         (
             lambda: simulate(InflatableDesign((1.0, 2.0, 3.0), 0.0, IDLE), geometry=TINY),
-            "pressure: 3 are not allowed; give one, or 2, one a core",
+            "pressure: 3 values are not allowed; give one, or 2, one a core",
         ),
         (lambda: core_shapes(TINY, 0.0), "pressure: 0.0 is not allowed; give one above 0 Pa"),
         (lambda: core_shapes(TINY, 16e3), "pressure: 16000.0 is not allowed"),
         (
             lambda: RelaxedDesign((1.0, 2.0), 0.0, RelaxedSchedule(np.zeros((8, 1)), np.zeros((2, 1)), 1, [5.0])),
-            "pressure: 2 are not allowed with a gait that has core pressures of its columns; give one",
+            "pressure: 2 values are not allowed with a gait that has core pressures of its columns; give one",
         ),
         (
             lambda: simulate_relaxed([graded(1.0), graded((1.0, 2.0))], geometry=TINY),
@@ -141,7 +141,7 @@ def test_one_core_is_the_published_body():
         (lambda: rig_report(InflatableDesign((9e3, 0.0), 0.0, IDLE)), "pressure: 9000, 0 Pa are not allowed; a rig"),
         (
             lambda: GaitProblem((Terrain(),), pressure=(1.0, 2.0)),
-            "pressure: 2 are not allowed; give one, for the one core",
+            "pressure: 2 values are not allowed; give one, for the one core",
         ),
     ],
 )  # fmt: skip

@@ -106,12 +106,16 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
     unknown = [part for part in free if part not in PARTS]
     if unknown:
         raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(PARTS)}")
+    if len(set(free)) < len(free):
+        raise ValueError(f"free: {','.join(free)} is not allowed; give none twice")
     # As published, what is not free is as in rolling on flat ground, as in inching on hills; both: rolling.
     gait = args.gait or ("inching" if all(terrain.slope for terrain in terrains) else "rolling")
     taken = _fix(settings, args, free, gait)
     if args.gait and not taken:
         raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
     if settings["schedule"] is not None:
+        if args.encoding is not None:
+            raise ValueError(f"encoding: {args.encoding!r} is not used; the control is fixed")
         settings["schedule"] = options.cut(settings["schedule"], args.columns, args.repeats)
     if method == "gradient" and settings["schedule"] is None and settings["encoding"] not in RELAXED:
         raise ValueError(

@@ -96,4 +96,5 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
 
 
 def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
-    return Properties(**record["properties"]), choice("geometry", record["geometry"], NAMED_GEOMETRIES)
+    geometry = choice("geometry", record["geometry"], NAMED_GEOMETRIES)
+    return Properties(**record["properties"]), geometry
