@@ -23,6 +23,18 @@ def new_path(path: str | os.PathLike[str]) -> Path:
     return Path(path)
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder for results, if there is none.
+
+    Raises:
+        ValueError: in one line, if it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"out: {path} cannot be made ({error.strerror})") from None
+
+
 def check_parent(field: str, path: Path) -> None:
     """Refuse a file whose folder there is not: better before the work than after it."""
     if not path.parent.is_dir():

@@ -33,22 +33,16 @@ LEAST_HARD_SPEED = -0.01  # body lengths a second
 
 
 @dataclass(frozen=True, eq=False)
-class GaitJudgement:
-    """What a gait is worth on a terrain.
+class NoisySpeeds:
+    """How fast a gait is in several runs with noise, under both conditions.
 
     Attributes:
         speeds: by the published convention [body lengths/s], shape (R,).
         hard_speeds: the same with ``HARD_FRICTION`` of sliding feet and bladders that keep their weight, shape (R,).
-        slip: of each foot while it grips, under load, in one run [m], shape (2,).
-        distance: that this run went [m].
-        steps: of the gait.
     """
 
     speeds: Array
     hard_speeds: Array
-    slip: Array
-    distance: float
-    steps: int
 
     @property
     def speed(self) -> float:
@@ -59,6 +53,21 @@ class GaitJudgement:
     def hard_speed(self) -> float:
         """The same under the harder conditions."""
         return float(self.hard_speeds.mean())
+
+
+@dataclass(frozen=True, eq=False)
+class GaitJudgement(NoisySpeeds):
+    """What a gait is worth on a terrain.
+
+    Attributes:
+        slip: of each foot while it grips, under load, in one run [m], shape (2,).
+        distance: that this run went [m].
+        steps: of the gait.
+    """
+
+    slip: Array
+    distance: float
+    steps: int
 
     @property
     def slip_ratio(self) -> float:

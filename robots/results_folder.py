@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.checks import LONGEST_SHOWN
-from robots.files import ASIDE, read_text, write_bytes, write_text
+from robots.files import ASIDE, make_folder, read_text, write_bytes, write_text
 
 
 class ResultsFolder:
@@ -44,10 +44,7 @@ class ResultsFolder:
             return
         if path.exists() and (not path.is_dir() or any(not each.name.startswith(ASIDE) for each in path.iterdir())):
             raise ValueError(f"out: {path} holds something else; name a new folder")
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(f"out: {path} cannot be made ({error.strerror})") from None
+        make_folder(path)
         write_text(file, text)
 
     def add(self, name: str, of: bytes, **arrays: NDArray[Any]) -> None:

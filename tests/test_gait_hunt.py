@@ -243,7 +243,7 @@ def test_finalists_are_the_last_improvements_in_full(hill, tmp_path):
 
 
 def finalist(speed, hard):
-    return Finalist(INCHING, 0, np.full(2, speed), np.full(2, hard))
+    return Finalist(np.full(2, speed), np.full(2, hard), INCHING, 0)
 
 
 def test_the_fastest_that_stays_wins_and_one_that_diverged_never():
@@ -380,7 +380,7 @@ def test_settings_that_no_study_can_do_are_refused(make, message):
 def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
     problem = GaitProblem(HILL, **SMALL)
     history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
-    one = Finalist(INCHING, 0, np.array([np.nan, 0.1]), np.array([0.0, 0.1]))
+    one = Finalist(np.array([np.nan, 0.1]), np.array([0.0, 0.1]), INCHING, 0)
     count = len(last_bests(history, problem, 2))
     stand_in = "optim.studies.gait_hunt.finalists.judge_finalists"
     monkeypatch.setattr(stand_in, lambda designs, *_, **__: [one] * len(designs))

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar
 from numpy.typing import NDArray
 
 from optim.studies.tables import write_records
-from robots.files import ASIDE, write_record, write_text
+from robots.files import ASIDE, make_folder, write_record, write_text
 from robots.results_folder import ResultsFolder
 
 Arrays = dict[str, NDArray[Any]]
@@ -45,10 +45,7 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
     if folder.exists() and (not folder.is_dir() or any(map(other, folder.iterdir()))):
         raise ValueError(f"out: {folder} holds something else; name a new folder")
     if kind and not (folder / f"{kind}.json").exists():
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(f"out: {folder} cannot be made ({error.strerror})") from None
+        make_folder(folder)
         write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 

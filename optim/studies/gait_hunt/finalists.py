@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -69,8 +70,9 @@ def kept_finalists(
         speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]
         known = {"of": of, "speeds": json.loads(json.dumps(speeds).replace("NaN", "null"))}
         write_text(path, json.dumps(known) + "\n")
-    rest = iter(known["speeds"])
-    return [[Finalist(*each, *(np.array(values, float) for values in next(rest))) for each in one] for one in found]
+    rest = iter(np.array(known["speeds"], float))
+    shares = ((one, islice(rest, len(one))) for one in found)
+    return [[Finalist(usual, hard, *each) for each, (usual, hard) in zip(*share, strict=True)] for share in shares]
 
 
 def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:

@@ -8,37 +8,22 @@ import numpy as np
 
 from optim.gait_problem import GaitProblem
 from optim.runs.history import History
-from robots.dual import Array
 from robots.gaits import GaitDesign
-from robots.judgement import LEAST_HARD_SPEED, play_with_noise
+from robots.judgement import LEAST_HARD_SPEED, NoisySpeeds, play_with_noise
 from robots.terrain import Terrain
 
 
 @dataclass(frozen=True, eq=False)
-class Finalist:
+class Finalist(NoisySpeeds):
     """A design that a search found best at some time, played in full.
 
     Attributes:
         design: the gait.
         generation: in which it was found.
-        speeds: with noise [body lengths/s], shape (R,).
-        hard_speeds: see ``GaitJudgement``, shape (R,).
     """
 
     design: GaitDesign
     generation: int
-    speeds: Array
-    hard_speeds: Array
-
-    @property
-    def speed(self) -> float:
-        """Mean of the runs; NaN if one diverged."""
-        return float(self.speeds.mean())
-
-    @property
-    def hard_speed(self) -> float:
-        """The same under the harder conditions."""
-        return float(self.hard_speeds.mean())
 
     @property
     def stays(self) -> bool:
@@ -76,7 +61,7 @@ def judge_finalists(
     if not found:
         return []
     rows = play_with_noise([design for design, _ in found], terrain, runs, progress=progress, **where)
-    return [Finalist(*one, *speeds) for one, *speeds in zip(found, *rows, strict=True)]
+    return [Finalist(usual, hard, *one) for usual, hard, one in zip(*rows, found, strict=True)]
 
 
 def best_of(finalists: Sequence[Finalist]) -> Finalist | None:
