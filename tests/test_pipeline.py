@@ -19,7 +19,7 @@ from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, chan
 from optim.pipeline.task import read_task
 from robots import transition
 from robots.gaits import save_gait
-from robots.hardware import read_csv
+from robots.hardware import export_csv, read_csv
 from robots.inflatable import INCHING, ROLLING
 from robots.relaxed_schedule import RelaxedDesign
 from robots.results_folder import ResultsFolder
@@ -39,11 +39,12 @@ def task_of(tmp_path, text: str):
 
 def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
     save_gait(INCHING, tmp_path / "climb.json")
+    export_csv(ROLLING, tmp_path / "table.csv")
     task = task_of(
         tmp_path,
         """
         terrains = ["flat", "hill:15"]
-        gaits = ["rolling", "climb.json"]
+        gaits = ["rolling", "climb.json", "table.csv"]
         runs = 3
         [search]
         method = "genetic"
@@ -56,7 +57,7 @@ def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
         """,
     )
     assert [terrain.name for terrain in task.terrains] == ["flat", "hill:15"]
-    assert task.gaits == {"rolling": ROLLING, "climb": INCHING}
+    assert task.gaits == {"rolling": ROLLING, "climb": INCHING, "table": ROLLING}
     assert task.search.generations == 5 and task.problem(task.terrains[1]).encoding == "graded"
     assert task.method_settings(task.search)["population"] == 12 and task.limits.least_speed == 0.01
 

@@ -11,6 +11,7 @@ from stand_in import Simulator
 from optim.commands.view_files import COLOURS
 from optim.vehicle_problem import VehicleProblem
 from robots.braitenberg import STARTS, VehicleTask
+from robots.hardware import export_csv
 from robots.inflatable import INCHING, save_design
 from robots.view.colouring import COLOURINGS
 from robots.walker import ACTIVE, PASSIVE, WalkerDesign, save_walker
@@ -61,6 +62,14 @@ def test_files_of_designs(morpholab, tmp_path):
     assert (
         code == 0 and first.startswith("walker on hill:5: 8 parts, ") and second.startswith("gait on hill:5: 736 parts")
     )
+
+
+def test_gait_tables_move_as_their_designs_do(morpholab, tmp_path):
+    save_design(INCHING, tmp_path / "gait.json")
+    export_csv(INCHING, tmp_path / "table.csv")
+    _, out, _ = morpholab(f"view gait.json table.csv --frames 20 --out page.html --json {QUICK}")
+    first, second = json.loads(out)["robots"]
+    assert {**first, "name": "table on flat", "source": "table.csv"} == second
 
 
 def test_soft_robots_in_water(morpholab, tmp_path):

@@ -127,32 +127,14 @@ def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":
         ValueError: in one line, for anything else.
     """
     from robots import inflatable
+    from robots.hardware import read_design
 
     known = dict(zip(GAITS, (inflatable.INCHING, inflatable.ROLLING), strict=True))
-    if from_rows and Path(text).suffix.lower() != ".csv":
-        raise ValueError(f"from-rows: {text!r} has no rows; name a gait table (.csv)")
-    if text in known:
+    if text in known and not from_rows:
         return known[text]
-    if not Path(text).is_file():
+    if text not in known and not Path(text).is_file():
         raise ValueError(f"gait: {text!r} is neither a known gait ({', '.join(known)}) nor a file")
-    return design_file(Path(text), from_rows)
-
-
-def design_file(path: Path, from_rows: bool = False) -> "GaitDesign":
-    """The design of a design file, or of a gait table (``.csv``): that of its header, or what its rows play.
-
-    Raises:
-        ValueError: in one line, for any other file.
-    """
-    from robots.gaits import design_of, load_gait
-
-    if path.suffix.lower() != ".csv":
-        return load_gait(path)
-    from robots.hardware import read_csv
-
-    table = read_csv(path)
-    design = table.played() if from_rows else table.design
-    return design_of(design.pressure, design.orientation, design.schedule)
+    return read_design(Path(text), from_rows)
 
 
 def check_new_folder(path: Path | None) -> None:

@@ -21,8 +21,8 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "sources", nargs="+", metavar="ROBOT",
-        help="inching or rolling; folder of a run, or file of a design; legged, wheeled or whegged quadruped; vehicle "
-        "or rover; up to four",
+        help="inching or rolling; folder of a run, file of a design or gait table; legged, wheeled or whegged "
+        "quadruped; vehicle or rover; up to four",
     )  # fmt: skip
     add_outputs(parser)
     parser.add_argument("--title", default="", help="of the page")

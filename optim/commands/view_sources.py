@@ -137,7 +137,7 @@ def _of_run(folder: Path, kind: str, args: argparse.Namespace, progress: Progres
 
 
 def _of_file(path: Path, kind: str, args: argparse.Namespace, progress: Progress) -> Motion:
-    from robots.gaits import load_gait
+    from robots.hardware import read_design
     from robots.lattice_robot import load_robot
     from robots.walker import load_walker
 
@@ -145,7 +145,7 @@ def _of_file(path: Path, kind: str, args: argparse.Namespace, progress: Progress
         return _lattice_robot(load_robot(path), path.stem, args, None, progress)
     if kind == WALKER:
         return _walker(load_walker(path), path.stem, args, None, progress)
-    return _inflatable(load_gait(path), path.stem, args, None, progress)
+    return _inflatable(read_design(path), path.stem, args, None, progress)
 
 
 def _where(args: argparse.Namespace, precision: str = "f32") -> dict[str, Any]:

@@ -12,8 +12,8 @@ from optim.search import METHODS, build_method, default_settings
 from robots.checks import choice, number, whole_number
 from robots.cores import common_pressure, kilopascals
 from robots.files import why_unread
-from robots.gaits import GaitDesign, load_gait
-from robots.hardware import PneumaticRig
+from robots.gaits import GaitDesign
+from robots.hardware import PneumaticRig, read_design
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.terrain import Terrain
@@ -166,7 +166,7 @@ def _check_keys(path: Path, table: str, given: Any, known: list[str]) -> None:
 
 
 def _gaits(path: Path, names: Any) -> dict[str, GaitDesign]:
-    """Gaits of the robot by name: those made by hand, and files, relative to the task."""
+    """Gaits of the robot by name: those made by hand, and files or gait tables, relative to the task."""
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise ValueError(f"gaits: {names!r} is not allowed; give names or files, such as ['rolling', 'climb.json']")
     found: dict[str, GaitDesign] = {}
@@ -174,7 +174,7 @@ def _gaits(path: Path, names: Any) -> dict[str, GaitDesign]:
         label = Path(name).stem
         if label in found:
             raise ValueError(f"gaits: {label!r} is given twice; give files of different names")
-        found[label] = BY_HAND[name] if name in BY_HAND else load_gait(path.parent / name)
+        found[label] = BY_HAND[name] if name in BY_HAND else read_design(path.parent / name)
     return found
 
 

@@ -1,6 +1,7 @@
 """The pneumatic rig that plays a gait on the physical robot, and gaits as tables of its line pressures."""
 
 from robots.hardware.csv_files import export_csv, read_csv, write_csv
+from robots.hardware.design_files import read_design
 from robots.hardware.limits import RigViolation, Violation
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, PneumaticRig
@@ -21,5 +22,6 @@ __all__ = [
     "export_csv",
     "gait_table",
     "read_csv",
+    "read_design",
     "write_csv",
 ]
