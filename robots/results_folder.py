@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -54,13 +55,13 @@ class ResultsFolder:
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
 
     def load(self, name: str) -> Iterator[dict[str, NDArray[Any]]]:
-        """The arrays of every file of that name; what is damaged is as good as missing."""
+        """The arrays of every file of that name; what is damaged is as good as missing, with a warning."""
         for path in sorted(self.path.glob(f"{name}-*.npz")):
             try:
                 with np.load(path) as file:  # checks its own checksums, and refuses pickles
                     yield dict(file)
             except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-                continue
+                warnings.warn(f"{path}: is damaged, and as good as missing", stacklevel=2)
 
 
 def read_settings(path: Path, kind: str) -> dict[str, Any]:

@@ -76,7 +76,8 @@ def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_b
     assert len(files) == 4
     files[-1].write_bytes(files[-1].read_bytes()[:-40])
     calls[:] = [None] * 8
-    found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
+    with pytest.warns(UserWarning, match=f"{files[-1].name}: is damaged, and as good as missing"):
+        found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
     assert all(same(found[run], whole[run]) for run in whole)
     monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
     assert all(same(state, whole[run]) for run, state in evolve(BRIEF, CHOSEN, 2, 6, tmp_path).items())

@@ -114,6 +114,17 @@ def test_bad_input_is_one_line_before_any_work(morpholab, monkeypatch, tmp_path,
     assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
 
 
+def test_a_damaged_part_is_noted_in_one_line_and_made_again(morpholab, tmp_path):
+    _, first, error = morpholab(f"{SWEEP} --out swept")
+    assert error == ""
+    (part,) = tmp_path.glob("swept/*.npz")
+    part.write_bytes(part.read_bytes()[:-40])
+    code, out, error = morpholab(f"{SWEEP} --out swept")
+    note = f"morpholab sweep: note: {part.relative_to(tmp_path)}: is damaged, and as good as missing\n"
+    assert (code, out, error) == (0, first, note)
+    assert morpholab(f"{SWEEP} --out swept") == (0, first, "")
+
+
 def test_folders_and_sweeps_of_other_settings_are_refused(morpholab):
     morpholab(f"{SWEEP} --out swept")
     code, _, error = morpholab(f"sweep --designs 162 --weights 11 {BRIEF} --out swept")
