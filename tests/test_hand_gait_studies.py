@@ -9,8 +9,9 @@ from graded import QUICK, TINY
 
 from optim.studies.shape_change import friction, metrics, sensitivity, slopes
 from optim.studies.shape_change.gaits import Case, Robot
+from optim.studies.shape_change.metrics_figure import draw
 from optim.studies.shape_change.variations import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
-from robots.inflatable import ACTUATION, PUBLISHED, InflatableDesign, travel_directions
+from robots.inflatable import ACTUATION, PUBLISHED, SMALL, InflatableDesign, travel_directions
 from robots.inflatable_actuation import nominal_steps
 from robots.schedule import GaitSchedule
 from robots.terrain import Terrain
@@ -60,16 +61,33 @@ def test_a_crossing_is_interpolated_where_inching_first_overtakes():
 
 
 def test_the_transition_has_the_uncertainty_of_its_copies():
-    rolling = np.array([[0.2, 0.2, 0.2], [0.04, 0.05, 0.06], [-0.1, -0.1, -0.1]])
-    inching = np.full((3, 3), 0.05)
+    rolling = np.array([[0.2] * 5, [0.04, 0.05, 0.06, 0.03, 0.07], [-0.1] * 5])
+    inching = np.full((3, 5), 0.05)
     found = slopes.transition([0, 4, 8], rolling, inching)
     assert found["slope"] == pytest.approx(4.0) and found["low"] < 4.0 < found["high"] and found["cross"] == 1.0
-    certain = slopes.transition([0, 4, 8], rolling[:, 1:2], inching[:, 1:2])
-    assert certain["low"] == certain["slope"] == certain["high"]
-    rolling[0, 2] = np.nan  # this copy no longer counts
-    assert slopes.transition([0, 4, 8], rolling, inching)["slope"] < 4.0
+    few = slopes.transition([0, 4, 8], rolling[:, :4], inching[:, :4])
+    assert few["slope"] < 4.0 and few["low"] is few["high"] is few["cross"] is None
     assert slopes.transition([0, 4, 8], rolling + 1, inching) is None
+
+
+def test_copies_that_diverge_leave_the_others_and_their_slopes():
+    rolling, inching = np.array([[0.2] * 6, [0.04, 0.06] * 3, [-0.1] * 6]), np.full((3, 6), 0.05)
+    rolling[1, 0] = np.nan
+    found = slopes.transition([0, 4, 8], rolling, inching)
+    assert found["slope"] == pytest.approx(4 + 4 * 0.002 / 0.152) and found["low"] <= found["slope"] <= found["high"]
+    rolling[1] = np.nan
+    found = slopes.transition([0, 4, 8], rolling, inching)
+    assert found["slope"] == pytest.approx(4.0) and found["between"] == [0.0, 8.0]
     assert slopes.transition([0, 4, 8], np.full((3, 2), np.nan), inching[:, :2]) is None
+
+
+def test_slopes_at_which_a_gait_has_no_speed_are_told(simulator, tmp_path):
+    simulator.diverges = lambda design, terrain: design.pressure > 0 and terrain.slope == 7.5
+    summary = slopes.study(tmp_path / "a", slopes.SlopeSweep((0.0, 7.5, 15.0), TWO))
+    assert summary["unknown"] == [7.5]
+    text = (tmp_path / "a/slopes.md").read_text()
+    assert "| 7.5 | all diverged |" in text
+    assert text.endswith(" Left out: 7.5 degrees, where all copies of a gait diverged.\n")
 
 
 def test_slopes_are_studied_for_both_gaits(simulator, tmp_path):
@@ -170,7 +188,24 @@ def test_metrics_of_made_up_gaits():
     assert found["M_L"] == pytest.approx(1 / 5) and found["M_CI"] == pytest.approx(1 / 4)
     assert found["M_L_low"] < 0.2 < found["M_L_high"]
     assert (rows["strict"]["flat"], rows["strict"]["M_L"]) == (0, 0.0)
-    assert metrics.solved(speeds, (1.0, 1.0)).tolist() == [[0] * 5]
+    assert not metrics.solved(speeds, (1.0, 1.0)).any()
+    assert metrics.solved(speeds, (0.02, 0.0)).sum(axis=1).tolist() == [[1, 1, 2, 0, 1]]
+
+
+def test_bodies_without_success_have_no_interference_and_few_bodies_no_certainty(tmp_path):
+    """The smallest body fails everywhere; of the others learnability and interference go together."""
+    speeds = np.full((11, 2, 12), -0.1)
+    for body in range(1, 11):
+        speeds[body, 0, :11], speeds[body, 1, :body] = 0.1, 0.1
+    rows = metrics.rows_of([(1e3 * body, 0.0) for body in range(11)], speeds)
+    lenient = [row for row in rows if row["threshold"] == "lenient"]
+    assert [lenient[0][name] for name in ("M_L", "M_CI", "M_CI_low", "M_CI_high")] == [0.0, None, None, None]
+    assert lenient[10]["M_CI"] == pytest.approx(10 / 11)
+    many, few = metrics.correlations(rows)["lenient"], metrics.correlations(rows[:10] + rows[11:15])["lenient"]
+    assert (many["n"], many["r"]) == (10, pytest.approx(1.0)) and many["p"] < 1e-6
+    assert few["n"] == 9 and few["r"] == pytest.approx(1.0) and few["p"] is few["low"] is few["high"] is None
+    draw(rows, tmp_path / "metrics.png")
+    assert (tmp_path / "metrics.png").stat().st_size > 10_000
 
 
 def test_metrics_are_studied_body_by_body_with_the_same_gaits(simulator, tmp_path):
@@ -213,6 +248,7 @@ def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch
         (lambda: friction.FrictionSweeps(TWO, {"sum": ()}), "points: sweep 'sum' is unknown; choose of diff"),
         (lambda: friction.FrictionSweeps(TWO, {"mean": ()}), "points: sweep mean has none; give at least one"),
         (lambda: sensitivity.Sensitivity(repeats=0), "repeats: 0 is not allowed"),
+        (lambda: sensitivity.Sensitivity(robot=Robot(SMALL)), "robot: another geometry or actuation is not allowed"),
         (lambda: metrics.SoftRobotMetrics(gaits=0), "gaits: 0 is not allowed"),
         (lambda: metrics.SoftRobotMetrics(robot=TWO), "robot: 2 copies with noise of 1e-08 m are not allowed"),
         (lambda: metrics.SoftRobotMetrics(pressures=(16e3,)), "pressure: 16000.0 is not allowed; .* to 15000 Pa"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from optim.runs.history import read_history
+from optim.studies.catalogue import CATALOGUE
 from optim.studies.shape_change import study as shape_change
 from optim.studies.shape_change.champions import Played
 from optim.studies.shape_change.comparison import best_on_both, curve, summarise, tests
@@ -13,7 +14,7 @@ from optim.studies.shape_change.costs import Costs
 from optim.studies.shape_change.experiments import EXPERIMENTS, PAIRED, Found, ShapeChange
 from optim.studies.shape_change.gaits import Case, Robot, shown, spread
 from optim.studies.shape_change.table import page
-from robots.inflatable import INCHING, ROLLING
+from robots.inflatable import INCHING, ROLLING, SMALL
 from robots.terrain import Terrain
 
 tests.__test__ = False
@@ -119,6 +120,35 @@ def test_more_generations_go_on_in_the_same_folder_but_not_fewer(studied):
         shape_change.study(folder, ShapeChange(climbers=4, generations=2))
 
 
+def test_while_searches_go_on_the_table_keeps_what_was_played_of_their_designs(studied, simulator):
+    folder, before = studied
+    simulator.calls.clear()
+    simulator.interrupt_at = len(EXPERIMENTS) + 1
+    with pytest.raises(KeyboardInterrupt):
+        shape_change.study(folder, ShapeChange(climbers=3, generations=3, copies=2, others=2))
+    summary = json.loads((folder / "summary.json").read_text())
+    row, old = summary["rows"][0], before["rows"][0]
+    assert (row["generations"], summary["played"]) == (2, 1) and "gone on" not in page(before)
+    assert row["flat_max_again"] == old["flat_max_again"] and row["one_design"] == old["one_design"]
+    assert "are those after generation 1; the searches have gone on." in (folder / "table.md").read_text()
+
+
+def test_all_that_is_played_is_the_robot_and_the_gait_of_the_settings(simulator, tmp_path):
+    settings = ShapeChange(climbers=3, generations=1, copies=2, others=2, geometry="small", repeats=1)
+    shape_change.study(tmp_path / "a", settings)
+    assert all(call.geometry == SMALL for call in simulator.calls)
+    assert {design.schedule.repeats for call in simulator.calls for design in call.designs} == {1}
+
+
+@pytest.mark.parametrize(
+    "name", ["shape-change", "friction-sweeps", "slope-sweep", "hand-gait-sensitivity", "soft-robot-metrics"]
+)
+def test_studies_write_what_the_catalogue_says(simulator, tmp_path, morpholab, name):
+    assert morpholab(f"reproduce {name} --budget small --out a --quiet")[0] == 0
+    for written in CATALOGUE[name].writes:
+        assert (tmp_path / "a" / written).exists(), written
+
+
 def test_a_study_in_which_every_simulation_fails_has_a_table_all_the_same(simulator, tmp_path):
     simulator.diverges = lambda design, terrain: True
     summary = shape_change.study(tmp_path / "a", QUICK)
@@ -133,7 +163,8 @@ def test_a_study_in_which_every_simulation_fails_has_a_table_all_the_same(simula
         ({"generations": -1}, "generations: -1 is not allowed"),
         ({"copies": 0}, "copies: 0 is not allowed"),
         ({"slope": 50}, "slope: 50 is not allowed; give a finite number from 0.1 to 45 degrees"),
-        ({"geometry": "round"}, "geometry: 'round' is unknown; choose one of published, small"),
+        ({"geometry": "round"}, "geometry: 'round' is unknown; choose one of published, small$"),
+        ({"geometry": "two-core"}, "geometry: 'two-core' is unknown; choose one of published, small$"),
     ],
 )
 def test_bad_settings_are_one_line(setting, message):
@@ -220,6 +251,8 @@ def test_climbers_that_drew_the_same_numbers_are_compared_in_pairs():
     paired = test["paired"]
     assert paired["climbers"] == 2 and paired["difference"] == pytest.approx(0.165)
     assert paired["low"] == pytest.approx(0.13) and paired["high"] == pytest.approx(0.2)
+    found["rolling-on-the-hill-by-the-text"] = found.pop("rolling-on-the-hill-as-run")
+    assert tests(found)[0]["paired"] is None  # it searches other variables, for which the numbers are others
 
 
 def test_curves_count_climbers_from_when_they_have_found_anything():

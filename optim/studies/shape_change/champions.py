@@ -27,11 +27,13 @@ class Played:
         again: speeds of copies of each experiment's best design, shape (copies,).
         elsewhere: of each experiment, the speeds of its best designs on their own and on the other terrain, shape
             (2, at most ``others``).
+        generation: after which those designs were the best; None before any were played.
     """
 
     by_hand: Mapping[str, Mapping[str, Floats]]
     again: Mapping[str, Floats] = field(default_factory=dict)
     elsewhere: Mapping[str, Floats] = field(default_factory=dict)
+    generation: int | None = None
 
 
 def open_played(settings: ShapeChange, folder: Path) -> ResultsFolder:
@@ -71,7 +73,26 @@ def play_found(settings: ShapeChange, found: Mapping[str, Found], by_hand: Mappi
             elsewhere[experiment.name] = _elsewhere(
                 settings, experiment, one, folder, costs, threads, part_of(part, 1, 2)
             )
-    return Played(by_hand, again, elsewhere)
+    return Played(by_hand, again, elsewhere, _latest(found))
+
+
+def played_before(found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]],
+                  folder: ResultsFolder) -> Played:  # fmt: skip
+    """The newest generation of which the folder has all best designs again, and what it has of them elsewhere."""
+    best = [experiment for experiment in EXPERIMENTS if experiment.name in found and found[experiment.name].best(1)]
+    for generation in range(_latest(found), -1, -1):
+        again, elsewhere = (
+            {e.name: arrays["speeds"] for e in best for arrays in folder.load(f"{what}_{_part(e, generation)}")}
+            for what in ("again", "elsewhere")
+        )
+        if again and len(again) == len(best):
+            return Played(by_hand, again, elsewhere, generation)
+    return Played(by_hand)
+
+
+def _latest(found: Mapping[str, Found]) -> int:
+    """The generation that all experiments have reached; -1 if none has any."""
+    return min((len(one.scores) - 1 for one in found.values()), default=-1)
 
 
 def _again(settings: ShapeChange, experiment: Experiment, found: Found, folder: ResultsFolder, costs: Costs,
@@ -83,7 +104,7 @@ def _again(settings: ShapeChange, experiment: Experiment, found: Found, folder: 
         with costs.of("best designs again"):
             return {"speeds": _robot(settings, "f64", settings.copies).speeds(cases, threads, progress)[0]}
 
-    return kept(folder, f"again_{_part(experiment, found)}", compute)["speeds"]
+    return kept(folder, f"again_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
 
 
 def _elsewhere(settings: ShapeChange, experiment: Experiment, found: Found, folder: ResultsFolder, costs: Costs,
@@ -97,13 +118,13 @@ def _elsewhere(settings: ShapeChange, experiment: Experiment, found: Found, fold
             robot = _robot(settings, "f32", 1, noise=0.0)
             return {"speeds": np.array([found.scores[-1, best], robot.speeds(cases, threads, progress)[:, 0]])}
 
-    return kept(folder, f"elsewhere_{_part(experiment, found)}", compute)["speeds"]
+    return kept(folder, f"elsewhere_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
 
 
 def _robot(settings: ShapeChange, precision: str, copies: int, **more: float) -> Robot:
     return Robot(NAMED_GEOMETRIES[settings.geometry], precision=precision, copies=copies, **more)  # type: ignore[arg-type]
 
 
-def _part(experiment: Experiment, found: Found) -> str:
+def _part(experiment: Experiment, generation: int) -> str:
     """The name of an experiment's part; what it found changes with the generations."""
-    return f"{experiment.name.replace('-', '_')}_{len(found.scores) - 1}"
+    return f"{experiment.name.replace('-', '_')}_{generation}"

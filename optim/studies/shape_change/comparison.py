@@ -28,6 +28,7 @@ def summarise(settings: ShapeChange, found: Mapping[str, Found], played: Played)
     return {
         "settings": asdict(settings),
         "rows": rows,
+        "played": played.generation,
         "tests": tests(found),
         "curves": {name: curve(one.scores) for name, one in found.items()},
     }
@@ -94,9 +95,10 @@ def best_on_both(elsewhere: Mapping[str, Floats]) -> dict[str, Any] | None:
 def tests(found: Mapping[str, Found]) -> list[dict[str, Any]]:
     """Rolling on the hill, in both readings, against the experiment in which all was free and random: Welch's t-test.
 
-    The authors tested this pair so. Positive t and differences say that the open experiment found faster designs. Here
-    climber n of one draws the same random numbers as climber n of the other, which the test does not know: ``paired``
-    is the mean difference of such pairs, with its 95 % bootstrap interval; None of other numbers of climbers.
+    The authors tested this pair so. Positive t and differences say that the open experiment found faster designs. Where
+    both search the same variables, climber n of one draws the same random numbers for them as climber n of the other,
+    which the test does not know: ``paired`` is the mean difference of such pairs, with its 95 % bootstrap interval;
+    None elsewhere, and of other numbers of climbers.
     """
     if OPEN not in found:
         return []
@@ -107,9 +109,10 @@ def tests(found: Mapping[str, Found]) -> list[dict[str, Any]]:
         control = found[experiment.name].final
         if min(len(control), len(open_scores)) > 1:
             test, size = welch(control, open_scores), effect(control, open_scores)
+            alike = experiment.free == PARTS
+            paired = _paired(found[experiment.name].scores[-1], found[OPEN].scores[-1]) if alike else None
             results.append({"control": experiment.name, "open": OPEN, "climbers": [len(control), len(open_scores)],
-                            "welch": asdict(test), "effect": asdict(size),
-                            "paired": _paired(found[experiment.name].scores[-1], found[OPEN].scores[-1])})  # fmt: skip
+                            "welch": asdict(test), "effect": asdict(size), "paired": paired})  # fmt: skip
     return results
 
 

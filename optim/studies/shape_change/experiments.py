@@ -100,7 +100,7 @@ class ShapeChange:
                           ("others", 1)):  # fmt: skip
             check_whole(name, getattr(self, name), low)
         object.__setattr__(self, "slope", number("slope", self.slope, 0.1, STEEPEST, "degrees"))
-        choice("geometry", self.geometry, NAMED_GEOMETRIES)
+        choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
 
     def terrain(self, place: str) -> Terrain:
         """Of a place, ``"flat"`` or ``"hill"``."""

@@ -33,6 +33,7 @@ COLUMNS = 8  # of a gait, played twice, as published
 # Least speed on flat ground and on the hill that counts as success [BL/s]. For measure: inching has 0.06 and 0.02, the
 # mean of searched gaits 0.09 and 0.00, and a robot that slides back by 0.01 has lost a fifth of its length in the end.
 THRESHOLDS = {"lenient": (0.01, -0.01), "climbing": (0.02, 0.0), "strict": (0.05, 0.005)}
+LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothing
 HEADER = ("pressure", "orientation", "threshold", "flat_least", "hill_least", "gaits", "failed", "flat", "hill", "both",
           "M_L", "M_L_low", "M_L_high", "M_CI", "M_CI_low", "M_CI_high")  # fmt: skip
 
@@ -140,33 +141,40 @@ def _designs(settings: SoftRobotMetrics, pressure: float, orientation: float) ->
     return [InflatableDesign(pressure, orientation, schedule) for schedule in settings.schedules]
 
 
-def solved(speeds: Floats, least: tuple[float, float]) -> NDArray[np.int64]:
-    """In how many environments each gait succeeds, shape (..., gaits), of speeds of shape (..., 2, gaits)."""
-    return (np.nan_to_num(speeds, nan=-np.inf) >= np.array(least)[:, None]).sum(axis=-2)
+def solved(speeds: Floats, least: tuple[float, float]) -> NDArray[np.bool_]:
+    """Whether each gait succeeds in each environment, of speeds of the same shape (..., 2, gaits)."""
+    succeeds: NDArray[np.bool_] = np.nan_to_num(speeds, nan=-np.inf) >= np.array(least)[:, None]
+    return succeeds
 
 
 def rows_of(bodies: Sequence[tuple[float, float]], speeds: Floats) -> list[dict[str, Any]]:
-    """A row for each threshold and body, of speeds of shape (bodies, 2, gaits); intervals are 95 % (Wilson)."""
+    """A row for each threshold and body, of speeds of shape (bodies, 2, gaits); intervals are 95 % (Wilson).
+
+    Where no gait succeeds anywhere, there is no M_CI.
+    """
     rows = []
     for name, least in THRESHOLDS.items():
-        counts = solved(speeds, least)
-        for (pressure, orientation), here, count in zip(bodies, speeds, counts, strict=True):
-            succeeds = np.nan_to_num(here, nan=-np.inf) >= np.array(least)[:, None]
+        for (pressure, orientation), here, succeeds in zip(bodies, speeds, solved(speeds, least), strict=True):
+            count = succeeds.sum(axis=0)
             both, either = int((count == 2).sum()), int((count >= 1).sum())
-            easy, resists = wilson(both, len(count)), wilson(both, either) if either else (0.0, 1.0)
+            resists = (float(interference(count[None], 2)), *wilson(both, either)) if either else (None,) * 3
             values = (
                 pressure, orientation, name, *least, len(count), int(np.isnan(here).any(axis=0).sum()),
-                *succeeds.sum(axis=1).tolist(), both, float(learnability(count[None], 2)), *easy,
-                float(interference(count[None], 2)), *resists,
+                *succeeds.sum(axis=1).tolist(), both, float(learnability(count[None], 2)), *wilson(both, len(count)),
+                *resists,
             )  # fmt: skip
             rows.append(dict(zip(HEADER, values, strict=True)))
     return rows
 
 
 def correlations(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """How M_L and M_CI go together over the bodies, by threshold (Spearman); they did in vehicles."""
+    """How M_L and M_CI go together over the bodies that have both, by threshold (Spearman); they did in vehicles.
+
+    Of fewer than ``LEAST_BODIES`` the coefficient alone.
+    """
     found = {}
     for name in THRESHOLDS:
-        here = [row for row in rows if row["threshold"] == name]
-        found[name] = asdict(spearman([row["M_L"] for row in here], [row["M_CI"] for row in here], "two-sided"))
+        here = [row for row in rows if row["threshold"] == name and row["M_CI"] is not None]
+        one = asdict(spearman([row["M_L"] for row in here], [row["M_CI"] for row in here], "two-sided"))
+        found[name] = one if len(here) >= LEAST_BODIES else {**one, "low": None, "high": None, "p": None}
     return found

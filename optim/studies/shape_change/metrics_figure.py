@@ -14,6 +14,8 @@ METRICS = {"M_L": "learnability $M_L$", "M_CI": "resistance to\ninterference $M_
 def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     """A row for each metric, a column for each threshold; pressure across, orientation upwards.
 
+    A body has no M_CI, "none", where no gait succeeds anywhere.
+
     Args:
         rows: see ``optim.studies.shape_change.metrics.rows_of``.
         path: of the picture.
@@ -24,13 +26,14 @@ def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     height = 2 * (0.9 + 0.32 * len(orientations))
     with figure(path, PAGE, height, nrows=2, ncols=len(thresholds), sharex=True, sharey=True) as (drawn, panels):
         for line, (metric, title) in zip(panels, METRICS.items(), strict=True):
-            most = max(row[metric] for row in rows) or 1.0
+            most = max((row[metric] for row in rows if row[metric] is not None), default=0.0) or 1.0
             for axes, threshold in zip(line, thresholds, strict=True):
                 here = [row for row in rows if row["threshold"] == threshold]
-                values = np.array([row[metric] for row in here]).reshape(len(pressures), len(orientations)).T
+                values = np.array([row[metric] for row in here], float).reshape(len(pressures), len(orientations)).T
                 image = axes.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=most)
                 for (y, x), value in np.ndenumerate(values):
-                    axes.annotate(f"{value:.2g}", (x, y), ha="center", va="center", fontsize=6,
+                    text = "none" if np.isnan(value) else f"{value:.2g}"
+                    axes.annotate(text, (x, y), ha="center", va="center", fontsize=6,
                                   color="white" if value < most / 2 else "black")  # fmt: skip
                 axes.set_xticks(range(len(pressures)), [f"{pressure / 1e3:g}" for pressure in pressures])
                 axes.set_yticks(range(len(orientations)), [f"{orientation:g}" for orientation in orientations])

@@ -20,7 +20,7 @@ from optim.studies.results import Budget, Progress, kept_in_turn, write_summary
 from optim.studies.shape_change.gaits import Case, Floats, Robot, repeated, shown, spread
 from optim.studies.shape_change.variations import VARIATIONS, Variant
 from robots.checks import number
-from robots.inflatable import INCHING, ROLLING
+from robots.inflatable import ACTUATION, INCHING, PUBLISHED, ROLLING
 from robots.inflatable_actuation import nominal_steps
 from robots.results_folder import ResultsFolder
 from robots.terrain import Terrain
@@ -54,7 +54,7 @@ class Sensitivity:
 
     Attributes:
         factors: by which parameters are multiplied, one at a time; names of ``VARIATIONS``.
-        robot: how it is simulated; what varies is put in its place.
+        robot: how it is simulated; its geometry and actuation are the published ones.
         repeats: how often the columns of the gaits are played.
         slope: of the hill [degrees].
     """
@@ -67,6 +67,8 @@ class Sensitivity:
     def __post_init__(self) -> None:
         check_whole("repeats", self.repeats, 1)
         object.__setattr__(self, "slope", Terrain(self.slope).slope)
+        if (self.robot.geometry, self.robot.actuation) != (PUBLISHED, ACTUATION):
+            raise ValueError("robot: another geometry or actuation is not allowed; what varies are the published ones")
         for name, factors in self.factors.items():
             if name not in VARIATIONS:
                 known = ", ".join(VARIATIONS)

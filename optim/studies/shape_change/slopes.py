@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
@@ -23,6 +23,7 @@ from robots.terrain import Terrain
 
 KIND = "slope-sweep"
 GAITS = {"rolling": ROLLING, "inching": INCHING}
+LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their range
 HEADER = ("slope", "gait", "mean", "deviation", "lowest", "highest", "copies", "diverged")
 
 
@@ -67,7 +68,8 @@ def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads
         for gait, copies in zip(GAITS, both, strict=True)
     ]
     place = transition(settings.slopes, speeds[:, 0], speeds[:, 1])
-    summary = {"transition": place, "rows": rows}
+    unknown = [slope for slope, told in zip(settings.slopes, told_at(speeds), strict=True) if not told]
+    summary = {"transition": place, "unknown": unknown, "rows": rows}
     write_summary(folder, "slopes", HEADER, summary, page(settings, summary))
     draw(settings.slopes, speeds, place, folder / "slopes.png")
     return summary
@@ -76,27 +78,41 @@ def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads
 def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) -> dict[str, Any] | None:
     """The slope from which on inching is faster, by the means of the copies, linear between slopes.
 
+    Slopes at which all copies of a gait diverged are left out.
+
     Args:
         slopes: ascending, shape (S,) [degrees].
         rolling: speeds, shape (S, copies); NaN of copies that diverged.
         inching: likewise.
 
     Returns:
-        ``slope``, the 95 % bootstrap interval ``low`` to ``high`` over the copies, the slopes ``between`` which it
-        was interpolated, and the share of resamples that ``cross``; None if inching does not overtake.
+        ``slope``, the 95 % bootstrap interval ``low`` to ``high`` over the copies that are there at every slope, the
+        slopes ``between`` which it was interpolated, and the share of resamples that ``cross``; without an interval
+        and a share where fewer than ``LEAST_COPIES`` are. None if inching does not overtake.
     """
-    ahead = np.asarray(rolling, float) - np.asarray(inching, float)
-    ahead = ahead[:, ~np.isnan(ahead).any(axis=0)]  # a copy counts that is there at every slope
-    if not ahead.size or (found := crossing(slopes, ahead.mean(axis=1))) is None:
+    both = np.stack([np.asarray(rolling, float), np.asarray(inching, float)], axis=1)
+    told = told_at(both)
+    known_slopes, both = np.asarray(slopes, float)[told], both[told]
+    means = np.nanmean(both, axis=2)
+    if (found := crossing(known_slopes, means[:, 0] - means[:, 1])) is None:
         return None
     place, *between = found
-    resampled = [crossing(slopes, means) for means in bootstrap_means(ahead.T)]
+    ahead = both[:, 0] - both[:, 1]
+    ahead = ahead[:, ~np.isnan(ahead).any(axis=0)]
+    if ahead.shape[1] < LEAST_COPIES:
+        return {"slope": place, "low": None, "high": None, "between": between, "cross": None}
+    resampled = [crossing(known_slopes, each) for each in bootstrap_means(ahead.T)]
     known = np.array([each[0] for each in resampled if each is not None])
-    low, high = np.percentile(known, [2.5, 97.5]).tolist() if known.size else (place, place)
+    low, high = np.percentile(known, [2.5, 97.5]).tolist() if known.size else (None, None)
     return {"slope": place, "low": low, "high": high, "between": between, "cross": known.size / len(resampled)}
 
 
-def crossing(slopes: Sequence[float], ahead: Floats) -> tuple[float, float, float] | None:
+def told_at(speeds: Floats) -> NDArray[np.bool_]:
+    """At which slopes a copy of every gait is left, shape (S,), of speeds of shape (S, gaits, copies)."""
+    return np.all(~np.isnan(speeds).all(axis=2), axis=1)
+
+
+def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, float, float] | None:
     """Where a difference, shape (S,), that is positive first becomes negative, and the slopes before and after.
 
     None if it never does.
@@ -116,15 +132,18 @@ def page(settings: SlopeSweep, summary: dict[str, Any]) -> str:
     for slope in settings.slopes:
         here = [shown(row) for row in summary["rows"] if row["slope"] == slope]
         lines.append(f"| {slope:g} | {' | '.join(here)} |")
-    return "\n".join([*lines, "", _sentence(summary["transition"])]) + "\n"
+    return "\n".join([*lines, "", _sentence(summary["transition"], summary["unknown"])]) + "\n"
 
 
-def _sentence(found: dict[str, Any] | None) -> str:
+def _sentence(found: dict[str, Any] | None, unknown: Sequence[float]) -> str:
+    at = ", ".join(f"{slope:g}" for slope in unknown)
+    left_out = f" Left out: {at} degrees, where all copies of a gait diverged." if unknown else ""
     if found is None:
-        return "Inching does not overtake rolling between these slopes."
+        return f"Inching does not overtake rolling between these slopes.{left_out}"
     low, high = found["between"]
-    return (f"Inching overtakes rolling at {found['slope']:.2f} degrees [{found['low']:.2f}, {found['high']:.2f}], "
-            f"interpolated between {low:g} and {high:g}.")  # fmt: skip
+    interval = "" if found["low"] is None else f" [{found['low']:.2f}, {found['high']:.2f}]"
+    place = f"Inching overtakes rolling at {found['slope']:.2f} degrees{interval}"
+    return f"{place}, interpolated between {low:g} and {high:g}.{left_out}"
 
 
 def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, path: Path) -> None:
@@ -140,6 +159,7 @@ def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, 
         if found:
             axes.axvline(found["slope"], color="0.4", linestyle=":", linewidth=0.9,
                          label=f"transition, {found['slope']:.1f} degrees")  # fmt: skip
-            axes.axvspan(found["low"], found["high"], color="0.6", alpha=0.25, linewidth=0)
+            if found["low"] is not None:
+                axes.axvspan(found["low"], found["high"], color="0.6", alpha=0.25, linewidth=0)
         axes.set(xlabel="slope [degrees]", ylabel="speed uphill [BL/s]")
         legend_above(drawn, axes.get_legend_handles_labels()[0])

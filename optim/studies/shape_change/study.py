@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from optim.studies.results import Budget, Progress, check_folder, part_of, write_json
-from optim.studies.shape_change.champions import KIND, Played, open_played, play_by_hand, play_found
+from optim.studies.shape_change.champions import KIND, Played, open_played, play_by_hand, play_found, played_before
 from optim.studies.shape_change.comparison import summarise
 from optim.studies.shape_change.costs import Costs
 from optim.studies.shape_change.curves import write_curves
-from optim.studies.shape_change.experiments import ShapeChange, read, search
+from optim.studies.shape_change.experiments import Found, ShapeChange, read, search
 from optim.studies.shape_change.table import write_tables
 
 RUNS = "runs"
@@ -33,16 +33,19 @@ def study(folder: Path, settings: ShapeChange, progress: Progress = None, thread
     total = BEFORE + SEARCHES + AFTER
     by_hand = play_by_hand(settings, beside, costs, threads, part_of(progress, 0, total, BEFORE))
 
-    def write(played: Played) -> dict[str, Any]:
-        summary = summarise(settings, read(settings, folder / RUNS), played)
+    def write(found: Mapping[str, Found], played: Played) -> dict[str, Any]:
+        summary = summarise(settings, found, played)
         summary["seconds"] = costs.total()
         write_tables(summary, folder)
         write_json(folder / "summary.json", summary)
         write_curves(summary, folder / "curves.png")
         return summary
 
-    search(settings, folder / RUNS, costs, lambda: write(Played(by_hand)), threads,
-           part_of(progress, BEFORE, total, SEARCHES))  # fmt: skip
+    def after_round() -> None:
+        found = read(settings, folder / RUNS)
+        write(found, played_before(found, by_hand, beside))
+
+    search(settings, folder / RUNS, costs, after_round, threads, part_of(progress, BEFORE, total, SEARCHES))
     found = read(settings, folder / RUNS)
     rest = part_of(progress, BEFORE + SEARCHES, total, AFTER)
-    return write(play_found(settings, found, by_hand, beside, costs, threads, rest))
+    return write(found, play_found(settings, found, by_hand, beside, costs, threads, rest))
