@@ -53,6 +53,13 @@ def test_codesign_ends_with_the_speed_on_screen(morpholab):
     assert error == ""
 
 
+def test_a_core_beyond_the_rig_is_clipped_in_the_table_and_told_in_its_header(morpholab, tmp_path):
+    code, _, error = morpholab(f"codesign --free control --pressure 13000 --terrain flat --out a --quiet {SHORT}")
+    assert (code, error) == (0, "") and load_design(tmp_path / "a/best.json").pressure == 13_000
+    (told,) = read_csv(tmp_path / "a/gait.csv").clipped
+    assert told.startswith("core: 54.1667 kPa") and told.endswith("the rig's limit is 50 kPa")
+
+
 @pytest.mark.parametrize("method", ["hill-climb", "random"])
 def test_interrupted_runs_continue_exactly(morpholab, simulator, tmp_path, method):
     line = f"codesign --terrain flat --seed 7 --method {method} {SHORT}"

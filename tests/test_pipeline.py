@@ -10,9 +10,9 @@ from graded import settling
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.pipeline import changes, crossing
+from optim.pipeline import candidates, changes, crossing
 from optim.pipeline import run as pipeline_run
-from optim.pipeline.candidates import NoWorkingGait, check_working
+from optim.pipeline.candidates import NoWorkingGait, check_working, find_gaits
 from optim.pipeline.crossing import best_single_gait
 from optim.pipeline.machine import State
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
@@ -92,6 +92,18 @@ def test_bad_tasks_are_refused_in_one_line_before_any_simulation(tmp_path, text,
     with pytest.raises(ValueError, match=message) as error:
         task_of(tmp_path, text)
     assert "\n" not in str(error.value)
+
+
+def test_gaits_that_the_rig_cannot_play_are_refused_or_left_out(tmp_path, monkeypatch):
+    (tmp_path / "rig.toml").write_text("[channels.core]\nmaximum_kpa = 40.0\n")
+    text = "terrains = ['flat']\nrig = 'rig.toml'\ngaits = "
+    with pytest.raises(ValueError, match=r"^gaits: rolling: core: 50 kPa at .*; the rig's limit is 40 kPa"):
+        task_of(tmp_path, text + "['inching', 'rolling']")
+    task = task_of(tmp_path, text + "['inching']\n[search]")
+    found = iter((ROLLING, INCHING))
+    monkeypatch.setattr(candidates, "_search", lambda *_: next(found))
+    assert list(find_gaits(task, tmp_path)) == ["inching"]
+    assert list(find_gaits(task, tmp_path)) == ["inching", "found-flat"]
 
 
 # plans

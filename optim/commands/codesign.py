@@ -285,7 +285,8 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     products = Products(folder)
     seed = folder.config["method"]["seed"]
     if on_rig := common_pressure(design.pressure) is not None:
-        products.make("gait.csv", lambda path: export_csv(design, path, seed=seed))
+        table = functools.partial(export_csv, design, on_violation="clip", seed=seed)  # its header tells
+        products.make("gait.csv", table)
     pictures = {f"robot_{terrain.name.replace(':', '_')}.png": terrain for terrain in problem.terrains}
     for name, terrain in pictures.items():
         products.make(name, functools.partial(save_motion_picture, design, terrain, **robot))

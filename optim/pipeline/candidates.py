@@ -32,7 +32,7 @@ def slug(terrain: Terrain) -> str:
 def find_gaits(
     task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None
 ) -> dict[str, GaitDesign]:
-    """All candidates by name; searches go on where they were.
+    """All candidates by name that are short enough and that the rig can play; searches go on where they were.
 
     Args:
         task: what is asked for.
@@ -45,7 +45,10 @@ def find_gaits(
         best = _search(task, terrain, folder / slug(terrain), part_of(progress, place, len(task.terrains)), threads)
         if best is not None:
             found[FOUND + slug(terrain)] = best
-    return {name: design for name, design in found.items() if steps_of(design) <= task.limits.most_steps}
+    return {
+        name: design for name, design in found.items()
+        if steps_of(design) <= task.limits.most_steps and not task.refusal(design)
+    }  # fmt: skip
 
 
 def _search(

@@ -13,7 +13,7 @@ from robots.checks import choice, number, whole_number
 from robots.cores import common_pressure, kilopascals
 from robots.files import why_unread
 from robots.gaits import GaitDesign
-from robots.hardware import PneumaticRig, read_design
+from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.terrain import Terrain
@@ -109,6 +109,8 @@ class PipelineTask:
         for name, design in self.gaits.items():
             if common_pressure(design.pressure) is None:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
+            if refusal := self.refusal(design):
+                raise ValueError(f"gaits: {name}: {refusal}")
         if self.precision not in ("f32", "f64"):
             raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
         whole_number("runs", self.runs, LEAST_RUNS)
@@ -119,6 +121,14 @@ class PipelineTask:
         if self.search is not None:
             problem = self.problem(self.terrains[0])
             build_method(self.search.method, problem.space, self.method_settings(self.search))
+
+    def refusal(self, design: GaitDesign) -> str:
+        """Why the rig cannot play a gait; nothing if it can."""
+        try:
+            gait_table(design, self.rig)
+        except RigViolation as error:
+            return str(error)
+        return ""
 
     def problem(self, terrain: Terrain, **where: Any) -> GaitProblem:
         """What is searched on a terrain: orientation, shape and control."""
