@@ -95,7 +95,8 @@ def test_what_a_folder_has_is_not_computed_again_unless_it_is_damaged(tmp_path):
     assert problem.calls == calls and all(np.array_equal(first.arrays[n], again.arrays[n]) for n in first.arrays)
     (file,) = (tmp_path / "a").glob("trials_one-*.npz")
     file.write_bytes(file.read_bytes()[:-40])
-    third = kept_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+    with pytest.warns(UserWarning, match="is damaged, and as good as missing"):
+        third = kept_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
     assert problem.calls > calls and np.array_equal(third.points, first.points)
     with pytest.raises(ValueError, match=r"holds a study of other settings .*; name another folder"):
         ResultsFolder(tmp_path / "a", "study", {"x": 2})
