@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from optim.pattern_genes import pattern_network, pattern_variables
 from optim.space import Variable, Vector
 from robots.checks import whole_number
-from robots.inflatable_actuation import PUBLISHED_STEPS
+from robots.inflatable_actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
 from robots.pattern import PatternWiring
 from robots.schedule import BLADDERS, ROWS, GaitSchedule
 
@@ -132,10 +132,12 @@ class GradedGait(GaitEncoding):
     Attributes:
         steps: time steps that a gait may take.
         warm_up: time steps that do not count: a gait is played until a whole cycle after them does.
+        actuation: how the robot is driven, which tells how long strokes take.
     """
 
     steps: int = PUBLISHED_STEPS
     warm_up: int = 0
+    actuation: InflatableActuation = ACTUATION
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -164,9 +166,9 @@ class GradedGait(GaitEncoding):
         """With feet that grip a little, sharpened; as often as the steps allow."""
         from robots.relaxed_motion import cycle_starts, most_repeats
 
-        gait = self._graded(values)
-        repeats = most_repeats(gait, self.steps)
-        while self.warm_up and cycle_starts(dataclasses.replace(gait, repeats=repeats))[-1] < self.warm_up:
+        gait, drive = self._graded(values), self.actuation
+        repeats = most_repeats(gait, self.steps, drive)
+        while self.warm_up and cycle_starts(dataclasses.replace(gait, repeats=repeats), drive)[-1] < self.warm_up:
             repeats += 1
         return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=repeats)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from optim.problem import OK
 from robots.gaits import GaitDesign, played
-from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
+from robots.inflatable_actuation import PUBLISHED_COLUMNS, InflatableActuation, nominal_steps
 from robots.schedule import BLADDERS
 from robots.terrain import Terrain
 
@@ -142,7 +142,7 @@ def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tu
     """
     levels = played(design, actuation).levels[:BLADDERS]
     strokes = np.diff(levels, axis=1, prepend=0.0)  # bladders begin empty
-    unit = BLADDERS * PUBLISHED_COLUMNS * steps / PUBLISHED_STEPS
+    unit = BLADDERS * PUBLISHED_COLUMNS * steps / nominal_steps(PUBLISHED_COLUMNS, actuation)
     way = np.sign(strokes)
     slope = way - np.append(way[:, 1:], np.zeros((BLADDERS, 1)), axis=1)
     columns = design.schedule.columns

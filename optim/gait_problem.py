@@ -14,19 +14,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from optim.gait_description import LATER_OPTIONS, description_of, problem_of_description
 from optim.gait_encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
 from optim.gait_outcomes import NEXT, Batch, Condition, Outcome, capped, effort, outcomes
 from optim.gait_shape import EMPTY_CORE, ShapeGenes
-from optim.problem import GAIT, OK, Evaluation, check_kind
+from optim.problem import OK, Evaluation
 from optim.space import Space, Vector
 from robots import gaits
+from robots.calibration import Properties, robot_of, save_properties
 from robots.checks import choice, number, whole_number
 from robots.cores import Pressure, checked_pressure, each_pressure
 from robots.gaits import GaitDesign, design_of
 from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation, InflatableGeometry, InflatableResult
-from robots.inflatable_actuation import PUBLISHED_STEPS, nominal_steps
+from robots.inflatable_actuation import PUBLISHED_COLUMNS, nominal_steps
 from robots.judgement import harder
-from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule, schedule_of_text
+from robots.relaxed_schedule import RelaxedDesign, Schedule
 from robots.schedule import FEET, MOST_COLUMNS, MOST_REPEATS
 from robots.terrain import Terrain
 
@@ -35,24 +37,11 @@ if TYPE_CHECKING:
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
-OPTIONS = ("columns", "repeats", "geometry", "weight", "precision", "device")
-# Described where they differ from these.
-LATER_OPTIONS = {
-    "encoding": "codes",
-    "objectives": "mean",
-    "ramp_steps": None,
-    "steps": None,
-    "warm_up": 0,
-    "stages": 1,
-    "ladder": False,
-    "ahead": NEXT,
-    "hard": False,
-    "effort": 0.0,
-}
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
 LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
 HARD = "_hard"  # how details end that are of the harder conditions
+RIG_FILE = "calibration.json"  # in folders of runs
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
@@ -78,7 +67,7 @@ class GaitProblem:
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
         steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
-            gait, 186,719. Fewer are a cheaper judgement of the same gait.
+            gait, 186,719 of the published robot. Fewer are a cheaper judgement of the same gait.
         warm_up: time steps of a graded gait that do not count, nor does the cycle in which they end: what a robot does
             while it finds its stride. The time of the whole cycles that follow counts the speed.
         stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
@@ -94,6 +83,7 @@ class GaitProblem:
             every one makes a full stroke in every column, see ``optim.gait_outcomes.effort``. Gaits become cleaner.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
+        properties: of the robot on a rig, as fitted to it; None is as published.
         precision: ``"f32"`` or ``"f64"``.
         device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
         threads: CPU threads, all available if None; changes no result, so it is not part of the description.
@@ -118,6 +108,7 @@ class GaitProblem:
     effort: float = 0.0
     geometry: str = "published"
     weight: str = "published"
+    properties: Properties | None = None
     precision: str = "f32"
     device: str = "cpu"
     threads: int | None = None
@@ -138,6 +129,8 @@ class GaitProblem:
             object.__setattr__(self, "repeats", self.schedule.repeats)
             object.__setattr__(self, "encoding", "codes")  # of nothing
         choice("encoding", self.encoding, ENCODINGS)
+        if self.properties is not None and self._timed:
+            self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
         choice("objectives", self.objectives, OBJECTIVES)
         for name, low, high in (("columns", 1, MOST_COLUMNS), ("repeats", 1, MOST_REPEATS), ("stages", 1, MOST_COLUMNS),
                                 ("warm_up", 0, LONGEST_GAIT)):  # fmt: skip
@@ -148,7 +141,7 @@ class GaitProblem:
                 raise ValueError(f"{name}: {value} is not allowed with {what}; they are of a free graded gait")
         if self.steps is not None:
             whole_number("steps", self.steps, 1, LONGEST_GAIT)
-        if not 0 <= 2 * self.warm_up <= (self.steps or PUBLISHED_STEPS):
+        if not 0 <= 2 * self.warm_up <= self.most_steps:
             raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
         if self.ladder and len(self.terrains) < 2:
             raise ValueError("ladder: one terrain is not allowed; give several, the easiest first")
@@ -164,12 +157,25 @@ class GaitProblem:
         # What is fixed is checked where it is used: better now than in the first evaluation. Of any point: the lowest
         # moves nothing, and is played again and again to fill its time.
         self.design(self.space.sample(np.random.default_rng(0), 1)[0])
-        InflatableActuation(weight=self.weight)
+
+    @cached_property
+    def _robot(self) -> tuple[InflatableGeometry, InflatableActuation]:
+        return robot_of(self.geometry, self.weight, self.properties)
 
     @property
     def body(self) -> InflatableGeometry:
         """The robot's geometry."""
-        return NAMED_GEOMETRIES[self.geometry]
+        return self._robot[0]
+
+    @property
+    def actuation(self) -> InflatableActuation:
+        """How it is driven."""
+        return self._robot[1]
+
+    @property
+    def most_steps(self) -> int:
+        """Time steps that a graded gait may take."""
+        return nominal_steps(PUBLISHED_COLUMNS, self.actuation) if self.steps is None else self.steps
 
     @property
     def shape(self) -> ShapeGenes:
@@ -200,10 +206,10 @@ class GaitProblem:
         found: list[Condition] = []
         below = None
         for terrain in self.terrains:
-            usual = Condition(f"speed_{terrain.name}", terrain, self._actuation, below, False, self.ahead)
+            usual = Condition(f"speed_{terrain.name}", terrain, self.actuation, below, False, self.ahead)
             found.append(usual)
             if self.hard:
-                found.append(Condition(usual.name + HARD, *harder(terrain), usual.name))
+                found.append(Condition(usual.name + HARD, *harder(terrain, self.actuation), usual.name))
             below = usual.name if self.ladder else None
         return tuple(found)
 
@@ -223,8 +229,8 @@ class GaitProblem:
     def counted_steps(self, design: GaitDesign) -> int:
         """Time steps by which the speed of a design is counted."""
         if self.steps is None:
-            return gaits.counted_steps(design, self._actuation)
-        return max(self.steps, gaits.steps_of(design, self._actuation))
+            return gaits.counted_steps(design, self.actuation)
+        return max(self.steps, gaits.steps_of(design, self.actuation))
 
     def _genes(self, point: ArrayLike) -> Vector:
         """What a point, shape (D,), says of the schedule; it comes last."""
@@ -237,7 +243,7 @@ class GaitProblem:
             return FixedGait(self.columns, self.repeats, self.schedule)
         encoding = ENCODINGS[self.encoding]
         if issubclass(encoding, GradedGait):
-            return encoding(self.columns, self.repeats, self.steps or PUBLISHED_STEPS, self.warm_up)
+            return encoding(self.columns, self.repeats, self.most_steps, self.warm_up, self.actuation)
         return encoding(self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -293,15 +299,13 @@ class GaitProblem:
         if self.warm_up:  # whole cycles that follow it
             return result.steps
         if self._timed:
-            return np.maximum(result.steps, self.steps or PUBLISHED_STEPS)
-        return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self._actuation))
+            return np.maximum(result.steps, self.most_steps)
+        return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self.actuation))
 
     @property
     def _timed(self) -> bool:
         """Whether gaits have times of their own."""
-        if self.schedule is not None:
-            return isinstance(self.schedule, RelaxedSchedule) and self.schedule.timed
-        return self.graded
+        return self.graded if self.schedule is None else gaits.is_timed(self.schedule)
 
     def speeds(self, result: InflatableResult) -> NDArray[np.float64]:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
@@ -309,10 +313,6 @@ class GaitProblem:
             return result.speed
         lengths = self.stages * result.stages.min(axis=1) / self.body.body_length
         return lengths / (self._counted(result) * result.time_step)
-
-    @property
-    def _actuation(self) -> InflatableActuation:
-        return InflatableActuation(weight=self.weight)
 
     def _judged(self, batch: Batch, more: Mapping[str, Any]) -> Evaluation:
         """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
@@ -338,7 +338,7 @@ class GaitProblem:
 
     def _efforts(self, batch: Batch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Efforts of a batch, shape (N,), and their derivatives by the points, shape (N, D), if it has some."""
-        each = [effort(design, self.counted_steps(design), self._actuation) for design in batch.designs]
+        each = [effort(design, self.counted_steps(design), self.actuation) for design in batch.designs]
         slopes = np.zeros((len(each), self.space.size))
         for row, (_, by_level), point in zip(slopes, each, () if batch.points is None else batch.points, strict=False):
             genes = self._genes(point)
@@ -377,7 +377,7 @@ class GaitProblem:
         """
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
-        ramp_steps, drive = self._relaxed_ramp if relaxed else None, self._actuation
+        ramp_steps, drive = self._relaxed_ramp if relaxed else None, self.actuation
         each = np.array([gaits.simulated_steps(design, drive, ramp_steps) for design in designs])
         return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
@@ -385,20 +385,14 @@ class GaitProblem:
         """Write the design of a point as JSON, for ``robots.gaits.load_gait``."""
         gaits.save_gait(self.design(point), path)
 
+    def save_rig(self, folder: Path) -> None:
+        """Write the properties of the rig, if the robot has some, for ``robots.calibration.load_calibration``."""
+        if self.properties is not None:
+            save_properties(self.properties, self.geometry, folder / RIG_FILE)
+
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""
-        fixed = {
-            "orientation": self.orientation,
-            "pressure": list(self.pressure) if isinstance(self.pressure, tuple) else self.pressure,
-            "schedule": self.schedule.to_text() if self.schedule else None,
-        }
-        return {
-            "terrains": [_given(dataclasses.asdict(terrain)) for terrain in self.terrains],
-            "free": list(self.free),
-            **_given(fixed),
-            **{name: getattr(self, name) for name in OPTIONS},
-            **{name: getattr(self, name) for name, usual in LATER_OPTIONS.items() if getattr(self, name) != usual},
-        }
+        return description_of(self)
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> "GaitProblem":
@@ -407,22 +401,4 @@ class GaitProblem:
         Raises:
             ValueError: in one line, that names what is missing, unknown or not allowed.
         """
-        check_kind(description, GAIT)
-        settings = {name: value for name, value in description.items() if name not in ("free", "kind")}
-        try:
-            settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
-            if "schedule" in settings:
-                settings["schedule"] = schedule_of_text(settings["schedule"], settings["repeats"])
-            problem = cls(**settings)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"problem: its description is damaged ({error})") from None
-        for name, value in problem.describe().items():
-            if description.get(name) != value:
-                raise ValueError(
-                    f"problem.{name}: {description.get(name)!r} contradicts the rest, which says {value!r}"
-                )
-        return problem
-
-
-def _given(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if value is not None}
+        return problem_of_description(cls, description)

@@ -56,6 +56,11 @@ def as_graded(design: GaitDesign) -> RelaxedDesign:
     return design if isinstance(design, RelaxedDesign) else RelaxedDesign.from_design(design)
 
 
+def is_timed(schedule: Schedule) -> bool:
+    """Whether a gait has times of its own, which count in time steps of the published robot."""
+    return isinstance(schedule, RelaxedSchedule) and schedule.timed
+
+
 @dataclass(frozen=True, eq=False)
 class PlayedGait:
     """The columns of a gait in the order played, N of them.

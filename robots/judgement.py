@@ -18,8 +18,8 @@ from robots import gaits
 from robots.checks import whole_number
 from robots.dual import Array
 from robots.gaits import GaitDesign, steps_of
-from robots.inflatable import PUBLISHED, InflatableActuation, InflatableGeometry
-from robots.inflatable_actuation import PUBLISHED_STEPS
+from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry
+from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
 from robots.slip import slip_under_load
 from robots.terrain import Terrain
 
@@ -63,11 +63,13 @@ class GaitJudgement(NoisySpeeds):
         slip: of each foot while it grips, under load, in one run [m], shape (2,).
         distance: that this run went [m].
         steps: of the gait.
+        most_steps: that a published gait takes in this robot.
     """
 
     slip: Array
     distance: float
     steps: int
+    most_steps: int = PUBLISHED_STEPS
 
     @property
     def slip_ratio(self) -> float:
@@ -80,8 +82,8 @@ class GaitJudgement(NoisySpeeds):
         found = []
         if not np.isfinite(self.speeds).all() or not np.isfinite(self.hard_speeds).all():
             found.append("a run diverged")
-        if self.steps > PUBLISHED_STEPS:
-            found.append(f"takes {self.steps:,} steps, more than {PUBLISHED_STEPS:,}")
+        if self.steps > self.most_steps:
+            found.append(f"takes {self.steps:,} steps, more than {self.most_steps:,}")
         if not self.slip_ratio <= MOST_SLIP:
             found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
         if not self.hard_speed >= LEAST_HARD_SPEED:
@@ -113,6 +115,7 @@ def judge_gait(
     terrain: Terrain | None = None,
     *,
     geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
     runs: int = RUNS,
     seed: int = 0,
     precision: str = "f64",
@@ -126,6 +129,7 @@ def judge_gait(
         design: on-off or graded.
         terrain: flat ground by default.
         geometry: of the robot.
+        actuation: how it is driven, but for the harder conditions.
         runs: with noise, under either condition; at least 2.
         seed: of the noise.
         precision: see ``robots.inflatable.simulate``, as the others.
@@ -138,29 +142,43 @@ def judge_gait(
     """
     whole_number("runs", runs, 2)
     terrain = terrain or Terrain()
-    options: dict[str, Any] = {"geometry": geometry, "precision": precision, "device": device, "threads": threads}
+    options: dict[str, Any] = {"geometry": geometry, "actuation": actuation, "precision": precision,
+                               "device": device, "threads": threads}  # fmt: skip
     report = progress or (lambda fraction: None)
     speeds, hard_speeds = play_with_noise([design], terrain, runs, seed=seed, **options,
                                           progress=lambda f: report(0.9 * f))  # fmt: skip
     watched = gaits.simulate(design, terrain, **options, record_every=RECORD_EVERY,
                              progress=lambda f: report(0.9 + 0.1 * f))  # fmt: skip
-    slip = slip_under_load(watched, design)
-    return GaitJudgement(speeds[0], hard_speeds[0], slip, float(watched.distance[0]), steps_of(design))
+    return GaitJudgement(
+        speeds[0], hard_speeds[0], slip_under_load(watched, design, actuation), float(watched.distance[0]),
+        steps_of(design, actuation), nominal_steps(PUBLISHED_COLUMNS, actuation),
+    )  # fmt: skip
 
 
-def harder(terrain: Terrain) -> tuple[Terrain, InflatableActuation]:
+def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tuple[Terrain, InflatableActuation]:
     """The harder conditions on a terrain: sliding feet of at least ``HARD_FRICTION``, bladders that keep their weight.
+
+    Args:
+        terrain: what it is like.
+        actuation: how the robot is driven.
 
     Raises:
         ValueError: in one line, for a fluid, and friction of gripping feet below that.
     """
-    friction = max(HARD_FRICTION, terrain.low_friction or 0.0)
-    return replace(terrain, low_friction=friction), InflatableActuation(weight="physical")
+    own = actuation.on(terrain)
+    friction = max(HARD_FRICTION, own.low_friction)
+    hard = replace(terrain, low_friction=friction)
+    if own.high_friction < friction:
+        raise ValueError(
+            f"friction: {own.high_friction:g} of gripping feet is not allowed under the harder conditions, where "
+            f"sliding feet have {friction:g}"
+        )
+    return hard, replace(actuation, weight="physical")
 
 
 def play_with_noise(
-    designs: Sequence[GaitDesign], terrain: Terrain, runs: int, *, seed: int = 0,
-    progress: Callable[[float], None] | None = None, **options: Any,
+    designs: Sequence[GaitDesign], terrain: Terrain, runs: int, *, actuation: InflatableActuation = ACTUATION,
+    seed: int = 0, progress: Callable[[float], None] | None = None, **options: Any,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Speeds of designs of one kind, as usual and under the harder conditions, shape (N, R) each.
 
@@ -168,6 +186,7 @@ def play_with_noise(
         designs: N of them.
         terrain: see :func:`judge_gait`, as for the others.
         runs: R, of each design under either condition, as two batches; at least 1.
+        actuation: see there.
         seed: see there.
         progress: see there.
         options: of ``robots.gaits.simulate``.
@@ -176,7 +195,7 @@ def play_with_noise(
         ValueError: in one line, for what is not allowed.
     """
     whole_number("runs", runs, 1)
-    conditions = ((terrain, InflatableActuation()), harder(terrain))
+    conditions = ((terrain, actuation), harder(terrain, actuation))
     report = progress or (lambda fraction: None)
     copies = [design for design in designs for _ in range(runs)]
     usual, hard = (

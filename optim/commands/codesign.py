@@ -171,6 +171,7 @@ def _add_design(design: Any) -> None:
         metavar="PA",
         help="if shape is not free, of all cores or such as 12000,0 of each (default: the gait's own)",
     )
+    options.add_calibration(design)
 
 
 def _add_gradients(group: Any) -> None:
@@ -202,6 +203,7 @@ def _add_gradients(group: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
+    from optim.gait_problem import GaitProblem
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
@@ -215,6 +217,8 @@ def run(args: argparse.Namespace) -> Report:
     with open_run(args.out, planned.config(), resume=args.resume, environment=about) as folder:
         if planned.note and not args.quiet:
             print(planned.note, file=sys.stderr)
+        if isinstance(problem, GaitProblem):
+            problem.save_rig(folder.path)
         search = _Search(planned, folder, args)
         try:
             last = search.run(method)
@@ -269,7 +273,6 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     from optim.runs.products import Products
     from robots.cores import common_pressure
     from robots.hardware import export_csv
-    from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
     from robots.view.picture import save_motion_picture
 
     if last.best_point is None:
@@ -278,8 +281,8 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
         return ["best.json"]
     design = problem.design(problem.space.from_dict(last.best_point))
     robot: dict[str, Any] = {
-        "geometry": NAMED_GEOMETRIES[problem.geometry],
-        "actuation": InflatableActuation(weight=problem.weight),
+        "geometry": problem.body,
+        "actuation": problem.actuation,
         "counted_steps": None if problem.steps is None else problem.counted_steps(design),
     }
     products = Products(folder)

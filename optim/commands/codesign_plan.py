@@ -88,13 +88,17 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
 
     What is not given is as in the run that continues, or else the default.
     """
-    from optim.gait_problem import OPTIONS, PARTS, GaitProblem
+    from optim.gait_description import OPTIONS
+    from optim.gait_problem import PARTS, GaitProblem
 
     settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
     if known and known.schedule is None:
         _same("problem.encoding", args.encoding, known.encoding, args.out)
     settings.setdefault("encoding", args.encoding or ("bits" if method == "gradient" else "codes"))
     _choose_objectives(settings, args, known, method)
+    if (rig := options.load_rig(args.calibration)) is not None:
+        settings["properties"], own = rig
+        settings.setdefault("geometry", own)
     for name in (*OPTIONS, "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "threads"):
         if getattr(args, name) is not None:
             settings[name] = getattr(args, name)

@@ -5,12 +5,13 @@ import contextlib
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from robots import checks
 from robots.terrain import STEEPEST, Terrain
 
 if TYPE_CHECKING:
+    from robots.calibration import Properties
     from robots.cores import Pressure
     from robots.gaits import GaitDesign
     from robots.relaxed_schedule import Schedule
@@ -113,6 +114,43 @@ def add_robot(
     group.add_argument("--precision", choices=("f32", "f64"), help=f"of the numbers (default: {precision})")
     group.add_argument("--device", choices=("cpu", "cuda", "vulkan", "metal"), help="(default: cpu)")
     group.add_argument("--threads", type=whole(1), metavar="N", help="CPU threads (default: all)")
+
+
+def add_calibration(parser: Any) -> None:
+    """The option for the robot of a rig, of a parser or a group of one."""
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
+    )
+
+
+def load_rig(path: Path | None) -> "tuple[Properties, str] | None":
+    """Properties and the name of the geometry of the rig of such a file, if one is given."""
+    if path is None:
+        return None
+    from robots.calibration import load_calibration
+
+    return load_calibration(path)
+
+
+def inflatable_robot(
+    geometry: str, weight: str, properties: "Properties | None", design: "GaitDesign"
+) -> dict[str, Any]:
+    """Geometry and actuation that play a design, as options of ``robots.gaits.simulate``.
+
+    Raises:
+        ValueError: in one line, where a rig's skin is too stiff for the times of a gait.
+    """
+    from robots.calibration import robot_of
+    from robots.gaits import is_timed
+    from robots.inflatable import NAMED_GEOMETRIES
+
+    if properties is not None and is_timed(design.schedule):
+        properties.check_time_step(NAMED_GEOMETRIES[geometry])
+    body, actuation = robot_of(geometry, weight, properties)
+    return {"geometry": body, "actuation": actuation}
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

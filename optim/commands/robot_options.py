@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # Options about gaits of the inflatable robot.
 _GAITS = ("free", "encoding", "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "gait",
           "orientation", "pressure", "objective", "start", "start_orientation", "start_pressure", "geometry", "columns",
-          "repeats", "weight")  # fmt: skip
+          "repeats", "weight", "calibration")  # fmt: skip
 CYCLES = (1, 2, 4)  # horizons of ``gradient-check``
 
 

@@ -70,12 +70,7 @@ def add_parser(commands: Any) -> None:
         metavar="DIR",
         help="new folder for design.json, result.json, gait.csv and robot.png",
     )
-    parser.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
-    )
+    options.add_calibration(parser)
     options.add_robot(parser, precision="f64")
     options.add_json(parser)
     parser.set_defaults(run=run)
@@ -96,7 +91,7 @@ def run(args: argparse.Namespace) -> Report:
         options.cut(design.schedule, args.columns, args.repeats),
     )
     terrain = options.chosen_terrain(args) or Terrain()
-    robot, geometry, weight = _robot(args)
+    robot, geometry, weight = _robot(args, design)
     if args.judge:
         return _judge(args, design, terrain, robot)
     title = f"{args.gait} {terrain.where}"
@@ -146,14 +141,14 @@ def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, rob
     """What the gait is worth, see ``robots.judgement``."""
     from robots.judgement import judge_gait
 
-    for name in ("out", "calibration", "weight", "perturbation"):
+    for name in ("out", "weight", "perturbation"):
         if value := getattr(args, name):
-            raise ValueError(f"{name}: {value} is not allowed with --judge, which plays the published robot with noise")
+            raise ValueError(f"{name}: {value} is not allowed with --judge, which plays both weights with noise")
     title = f"{args.gait} {terrain.where}"
     with shown_progress(f"{title}, judged", 1.0) as update:
         found = judge_gait(
-            design, terrain, geometry=robot["geometry"], seed=args.seed, precision=args.precision or "f64",
-            device=args.device or "cpu", threads=args.threads, progress=update,
+            design, terrain, **robot, seed=args.seed, precision=args.precision or "f64", device=args.device or "cpu",
+            threads=args.threads, progress=update,
         )  # fmt: skip
     document = {"gait": args.gait, "terrain": terrain.name, **found.to_document()}
     speeds = (f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds))
@@ -163,21 +158,11 @@ def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, rob
     return Report(document, text)
 
 
-def _robot(args: argparse.Namespace) -> tuple[dict[str, Any], str, str]:
+def _robot(args: argparse.Namespace, design: "GaitDesign") -> tuple[dict[str, Any], str, str]:
     """Geometry and actuation, and the names of the geometry and of how bladders weigh."""
-    from robots import inflatable
-
-    weight = args.weight or "published"
-    actuation, properties, own = inflatable.InflatableActuation(weight=weight), None, "published"
-    if args.calibration is not None:
-        from robots.calibration import load_calibration
-
-        properties, own = load_calibration(args.calibration)
-    name = args.geometry or own
-    geometry = inflatable.NAMED_GEOMETRIES[name]
-    if properties is not None:
-        geometry, actuation = properties.robot(geometry, actuation)
-    return {"geometry": geometry, "actuation": actuation}, name, weight
+    rig = options.load_rig(args.calibration)
+    name, weight = args.geometry or (rig[1] if rig else "published"), args.weight or "published"
+    return options.inflatable_robot(name, weight, rig[0] if rig else None, design), name, weight
 
 
 def _write(

@@ -30,10 +30,10 @@ WHOSE = {
     "seed": "quadrupeds",
     "design": "vehicle and rover",
     "environment": "rigid robots and vehicles",
-    **dict.fromkeys(("geometry", "columns", "repeats", "weight"), "the inflatable robot"),
+    **dict.fromkeys(("geometry", "columns", "repeats", "weight", "calibration"), "the inflatable robot"),
 }
 OF_KIND = {
-    GAIT: ("terrain", "slope", "geometry", "columns", "repeats", "weight"),
+    GAIT: ("terrain", "slope", "geometry", "columns", "repeats", "weight", "calibration"),
     WALKER: ("terrain", "slope"),
     ROBOT: ("terrain", "slope"),
     VEHICLE: ("environment",),
@@ -157,17 +157,19 @@ def _terrain(args: argparse.Namespace, own: Terrain | None) -> Terrain:
 
 
 def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
-    from robots import gaits, inflatable
+    from robots import gaits
     from robots.view.soft_motion import inflatable_motion
 
     design = dataclasses.replace(design, schedule=options.cut(design.schedule, args.columns, args.repeats))
-    geometry = inflatable.NAMED_GEOMETRIES[args.geometry or (run.geometry if run else "published")]
-    actuation = inflatable.InflatableActuation(weight=args.weight or (run.weight if run else "published"))
+    own = (run.properties, run.geometry) if run else (None, "published")
+    properties, geometry = options.load_rig(args.calibration) or own
+    weight = args.weight or (run.weight if run else "published")
+    robot = options.inflatable_robot(args.geometry or geometry, weight, properties, design)
     terrain = _terrain(args, run.terrains[0] if run else None)
-    steps = gaits.steps_of(design, actuation)
-    result = gaits.simulate([design], terrain, geometry=geometry, actuation=actuation, **_where(args),
-                                 record_every=record_every(steps, args.frames), progress=progress)  # fmt: skip
-    return inflatable_motion(result, design, terrain, actuation=actuation, name=f"{name} {terrain.where}")
+    steps = gaits.steps_of(design, robot["actuation"])
+    result = gaits.simulate([design], terrain, **robot, **_where(args), record_every=record_every(steps, args.frames),
+                            progress=progress)  # fmt: skip
+    return inflatable_motion(result, design, terrain, actuation=robot["actuation"], name=f"{name} {terrain.where}")
 
 
 def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from optim.gait_problem import GaitProblem
+from optim.gait_problem import RIG_FILE, GaitProblem
 from optim.report.charts import chart, image
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, table
@@ -17,11 +17,10 @@ from optim.report.rig import KPA_PER_PSI, rig_section
 from optim.runs.loop import Generation
 from optim.space import Vector
 from robots import gaits
+from robots.calibration import NAMES, UNITS, Properties
 from robots.cores import Pressure, common_pressure
 from robots.gaits import GaitDesign
 from robots.hardware import PneumaticRig
-from robots.inflatable import NAMED_GEOMETRIES, InflatableActuation
-from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.terrain import Terrain
 from robots.view.motion import record_every
 
@@ -53,7 +52,7 @@ class GaitRun:
     @property
     def facts(self) -> list[tuple[str, Text]]:
         """Terrains, what is free, what is fixed, and the simulation."""
-        problem, geometry = self.problem, NAMED_GEOMETRIES[self.problem.geometry]
+        problem, geometry = self.problem, self.problem.body
         held = [f"orientation {problem.orientation:g}°"] if problem.orientation is not None else []
         held += [f"pressure {_pascals(problem.pressure)}"] if problem.pressure is not None else []
         held += ["gait"] if problem.schedule is not None else []
@@ -67,6 +66,7 @@ class GaitRun:
             ("Free", ", ".join(problem.free)),
             ("Fixed", ", ".join(held) or "nothing"),
             ("Gait", f"{problem.columns} columns, played {self._often}, encoded as {problem.encoding}"),
+            *([("Rig", _fitted(problem.properties))] if problem.properties else []),
             ("Simulation", f"{problem.precision} on {problem.device}, weight of bladders {problem.weight}"),
         ]
 
@@ -81,7 +81,7 @@ class GaitRun:
         """How often gaits are played."""
         if not self.problem.graded:
             return _times(self.problem.repeats)
-        return f"as often as {self.problem.steps or PUBLISHED_STEPS:,} time steps allow"
+        return f"as often as {self.problem.most_steps:,} time steps allow"
 
     @property
     def curves(self) -> Mapping[str, str]:
@@ -91,8 +91,7 @@ class GaitRun:
 
     @property
     def _robot(self) -> dict[str, Any]:
-        actuation = InflatableActuation(weight=self.problem.weight)
-        return {"geometry": NAMED_GEOMETRIES[self.problem.geometry], "actuation": actuation}
+        return {"geometry": self.problem.body, "actuation": self.problem.actuation}
 
     def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
         """Simulate a design on all terrains."""
@@ -198,6 +197,8 @@ class GaitRun:
         where, best = (shlex.quote(str(path)) for path in (folder, folder / "best.json"))
         named = ("geometry", "weight", "precision", "device")
         options = " ".join(f"--{name} {getattr(problem, name)}" for name in named)
+        if problem.properties is not None:
+            options += f" --calibration {shlex.quote(str(folder / RIG_FILE))}"
         return [
             ("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}"),
             *((f"Simulate the best design {terrain.spoken}",
@@ -218,6 +219,12 @@ def _kilopascals(name: str, design: GaitDesign) -> dict[str, float]:
 
 def _pascals(pressure: Pressure) -> str:
     return ", ".join(f"{one:g}" for one in np.atleast_1d(pressure)) + " Pa"
+
+
+def _fitted(properties: Properties) -> str:
+    """The properties of a rig, in a line."""
+    each = (f"{name.replace('_', ' ')} {getattr(properties, name):.4g} {UNITS[name]}" for name in NAMES)
+    return ", ".join(text.strip() for text in each)
 
 
 def _where(terrain: Terrain) -> str:

@@ -5,7 +5,16 @@ from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Experiment, Laboratory, Trial
 from robots.calibration.measurements import Measurements, read_measurements, write_measurements
-from robots.calibration.properties import BOUNDS, CALIBRATION_FORMAT, NAMES, UNITS, Properties, load_calibration
+from robots.calibration.properties import (
+    BOUNDS,
+    CALIBRATION_FORMAT,
+    NAMES,
+    UNITS,
+    Properties,
+    load_calibration,
+    robot_of,
+    save_properties,
+)
 
 __all__ = [
     "BOUNDS",
@@ -22,5 +31,7 @@ __all__ = [
     "Trial",
     "load_calibration",
     "read_measurements",
+    "robot_of",
+    "save_properties",
     "write_measurements",
 ]

@@ -1,13 +1,14 @@
 """Properties of the inflatable robot that are tuned to a rig, and the robot that has them."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from os import PathLike
 from types import MappingProxyType
 from typing import Any, Self
 
 from robots.checks import choice, number
-from robots.files import read_record
+from robots.files import read_record, write_record
 from robots.inflatable_actuation import ACTUATION, InflatableActuation
 from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
 
@@ -16,6 +17,8 @@ CALIBRATION_FORMAT = "morpholab-calibration-1"
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"friction": (0.1, 4.0), "low_friction": (1e-3, 1.0), "modulus": (200e3, 800e3), "inflation_rate": (0.7, 12.0)}
 )
+# Of the largest stable time step to that in which gaits count. Stiffer skin takes a shorter one.
+LEAST_SAFETY = 1.08
 UNITS: Mapping[str, str] = MappingProxyType(
     {"friction": "", "low_friction": "", "modulus": "Pa", "inflation_rate": "1/s"}
 )
@@ -78,12 +81,44 @@ class Properties:
     def robot(
         self, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION
     ) -> tuple[InflatableGeometry, InflatableActuation]:
-        """Geometry and actuation of the robot that has these properties, for ``robots.inflatable.simulate``."""
+        """Geometry and actuation of the robot that has these properties, for ``robots.inflatable.simulate``.
+
+        The time step is that of the geometry, in which gaits count, unless skin is too stiff for it: then what the
+        robot itself counts in steps lasts as many seconds.
+        """
         tuned = self.body_of(geometry)
-        return tuned, self.drive_of(actuation, geometry.time_step, tuned.time_step)
+        if not self.fits_time_step(geometry):
+            return tuned, self.drive_of(actuation, geometry.time_step, tuned.time_step)
+        tuned = replace(tuned, time_step_safety=self._safety(geometry))
+        return tuned, self.drive_of(actuation, geometry.time_step, geometry.time_step)
+
+    def fits_time_step(self, geometry: InflatableGeometry = PUBLISHED) -> bool:
+        """Whether the robot can be simulated at the time step of the geometry."""
+        return self._safety(geometry) >= LEAST_SAFETY
+
+    def check_time_step(self, geometry: InflatableGeometry = PUBLISHED) -> None:
+        """Raise a ValueError, in one line, unless :meth:`fits_time_step`: gaits with times of their own need that."""
+        if not self.fits_time_step(geometry):
+            most = geometry.youngs_modulus * (geometry.time_step_safety / LEAST_SAFETY) ** 2
+            raise ValueError(
+                f"modulus: {self.modulus:g} Pa is not allowed with gaits that have times of their own, which count in "
+                f"time steps that are too long for it; at most {most:.0f} Pa"
+            )
+
+    def _safety(self, geometry: InflatableGeometry) -> float:
+        """Of the largest stable time step, as 1 / sqrt(E), see ``LatticeBody.recommended_time_step``."""
+        return geometry.time_step_safety * math.sqrt(geometry.youngs_modulus / self.modulus)
 
 
 NAMES = tuple(field.name for field in fields(Properties))
+
+
+def robot_of(
+    geometry: str, weight: str, properties: Properties | None = None
+) -> tuple[InflatableGeometry, InflatableActuation]:
+    """Geometry and actuation of the robot of a named geometry and weight of bladders, as published or as a rig's."""
+    named, actuation = NAMED_GEOMETRIES[geometry], InflatableActuation(weight=weight)
+    return (named, actuation) if properties is None else properties.robot(named, actuation)
 
 
 def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
@@ -93,6 +128,11 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
         ValueError: in one line, naming the file and what is wrong with it.
     """
     return read_record(path, CALIBRATION_FORMAT, _calibration)
+
+
+def save_properties(properties: Properties, geometry: str, path: str | PathLike[str]) -> None:
+    """Write properties and the name of the geometry that they belong to, for :func:`load_calibration`."""
+    write_record(path, CALIBRATION_FORMAT, {"geometry": geometry, "properties": asdict(properties)})
 
 
 def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
