@@ -181,7 +181,7 @@ class GradedGait(GaitEncoding):
                                np.zeros(self.columns)])  # fmt: skip
 
     @staticmethod
-    def genome(schedule: "RelaxedSchedule") -> Vector:
+    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:
         """Genes of all columns that a schedule plays, one after the other.
 
         Raises:
@@ -192,7 +192,7 @@ class GradedGait(GaitEncoding):
         if schedule.pressure is not None:
             raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
         same = dataclasses.replace(schedule, motion_steps=np.full(schedule.columns, LEAST_MOTION))
-        moves = [[column.motion_steps for column in relaxed_columns(gait)[0]] for gait in (schedule, same)]
+        moves = [[column.motion_steps for column in relaxed_columns(gait, actuation)[0]] for gait in (schedule, same)]
         if schedule.settle_steps is None or moves[0] != moves[1]:
             raise ValueError(
                 f"motion_steps: graded genes move as fast as bladders do; give at most {LEAST_MOTION}, and settle_steps"
@@ -278,14 +278,15 @@ class GradedWaveGait(GradedGait):
     slopes = GaitEncoding.slopes  # zero: waves are searched without gradients
 
     @staticmethod
-    def genome(schedule: "RelaxedSchedule") -> Vector:
+    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:
         """Genes of a wave.
 
         Raises:
             ValueError: in one line, for what is none, and for what graded genes cannot say.
         """
         levels, grip, settle = np.split(
-            GradedGait.genome(dataclasses.replace(schedule, repeats=1)).reshape(-1, schedule.columns), [BLADDERS, ROWS]
+            GradedGait.genome(dataclasses.replace(schedule, repeats=1), actuation).reshape(-1, schedule.columns),
+            [BLADDERS, ROWS],
         )
         shifts = [s for s in range(schedule.columns) if np.array_equal(levels, _wave(levels[0], s))]
         if not shifts or np.ptp(settle):

@@ -387,7 +387,9 @@ class GaitProblem:
 
     def save_rig(self, folder: Path) -> None:
         """Write the properties of the rig, if the robot has some, for ``robots.calibration.load_calibration``."""
-        if self.properties is not None:
+        if self.properties is None:
+            (folder / RIG_FILE).unlink(missing_ok=True)  # of a run that ended before it began
+        else:
             save_properties(self.properties, self.geometry, folder / RIG_FILE)
 
     def describe(self) -> dict[str, Any]:

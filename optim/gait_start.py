@@ -39,7 +39,7 @@ def _genes(problem: GaitProblem, design: GaitDesign) -> list[float]:
         raise ValueError(f"start: a gait of {columns} columns is not allowed; the search has {problem.columns}")
     schedule = as_graded(design).schedule
     if encoding is GradedGait or encoding is GradedWaveGait:
-        return [float(gene) for gene in encoding.genome(dataclasses.replace(schedule, repeats=1))]
+        return [float(gene) for gene in encoding.genome(dataclasses.replace(schedule, repeats=1), problem.actuation)]
     if schedule.timed or np.any((schedule.levels != 0) & (schedule.levels != 1)):
         raise ValueError("start: bits cannot say levels between 0 and 1, nor times; choose encoding graded")
     return [float(level) for level in schedule.levels.ravel()]

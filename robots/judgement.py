@@ -64,12 +64,14 @@ class GaitJudgement(NoisySpeeds):
         distance: that this run went [m].
         steps: of the gait.
         most_steps: that a published gait takes in this robot.
+        hard_friction: of sliding feet under the harder conditions.
     """
 
     slip: Array
     distance: float
     steps: int
     most_steps: int = PUBLISHED_STEPS
+    hard_friction: float = HARD_FRICTION
 
     @property
     def slip_ratio(self) -> float:
@@ -88,7 +90,7 @@ class GaitJudgement(NoisySpeeds):
             found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
         if not self.hard_speed >= LEAST_HARD_SPEED:
             found.append(
-                f"{self.hard_speed:.4f} BL/s remain with friction {HARD_FRICTION:g} of sliding feet and"
+                f"{self.hard_speed:.4f} BL/s remain with friction {self.hard_friction:g} of sliding feet and"
                 f" bladders that keep their weight, less than {LEAST_HARD_SPEED:g}"
             )
         return tuple(found)
@@ -152,6 +154,7 @@ def judge_gait(
     return GaitJudgement(
         speeds[0], hard_speeds[0], slip_under_load(watched, design, actuation), float(watched.distance[0]),
         steps_of(design, actuation), nominal_steps(PUBLISHED_COLUMNS, actuation),
+        actuation.on(harder(terrain, actuation)[0]).low_friction,
     )  # fmt: skip
 
 
@@ -168,7 +171,7 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
     own = actuation.on(terrain)
     friction = max(HARD_FRICTION, own.low_friction)
     hard = replace(terrain, low_friction=friction)
-    if own.high_friction < friction:
+    if own.low_friction <= own.high_friction < friction:
         raise ValueError(
             f"friction: {own.high_friction:g} of gripping feet is not allowed under the harder conditions, where "
             f"sliding feet have {friction:g}"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +10,15 @@ from run_products import products
 
 from optim.gait_outcomes import effort
 from optim.gait_problem import GaitProblem
+from optim.gait_start import start_values
 from optim.report.gait_run import GaitRun
 from optim.runs.comparison import JUDGED
 from robots import gaits
 from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties
-from robots.inflatable import ACTUATION, PUBLISHED, SMALL, InflatableActuation
+from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation
 from robots.inflatable_actuation import nominal_steps
-from robots.judgement import harder
+from robots.judgement import harder, judge_gait
+from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.terrain import Terrain
 
 FITTED = Properties(friction=1.2, low_friction=0.3, modulus=330e3, inflation_rate=2.0)
@@ -102,6 +105,50 @@ def test_effort_does_not_depend_on_how_fast_bladders_fill():
         assert efforts[0] == pytest.approx(efforts[1])
 
 
+def test_a_search_starts_at_a_gait_as_the_rig_plays_it():
+    """A motion of 5000 steps is longer than a stroke of a fast rig, not than one of the published robot."""
+    gait = RelaxedSchedule(np.tile([1.0, 0.0], (8, 1)), np.ones((2, 2)), 1, None, [5000, 5000], [500, 500])
+    design = RelaxedDesign(0.0, 10.0, gait)
+    published = GaitProblem((Terrain(),), columns=2, encoding="graded", steps=12_000)
+    fast = dataclasses.replace(published, properties=dataclasses.replace(Properties.of(), inflation_rate=12.0))
+    start = start_values(published, design)
+    found = published.design(published.space.from_dict(start))
+    assert gaits.steps_of(found) == gaits.steps_of(dataclasses.replace(design, schedule=found.schedule))
+    with pytest.raises(ValueError, match=r"^motion_steps: graded genes move as fast as bladders do"):
+        start_values(fast, design)
+    slow = dataclasses.replace(published, properties=dataclasses.replace(Properties.of(), inflation_rate=0.7))
+    longer = RelaxedDesign(0.0, 10.0, dataclasses.replace(gait, motion_steps=[9000, 9000]))
+    assert start_values(slow, longer) == start
+    with pytest.raises(ValueError, match=r"^motion_steps"):
+        start_values(published, longer)
+
+
+def test_a_judgement_is_of_the_rig(monkeypatch):
+    """Its actuation reaches every simulation, and its strokes and friction tell the limits."""
+    calls = []
+
+    def stand_in(designs, terrain, *, actuation, **options):
+        listed = designs if isinstance(designs, list) else [designs]
+        calls.append((terrain, actuation, options["geometry"]))
+        return SimpleNamespace(speed=np.full(len(listed), -0.05), distance=np.full(len(listed), -1.0))
+
+    monkeypatch.setattr("robots.gaits.simulate", stand_in)
+    monkeypatch.setattr(
+        "robots.judgement.slip_under_load", lambda watched, design, actuation: np.full(2, actuation.low_friction)
+    )
+    geometry, actuation = FITTED.robot(SMALL)
+    found = judge_gait(INCHING, Terrain(15.0), geometry=geometry, actuation=actuation, runs=2)
+    assert [call[2] for call in calls] == [geometry] * 3
+    assert [call[1].weight for call in calls] == ["published", "physical", "published"]
+    assert {dataclasses.replace(call[1], weight="published") for call in calls} == {actuation}
+    assert [call[0].low_friction for call in calls] == [None, 0.3, None]
+    assert found.slip_ratio == 0.3 and found.steps == gaits.steps_of(INCHING, actuation) > 186_719
+    assert found.steps <= found.most_steps == nominal_steps(16, actuation)
+    assert found.faults == (
+        "-0.0500 BL/s remain with friction 0.3 of sliding feet and bladders that keep their weight, less than -0.01",
+    )
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -154,6 +201,34 @@ def test_a_run_keeps_its_robot(morpholab, tmp_path):
         assert code == 2 and "error: problem.properties: " in error and error.count("\n") == 1
     code, _, error = morpholab("compare published fitted")
     assert code == 2 and "properties" in error and error.count("\n") == 1
+
+
+@pytest.mark.usefixtures("rig")
+def test_a_folder_that_is_used_again_loses_the_rig_of_before(morpholab, simulator, tmp_path):
+    simulator.interrupt_at = 1
+    assert morpholab(f"codesign --terrain flat --calibration rig.json --out a {SHORT}")[0] != 0
+    assert (tmp_path / "a/calibration.json").exists()
+    assert morpholab(f"codesign --terrain flat --geometry small --out a {SHORT}")[0] == 0
+    assert not (tmp_path / "a/calibration.json").exists()
+
+
+@pytest.mark.usefixtures("rig")
+def test_views_play_the_robot_of_the_run_or_the_rig(morpholab, simulator, tmp_path, monkeypatch):
+    """The geometry is the run's; of a gait's file, the rig's."""
+    played = []
+
+    def motion(result, design, terrain, *, actuation, name):
+        played.append((simulator.calls[-1].geometry, actuation))
+        raise ValueError("enough")
+
+    monkeypatch.setattr("robots.view.soft_motion.inflatable_motion", motion)
+    other = dataclasses.replace(FITTED, friction=1.3)
+    save_properties(other, "published", tmp_path / "other.json")
+    morpholab(f"codesign --terrain flat --out a --calibration rig.json {SHORT}")
+    for line in ("a", "a --calibration other.json", "a/best.json --calibration other.json", "inching"):
+        assert "enough" in morpholab(f"view {line} --out v.html")[2]
+    robots = (FITTED.robot(SMALL), other.robot(SMALL), other.robot(), robot_of("published", "published"))
+    assert played == [tuple(robot) for robot in robots]
 
 
 @pytest.mark.usefixtures("rig")

@@ -117,7 +117,8 @@ def _add_design(design: Any) -> None:
         "--steps",
         type=options.whole(1),
         metavar="N",
-        help="time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719)",
+        help="time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719 "
+        "of the published robot)",
     )
     design.add_argument(
         "--warm-up", type=options.whole(0), metavar="N", help="first time steps of a graded gait, which do not count"
@@ -145,7 +146,8 @@ def _add_design(design: Any) -> None:
         "--hard",
         action="store_true",
         default=None,
-        help="judge gaits that get ahead also with friction 0.2 of sliding feet and bladders that keep their weight",
+        help="judge gaits that get ahead also with friction 0.2 or more of sliding feet and bladders that keep their "
+        "weight",
     )
     design.add_argument(
         "--effort",
@@ -218,7 +220,8 @@ def run(args: argparse.Namespace) -> Report:
         if planned.note and not args.quiet:
             print(planned.note, file=sys.stderr)
         if isinstance(problem, GaitProblem):
-            problem.save_rig(folder.path)
+            with folder.kept():
+                problem.save_rig(folder.path)
         search = _Search(planned, folder, args)
         try:
             last = search.run(method)

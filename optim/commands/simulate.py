@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> Report:
         "repeats": design.schedule.repeats,
         "geometry": geometry,
         "weight": weight,
-        **({} if args.calibration is None else {"calibration": str(args.calibration)}),
+        **_rig(args),
         "status": str(result.status[0]),
         "steps": int(result.steps[0]),
         **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
@@ -150,12 +150,17 @@ def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, rob
             design, terrain, **robot, seed=args.seed, precision=args.precision or "f64", device=args.device or "cpu",
             threads=args.threads, progress=update,
         )  # fmt: skip
-    document = {"gait": args.gait, "terrain": terrain.name, **found.to_document()}
+    document = {"gait": args.gait, "terrain": terrain.name, **_rig(args), **found.to_document()}
     speeds = (f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds))
     text = f"{title}: {next(speeds)}, {len(found.speeds)} runs\nharder conditions: {next(speeds)}"
     text += f"\nfeet slip {found.slip_ratio:.2f} of the way while they grip; {found.steps:,} steps\n"
     text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
     return Report(document, text)
+
+
+def _rig(args: argparse.Namespace) -> dict[str, str]:
+    """The calibration, if there is one, for the document."""
+    return {} if args.calibration is None else {"calibration": str(args.calibration)}
 
 
 def _robot(args: argparse.Namespace, design: "GaitDesign") -> tuple[dict[str, Any], str, str]:

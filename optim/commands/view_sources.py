@@ -162,9 +162,10 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
 
     design = dataclasses.replace(design, schedule=options.cut(design.schedule, args.columns, args.repeats))
     own = (run.properties, run.geometry) if run else (None, "published")
-    properties, geometry = options.load_rig(args.calibration) or own
+    properties, fitted = options.load_rig(args.calibration) or own
+    geometry = args.geometry or (run.geometry if run else fitted)
     weight = args.weight or (run.weight if run else "published")
-    robot = options.inflatable_robot(args.geometry or geometry, weight, properties, design)
+    robot = options.inflatable_robot(geometry, weight, properties, design)
     terrain = _terrain(args, run.terrains[0] if run else None)
     steps = gaits.steps_of(design, robot["actuation"])
     result = gaits.simulate([design], terrain, **robot, **_where(args), record_every=record_every(steps, args.frames),

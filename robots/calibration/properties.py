@@ -17,6 +17,7 @@ CALIBRATION_FORMAT = "morpholab-calibration-1"
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"friction": (0.1, 4.0), "low_friction": (1e-3, 1.0), "modulus": (200e3, 800e3), "inflation_rate": (0.7, 12.0)}
 )
+LARGEST = 1e12  # of any property
 # Of the largest stable time step to that in which gaits count. Stiffer skin takes a shorter one.
 LEAST_SAFETY = 1.08
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -43,7 +44,7 @@ class Properties:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = number(field.name, getattr(self, field.name), 0.0, unit=UNITS[field.name])
+            value = number(field.name, getattr(self, field.name), 0.0, LARGEST, unit=UNITS[field.name])
             if value == 0:
                 raise ValueError(f"{field.name}: 0 is not allowed; it must be positive")
             object.__setattr__(self, field.name, value)
