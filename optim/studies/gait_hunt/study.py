@@ -79,7 +79,7 @@ class Hunt:
 
 SCALES: Mapping[Budget, Hunt] = {
     "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
-    "medium": Hunt(60, (0, 1, 2, 3, 4), finalists=2, runs=3),
+    "medium": Hunt(120, (0, 1, 2, 3, 4), finalists=2, runs=3),
     "full": Hunt(300, (0, 1, 2, 3, 4)),
 }
 
