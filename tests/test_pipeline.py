@@ -1,5 +1,6 @@
 """The pipeline: tasks, plans, changes of shape, packages that play from their tables alone."""
 
+import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,9 +19,10 @@ from optim.pipeline.machine import State
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.task import read_task
 from robots import transition
+from robots.calibration import Properties, load_calibration, save_properties
 from robots.gaits import save_gait
 from robots.hardware import export_csv, read_csv
-from robots.inflatable import INCHING, ROLLING
+from robots.inflatable import ACTUATION, INCHING, PUBLISHED, ROLLING, SMALL
 from robots.relaxed_schedule import RelaxedDesign
 from robots.results_folder import ResultsFolder
 
@@ -60,6 +62,24 @@ def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
     assert task.gaits == {"rolling": ROLLING, "climb": INCHING, "table": ROLLING}
     assert task.search.generations == 5 and task.problem(task.terrains[1]).encoding == "graded"
     assert task.method_settings(task.search)["population"] == 12 and task.limits.least_speed == 0.01
+    assert task.robot == {"geometry": PUBLISHED, "actuation": ACTUATION} and task.limits.most_steps == 186_719
+
+
+@pytest.mark.parametrize(("given", "most"), [("", 411_151), ("most_steps = 5", 5)])
+def test_a_task_for_a_rig_has_its_robot(tmp_path, given, most):
+    slow = dataclasses.replace(Properties.of(), inflation_rate=1.0)
+    save_properties(slow, "small", tmp_path / "fit.json")
+    search = 'method = "genetic"'
+    task = task_of(tmp_path, f"terrains = ['flat']\ncalibration = 'fit.json'\n[search]\n{search}\n[limits]\n{given}")
+    geometry, actuation = slow.robot(SMALL)
+    assert task.robot == {"geometry": geometry, "actuation": actuation} and task.limits.most_steps == most
+    assert task.problem(task.terrains[0]).actuation == actuation
+    assert pipeline_run.settings_of(task)["calibration"] == vars(slow)
+    assert "calibration" not in pipeline_run.settings_of(dataclasses.replace(task, calibration=None))
+    named = task_of(
+        tmp_path, "terrains = ['flat']\ngaits = ['rolling']\ncalibration = 'fit.json'\ngeometry = 'published'"
+    )
+    assert named.robot["geometry"] == PUBLISHED
 
 
 @pytest.mark.parametrize(
@@ -85,6 +105,8 @@ def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
         ("terrains = ['flat']\n[search]\ngeneration = 3", "unknown key 'generation' in \\[search\\]; did you mean gen"),
         ("terrains = ['flat']\n[search]\nencoding = 'graced'", "encoding: 'graced' is unknown"),
         ("terrains = ['flat']\n[search]\npopulation = 1", "population: 1 is not allowed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\ncalibration = 3", "calibration: 3 is not allowed; give the"),
+        ("terrains = ['flat']\ngaits = ['rolling']\ncalibration = 'gone.json'", "gone.json: cannot be read"),
         ("terrains = [", "task: .* cannot be read"),
     ],
 )
@@ -230,6 +252,30 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
         assert (parts / "package" / name).read_bytes() == (package / name).read_bytes()
 
 
+def test_a_package_of_a_rig(task, tmp_path, morpholab):
+    """Its robot is in every simulation, in the package, and in what replays it."""
+    fitted = Properties(friction=1.2, low_friction=0.3, modulus=330e3, inflation_rate=2.0)
+    save_properties(fitted, "small", tmp_path / "fit.json")
+    task.write_text('calibration = "fit.json"\n' + TASK.replace('geometry = "small"\n', "").replace("hill:5", "hill:3"))
+    package = tmp_path / "out/package"
+    code, text, error = morpholab(f"pipeline {task} --out {tmp_path / 'out'} --quiet --json --threads 1")
+    assert code in (0, 1) and "calibration.json" in json.loads(text)["files"], error
+    assert load_calibration(package / "calibration.json") == (fitted, "small")
+    machine = json.loads((package / "machine.json").read_text())
+    assert machine["simulated"] == {
+        "geometry": "small", "precision": "f32", "runs": 2, "seed": 0, "properties": vars(fitted)
+    }  # fmt: skip
+    replay = f"pipeline --replay {package} --quiet --json --threads 1"
+    speeds = [(state["replayed"], state["designed"]) for state in json.loads(morpholab(replay)[1])["states"]]
+    assert all(replayed == pytest.approx(designed, rel=1e-3) for replayed, designed in speeds)
+    del machine["simulated"]["properties"]
+    (package / "machine.json").write_text(json.dumps(machine))
+    published = [state["replayed"] for state in json.loads(morpholab(replay)[1])["states"]]
+    assert not any(
+        speed == pytest.approx(designed, rel=1e-2) for speed, (_, designed) in zip(published, speeds, strict=True)
+    )
+
+
 def test_a_crossing_is_kept_for_its_own_gaits_alone(tmp_path, monkeypatch):
     """With other limits another plan may come out in the same folder."""
     played = []
@@ -293,6 +339,7 @@ def damage(machine, path, value):
         (("states",), [3], "is damaged"),
         (("states",), [], "is no state machine"),
         (("simulated", "geometry"), ["small"], "geometry: ['small'] is unknown; choose one of"),
+        (("simulated", "properties"), {"friction": 1}, "missing 3 required positional arguments"),
         (("simulated", "runs"), 0, "runs: 0 is not allowed; give a whole number, at least 1"),
         (("format",), "other", "is no state machine of a package"),
     ],

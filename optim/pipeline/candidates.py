@@ -12,7 +12,6 @@ from optim.search import build_method
 from optim.studies.results import Progress, kept, part_of
 from robots import gaits
 from robots.gaits import GaitDesign, steps_of
-from robots.inflatable import NAMED_GEOMETRIES
 from robots.judgement import NOISE
 from robots.results_folder import ResultsFolder
 from robots.terrain import Terrain
@@ -47,7 +46,7 @@ def find_gaits(
             found[FOUND + slug(terrain)] = best
     return {
         name: design for name, design in found.items()
-        if steps_of(design) <= task.limits.most_steps and not task.refusal(design)
+        if steps_of(design, task.robot["actuation"]) <= task.limits.most_steps and not task.refusal(design)
     }  # fmt: skip
 
 
@@ -81,8 +80,7 @@ def speeds_of(
         progress: called with the fraction done.
         threads: CPU threads.
     """
-    where: dict[str, Any] = {"geometry": NAMED_GEOMETRIES[task.geometry], "precision": task.precision,
-                             "threads": threads}  # fmt: skip
+    where: dict[str, Any] = {**task.robot, "precision": task.precision, "threads": threads}
     found, total = {}, len(designs) * len(task.terrains)
     for number, (name, design) in enumerate(designs.items()):
         rows = []

@@ -11,7 +11,6 @@ from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
 from optim.studies.results import Arrays, Progress, kept, part_of
 from robots.gaits import GaitDesign
-from robots.inflatable import NAMED_GEOMETRIES
 from robots.journey import Leg, simulate_journey
 from robots.judgement import NOISE
 from robots.relaxed_schedule import RelaxedDesign
@@ -75,7 +74,7 @@ def find_change(
         core = task.rig.channels[0]
         design = change_of_shape(
             core_of(designs[0]), core_of(designs[1]), designs[1].orientation, grip=grip, together=together,
-            times=(core.rise_s, core.fall_s), geometry=NAMED_GEOMETRIES[task.geometry],
+            times=(core.rise_s, core.fall_s), **task.robot,
         )  # fmt: skip
         first = [] if apart else [Leg(designs[0], terrains[0])]
         legs = [*first, Leg(design, ground), Leg(designs[1], terrains[1])]
@@ -96,9 +95,9 @@ def part_name(key: str) -> str:
 
 def _play(legs: Sequence[Leg], task: PipelineTask, progress: Progress, threads: int | None) -> Arrays:
     """What the runs of a change and the next gait, the last two legs, came to; and that of the next gait alone."""
-    geometry, place = NAMED_GEOMETRIES[task.geometry], len(legs) - 2
+    place = len(legs) - 2
     options: dict[str, Any] = {
-        "geometry": geometry, "runs": task.runs, "precision": task.precision, "threads": threads,
+        **task.robot, "runs": task.runs, "precision": task.precision, "threads": threads,
         "perturbation": NOISE, "seed": task.seed,
     }  # fmt: skip
     run = simulate_journey(legs, **options, record_every=RECORD_EVERY, progress=part_of(progress, 0, 3, 2))
@@ -110,7 +109,7 @@ def _play(legs: Sequence[Leg], task: PipelineTask, progress: Progress, threads: 
     frames = run.frames
     return {
         "shape_error": np.array([shape_error(last[r], alone.positions[r, 0]) for r in robots]),
-        "moved": np.linalg.norm((last - start).mean(axis=1)[:, :2], axis=1) / geometry.body_length,
+        "moved": np.linalg.norm((last - start).mean(axis=1)[:, :2], axis=1) / task.robot["geometry"].body_length,
         "turned": np.array([turned_by(last[r], start[r]) for r in robots]),
         "deepest": np.array([
             max(deepest_contact(run.body, frames.positions[f, r], frames.sizes[f, r]) for f in range(begin, end + 1))

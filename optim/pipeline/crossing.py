@@ -11,7 +11,6 @@ from optim.pipeline.machine import State
 from optim.pipeline.task import PipelineTask
 from optim.studies.results import Arrays, Progress, kept, part_of
 from robots.gaits import GaitDesign
-from robots.inflatable import NAMED_GEOMETRIES
 from robots.journey import JourneyResult, Leg, simulate_journey
 from robots.judgement import NOISE
 from robots.results_folder import ResultsFolder
@@ -60,7 +59,7 @@ def cross(
     between = [] if change is None else [Leg(change.design, change.terrain, "change of shape")]
     legs = [Leg(first.design, first.terrain, first.name), *between, Leg(second.design, second.terrain, second.name)]
     alone = [Leg(single[1], state.terrain, state.name) for state in states]
-    where = {"geometry": NAMED_GEOMETRIES[task.geometry], "precision": task.precision, "threads": threads}
+    where = {**task.robot, "precision": task.precision, "threads": threads}
     noise = {"runs": task.runs, "perturbation": NOISE, "seed": task.seed}
 
     def play() -> Arrays:
@@ -72,7 +71,7 @@ def cross(
     key = f"crossing {[f'{slug(state.terrain)} {state.gait}' for state in states]} {way} {single[0]}"
     played = kept(folder, part_name(key), play)
     shown = simulate_journey(
-        legs, **{**where, "precision": "f32"}, progress=part_of(progress, 2, 3),  # type: ignore[arg-type]
+        legs, **{**where, "precision": "f32"}, progress=part_of(progress, 2, 3),
         record_every=-(-int(played["steps"].sum()) // task.frames),
     )  # fmt: skip
     return Crossing(legs, shown, played["machine"], played["single"], single[0])

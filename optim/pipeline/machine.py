@@ -10,6 +10,7 @@ from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
+from robots.calibration import Properties
 from robots.checks import choice, number, whole_number
 from robots.files import read_text, write_text
 from robots.gaits import GaitDesign
@@ -65,7 +66,8 @@ def machine_document(
         changes: of shape from state to state; None where the shape stays.
         task: what it was made for.
     """
-    simulated = {"geometry": task.geometry, "precision": task.precision, "runs": task.runs, "seed": task.seed}
+    simulated = {"geometry": task.geometry, "precision": task.precision, "runs": task.runs, "seed": task.seed,
+                 **({"properties": asdict(task.calibration)} if task.calibration else {})}  # fmt: skip
     return {
         "format": FORMAT,
         "initial": states[0].name,
@@ -138,8 +140,14 @@ def read_machine(folder: Path) -> dict[str, Any]:
     return document
 
 
+def properties_of(simulated: Mapping[str, Any]) -> Properties | None:
+    """Of the robot that a package was made for; None if it is the published one."""
+    return Properties(**simulated["properties"]) if "properties" in simulated else None
+
+
 def _check_simulated(simulated: Mapping[str, Any]) -> None:
     choice("geometry", simulated["geometry"], NAMED_GEOMETRIES)
+    properties_of(simulated)
     choice("precision", simulated["precision"], ("f32", "f64"))
     whole_number("runs", simulated["runs"], 1)
     whole_number("seed", simulated["seed"], 0)

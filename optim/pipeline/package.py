@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from optim.gait_problem import RIG_FILE
 from optim.pipeline.changes import Change
 from optim.pipeline.crossing import Crossing
 from optim.pipeline.machine import State, change_name, machine_document, write_machine
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import PipelineTask
 from optim.studies.results import write_json
+from robots.calibration import save_properties
 from robots.files import write_text
 from robots.gaits import GaitDesign, save_gait
 from robots.hardware import export_csv
-from robots.inflatable import NAMED_GEOMETRIES
 
 FOLDERS = ("gaits", "tables", "pictures")
 NUMBERS, PLAYER, REPORT = "numbers.json", "journey.html", "report.html"
@@ -110,15 +111,20 @@ def write_package(package: Package, folder: Path) -> list[str]:
         written += [f"gaits/{name}.json", f"tables/{name}.csv"]
     for state in package.states:
         save_motion_picture(state.design, state.terrain, folder / "pictures" / f"{state.name}.png",
-                            geometry=NAMED_GEOMETRIES[package.task.geometry])  # fmt: skip
+                            **package.task.robot)  # fmt: skip
         written.append(f"pictures/{state.name}.png")
     if package.crossings:
         motions = [
-            journey_motion(crossing.shown, crossing.legs, name=f"{first} to {second}")
+            journey_motion(
+                crossing.shown, crossing.legs, actuation=package.task.robot["actuation"], name=f"{first} to {second}"
+            )
             for (first, second), crossing in package.crossings.items()
         ]
         write_text(folder / PLAYER, page(motions[:4], "From terrain to terrain"))
         written.append(PLAYER)
+    if package.task.calibration is not None:
+        save_properties(package.task.calibration, package.task.geometry, folder / RIG_FILE)
+        written.append(RIG_FILE)
     write_machine(machine_document(package.states, package.changes, package.task), folder)
     write_json(folder / NUMBERS, package.numbers())
     write_text(folder / REPORT, report_page(package, folder))

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from optim.pipeline.machine import read_machine
+from optim.pipeline.machine import properties_of, read_machine
 from optim.studies.results import Progress, part_of
 from robots import gaits
+from robots.calibration import robot_of
 from robots.gaits import GaitDesign, design_of
 from robots.hardware import read_csv
-from robots.inflatable import NAMED_GEOMETRIES
 from robots.judgement import NOISE
 from robots.terrain import Terrain
 
@@ -68,8 +68,9 @@ def _speed(
 ) -> float:
     """Mean speed of a state's table."""
     design = design_of_rows(folder / state["table"])
+    geometry, actuation = robot_of(simulated["geometry"], "published", properties_of(simulated))
     run = gaits.simulate(
-        [design] * simulated["runs"], Terrain(**state["terrain"]), geometry=NAMED_GEOMETRIES[simulated["geometry"]],
+        [design] * simulated["runs"], Terrain(**state["terrain"]), geometry=geometry, actuation=actuation,
         precision=simulated["precision"], perturbation=NOISE, seed=simulated["seed"], threads=threads,
         progress=progress,
     )  # fmt: skip

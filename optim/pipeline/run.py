@@ -68,6 +68,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         "search": None if task.search is None else dataclasses.asdict(task.search),
         "geometry": task.geometry, "runs": task.runs, "seed": task.seed, "precision": task.precision,
         "rig": dataclasses.asdict(task.rig),
+        **({"calibration": dataclasses.asdict(task.calibration)} if task.calibration else {}),
     }  # fmt: skip
 
 

@@ -9,13 +9,14 @@ from typing import Any
 from optim.gait_problem import GaitProblem
 from optim.hints import nearest
 from optim.search import METHODS, build_method, default_settings
+from robots.calibration import Properties, load_calibration, robot_of
 from robots.checks import choice, number, whole_number
 from robots.cores import common_pressure, kilopascals
 from robots.files import why_unread
 from robots.gaits import GaitDesign
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
-from robots.inflatable_actuation import PUBLISHED_STEPS
+from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
 from robots.terrain import Terrain
 
 BY_HAND = {"inching": INCHING, "rolling": ROLLING}
@@ -30,7 +31,7 @@ class Limits:
 
     Attributes:
         least_speed: of a gait that works on a terrain [body lengths/s].
-        most_steps: time steps that a gait may take.
+        most_steps: time steps that a gait may take; a file that says nothing asks for those of a published gait.
         shape_error: distance from the shape that a change may end with [m].
         moved: how far the robot may move during a change [body lengths].
         next_speed: part of its speed that the next gait must reach from there.
@@ -83,6 +84,7 @@ class PipelineTask:
         frames: of the player page, about; fewer make it smaller.
         limits: see there.
         rig: that plays the package.
+        calibration: properties of the robot on that rig; None is the published robot.
     """
 
     terrains: tuple[Terrain, ...]
@@ -96,6 +98,7 @@ class PipelineTask:
     frames: int = 300
     limits: Limits = field(default_factory=Limits)
     rig: PneumaticRig = field(default_factory=PneumaticRig)
+    calibration: Properties | None = None
 
     def __post_init__(self) -> None:
         names = [terrain.name for terrain in self.terrains]
@@ -106,6 +109,8 @@ class PipelineTask:
         choice("geometry", self.geometry, NAMED_GEOMETRIES)
         if NAMED_GEOMETRIES[self.geometry].cores > 1:
             raise ValueError(f"geometry: {self.geometry!r} is not allowed; the tables of a package have one core")
+        if self.calibration is not None:
+            self.calibration.check_time_step(NAMED_GEOMETRIES[self.geometry])
         for name, design in self.gaits.items():
             if common_pressure(design.pressure) is None:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
@@ -122,6 +127,12 @@ class PipelineTask:
             problem = self.problem(self.terrains[0])
             build_method(self.search.method, problem.space, self.method_settings(self.search))
 
+    @property
+    def robot(self) -> dict[str, Any]:
+        """Geometry and actuation, as options of simulations."""
+        geometry, actuation = robot_of(self.geometry, "published", self.calibration)
+        return {"geometry": geometry, "actuation": actuation}
+
     def refusal(self, design: GaitDesign) -> str:
         """Why the rig cannot play a gait; nothing if it can."""
         try:
@@ -133,7 +144,8 @@ class PipelineTask:
     def problem(self, terrain: Terrain, **where: Any) -> GaitProblem:
         """What is searched on a terrain: orientation, shape and control."""
         assert self.search is not None
-        given = {"geometry": self.geometry, "precision": self.precision, **self.search.problem, **where}
+        given = {"geometry": self.geometry, "precision": self.precision, "properties": self.calibration,
+                 **self.search.problem, **where}  # fmt: skip
         return GaitProblem((terrain,), **given)
 
     def method_settings(self, search: SearchSettings) -> dict[str, Any]:
@@ -156,13 +168,15 @@ def read_task(path: Path) -> PipelineTask:
     _check_keys(path, "", given, known)
     if "terrains" not in given:
         raise ValueError(f"task: {path} has no terrains; give some, such as terrains = ['flat', 'hill:15']")
-    plain = {name: given[name] for name in PLAIN if name in given}
+    calibration, own = _calibration(path, given.get("calibration"))
+    plain = {"geometry": own, **{name: given[name] for name in PLAIN if name in given}}
     terrains = given["terrains"]
     if not isinstance(terrains, list) or not all(isinstance(name, str) for name in terrains):
         raise ValueError(f"terrains: {terrains!r} is not allowed; give names, such as ['flat', 'hill:15']")
     return PipelineTask(
         tuple(map(Terrain.parse, terrains)), _gaits(path, given.get("gaits", [])), _search(path, given.get("search")),
-        limits=_limits(path, given.get("limits", {})), rig=_rig(path, given.get("rig")), **plain,
+        limits=_limits(path, given.get("limits", {}), calibration), rig=_rig(path, given.get("rig")),
+        calibration=calibration, **plain,
     )  # fmt: skip
 
 
@@ -201,9 +215,19 @@ def _search(path: Path, given: Any) -> SearchSettings | None:
     return SearchSettings(method, generations, {name: given[name] for name in own if name in given}, problem)
 
 
-def _limits(path: Path, given: Any) -> Limits:
+def _limits(path: Path, given: Any, calibration: Properties | None) -> Limits:
     _check_keys(path, "limits", given, [each.name for each in fields(Limits)])
-    return Limits(**given)
+    drive = robot_of("published", "published", calibration)[1]
+    return Limits(**{"most_steps": nominal_steps(PUBLISHED_COLUMNS, drive), **given})
+
+
+def _calibration(path: Path, given: Any) -> tuple[Properties | None, str]:
+    """Of a file beside the task: the properties, and the geometry that they belong to."""
+    if given is None:
+        return None, "published"
+    if not isinstance(given, str):
+        raise ValueError(f"calibration: {given!r} is not allowed; give the calibration.json of morpholab calibrate")
+    return load_calibration(path.parent / given)
 
 
 def _rig(path: Path, given: Any) -> PneumaticRig:
