@@ -78,7 +78,7 @@ def test_the_command_checks_the_robot(tmp_path, capsys, monkeypatch):
     quick = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=100, settle_steps=100)
     monkeypatch.setitem(inflatable.NAMED_GEOMETRIES, "small", tiny)
     monkeypatch.setattr("optim.gait_problem.RAMP_STEPS", 100)
-    monkeypatch.setattr("optim.gait_problem.GaitProblem._actuation", quick)
+    monkeypatch.setattr("optim.gait_problem.GaitProblem.actuation", quick)
     asked = ["--geometry", "small", "--horizons", "1,2", "--samples", "4", "--directions", "2", "--quiet"]
     out = tmp_path / "check"
     assert main(["gradient-check", *asked, "--json", "--out", str(out)]) == 0
