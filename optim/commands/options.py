@@ -116,13 +116,13 @@ def add_robot(
     group.add_argument("--threads", type=whole(1), metavar="N", help="CPU threads (default: all)")
 
 
-def add_calibration(parser: Any) -> None:
-    """The option for the robot of a rig, of a parser or a group of one."""
+def add_calibration(parser: Any, own: str = "") -> None:
+    """The option for the robot of a rig, of a parser or a group of one; ``own`` as of :func:`add_robot`."""
     parser.add_argument(
         "--calibration",
         type=Path,
         metavar="FILE",
-        help="properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
+        help=f"properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default{own}",
     )
 
 

@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_robot(parser, precision="f32, of rigid robots and vehicles f64", own=", of runs their own")
-    options.add_calibration(parser)
+    options.add_calibration(parser, own=", of runs their own")
     options.add_json(parser)
     parser.set_defaults(run=run)
 
