@@ -7,9 +7,8 @@ import os
 import signal
 import sys
 import threading
-import warnings
 from collections.abc import Iterator, Sequence
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from optim.commands import (
     FAILED,
@@ -31,6 +30,7 @@ from optim.commands import (
     train,
     view,
 )
+from optim.notes import notes, say
 
 
 class _Parser(argparse.ArgumentParser):
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     args = build_parser().parse_args(arguments)
     try:
-        with _ended_by_sigterm(), _notes(args.command), _stdout_to_stderr() if args.json else contextlib.nullcontext():
+        with _ended_by_sigterm(), notes(args.command), _stdout_to_stderr() if args.json else contextlib.nullcontext():
             report = args.run(args)
     except ValueError as error:
         return _fail(args.command, f"error: {error}", 2)
@@ -103,21 +103,6 @@ def _ended_by_sigterm() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _notes(command: str) -> Iterator[None]:
-    """Warnings to users are one line each, as errors are, without the place in the code."""
-
-    def show(message: Warning | str, category: type[Warning], *place: Any, **other: Any) -> None:
-        if issubclass(category, UserWarning):
-            _say(command, f"note: {message}")
-        else:
-            usual(message, category, *place, **other)
-
-    with warnings.catch_warnings():
-        usual, warnings.showwarning = warnings.showwarning, show
-        yield
-
-
-@contextlib.contextmanager
 def _stdout_to_stderr() -> Iterator[None]:
     """Keeps stdout for the document, whatever else has something to say, be it below Python."""
     sys.stdout.flush()
@@ -132,12 +117,8 @@ def _stdout_to_stderr() -> Iterator[None]:
 
 
 def _fail(command: str, message: str, code: int) -> int:
-    _say(command, message)
+    say(command, message)
     return code
-
-
-def _say(command: str, message: str) -> None:
-    print(f"morpholab {command}: {' '.join(message.split())}", file=sys.stderr)
 
 
 if __name__ == "__main__":

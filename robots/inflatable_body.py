@@ -143,6 +143,13 @@ class InflatableGeometry:
         """dt [s]."""
         return self.body.recommended_time_step / self.time_step_safety
 
+    def relative_time_step(self, modulus: float) -> float:
+        """The largest stable time step of skin of another modulus [Pa], where this skin's is 1.
+
+        As 1 / sqrt(E), see ``LatticeBody.recommended_time_step``, if bladders keep their proportion.
+        """
+        return math.sqrt(self.youngs_modulus / modulus)
+
 
 PUBLISHED = InflatableGeometry()
 # Half the voxels; by the published gaits it still rolls (0.18 BL/s on flat ground) and inches (0.04). Shorter ones do

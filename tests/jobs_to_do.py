@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import warnings
 
 from test_gait_hunt import Hill
 from worker_checks import wait_for
@@ -23,6 +24,11 @@ class Wordy(ValueError):
 
     def __init__(self, field, why):
         super().__init__(f"{field}: {why}")
+
+
+def warn(folder, where, progress):
+    """Something that users may want to know."""
+    warnings.warn("kite: it has\nno tail", stacklevel=1)
 
 
 def refuse(folder, where, progress):

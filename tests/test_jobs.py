@@ -49,6 +49,11 @@ def test_threads_that_were_asked_for_stay(tmp_path):
     assert (tmp_path / "a").read_text().split()[0] == "7"
 
 
+def test_warnings_are_notes_of_a_line(tmp_path, capfd):
+    beside([("a", partial(jobs_to_do.warn, tmp_path))], 2, {})
+    assert capfd.readouterr().err == "morpholab worker: note: kite: it has no tail\n"
+
+
 @pytest.mark.parametrize(
     ("task", "error", "message"),
     [

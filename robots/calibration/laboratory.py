@@ -57,8 +57,7 @@ class Laboratory:
     @cached_property
     def time_step(self) -> float:
         """dt [s]: as long as is stable for the stiffest robot."""
-        # As 1 / sqrt(E), see LatticeBody.recommended_time_step.
-        return self.geometry.time_step * min(1.0, (self.geometry.youngs_modulus / self.stiffest) ** 0.5)
+        return self.geometry.time_step * min(1.0, self.geometry.relative_time_step(self.stiffest))
 
     def drive(self, properties: Properties) -> InflatableActuation:
         """How a robot of these properties is driven."""

@@ -1,6 +1,5 @@
 """Properties of the inflatable robot that are tuned to a rig, and the robot that has them."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from os import PathLike
@@ -107,8 +106,8 @@ class Properties:
             )
 
     def _safety(self, geometry: InflatableGeometry) -> float:
-        """Of the largest stable time step, as 1 / sqrt(E), see ``LatticeBody.recommended_time_step``."""
-        return geometry.time_step_safety * math.sqrt(geometry.youngs_modulus / self.modulus)
+        """Of the robot at the time step of the geometry: the largest stable one divided by it."""
+        return geometry.time_step_safety * geometry.relative_time_step(self.modulus)
 
 
 NAMES = tuple(field.name for field in fields(Properties))

@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
+from optim.notes import notes
 from optim.problem import Problem
 from optim.runs.requests import Request
 from optim.runs.workers.pool import Died
@@ -130,7 +131,8 @@ def _live(
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     _die_with(parent)
     os.dup2(2, 1)  # stdout belongs to the parent's document
-    life(connection)
+    with notes("worker"):
+        life(connection)
 
 
 def _serve(connection: "Connection[Answer, Request]") -> None:
