@@ -19,8 +19,9 @@ demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
 	set -x; exec $(venv)/bin/morpholab codesign $(DEMO) --out "$(or $(OUT),runs/demo-$$n)"
 
+# Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test: $(venv)/dev
-	$(python) -m pytest -q -n auto --maxprocesses 4 --dist loadfile
+	OMP_NUM_THREADS=1 $(python) -m pytest -q -n auto --maxprocesses 4 --dist loadfile
 
 validate: $(venv)/dev
 	$(python) -m pytest -q -m slow

@@ -1,5 +1,6 @@
 """Settings that all tests share, and the command line."""
 
+import os
 import shlex
 
 import pytest
@@ -7,10 +8,22 @@ from hypothesis import settings
 from stand_in import Simulator
 
 from optim.cli import main
+from taichi_sim import runtime
 
 # The same examples in every run, and no deadline: shared machines pause.
 settings.register_profile("lab", derandomize=True, deadline=None)
 settings.load_profile("lab")
+
+# Processes beside each other share the cores. Where each has one, tests with ``threads=1`` and those of the default
+# have the same Taichi: for another number of threads it starts again and loads all kernels anew, seconds each time.
+_SHARE = max(1, runtime.available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+runtime.available_threads = lambda: _SHARE
+
+
+def pytest_collection_modifyitems(items):
+    """Tests of single precision come last in their file: for another precision Taichi starts again, too."""
+    files = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}
+    items.sort(key=lambda item: (files[item.path], "f32" in item.name))
 
 
 @pytest.fixture

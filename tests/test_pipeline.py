@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from graded import settling
+from graded import TINY, settling
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,7 +22,7 @@ from robots import transition
 from robots.calibration import Properties, load_calibration, save_properties
 from robots.gaits import save_gait
 from robots.hardware import export_csv, read_csv
-from robots.inflatable import ACTUATION, INCHING, PUBLISHED, ROLLING, SMALL
+from robots.inflatable import ACTUATION, INCHING, NAMED_GEOMETRIES, PUBLISHED, ROLLING, SMALL
 from robots.relaxed_schedule import RelaxedDesign
 from robots.results_folder import ResultsFolder
 
@@ -168,7 +168,7 @@ def test_a_terrain_without_a_working_gait_is_named_with_what_was_tried(tmp_path)
     assert str(error.value) == ("hill:15: no gait reaches 0.005 BL/s; tried: rolling -0.5000, inching diverged")
 
 
-# from end to end, with strokes so small that they take a second
+# from end to end, with strokes so small, and a robot, that they take a second
 
 RIG = """
 name = "quick"
@@ -207,6 +207,7 @@ def task(tmp_path, monkeypatch):
 
 def decided(monkeypatch):
     """The plan, and a single way to change shape that takes a moment."""
+    monkeypatch.setitem(NAMED_GEOMETRIES, "small", TINY)
     monkeypatch.setattr(pipeline_run, "rank_plans", lambda *_: [Plan(("round", "flat"), 0.1)])
     monkeypatch.setattr(pipeline_run, "check_working", lambda *_: None)
     monkeypatch.setattr(changes, "WAYS", changes.WAYS[:1])

@@ -8,13 +8,11 @@ import threading
 
 import numpy as np
 import pytest
-from worker_checks import PATHS, Workers, lives, numbers, same, stopped, wait_for
+from worker_checks import GAITS, PATHS, Workers, lives, numbers, same, short_gaits, stopped, wait_for
 from worker_problems import Bowl, sample
 
-from optim.gait_problem import GaitProblem
 from optim.runs.requests import Request, judge
 from optim.runs.workers import ray_cluster
-from robots.terrain import Terrain
 
 pytest.importorskip("ray", reason="needs the extra ray")
 
@@ -61,8 +59,8 @@ def test_there_are_as_many_workers_as_the_cluster_has_cores(workers, tmp_path):
 
 
 def test_gaits_are_judged_to_the_same_bits(workers):
-    problem = GaitProblem((Terrain(),), columns=1, repeats=1, geometry="small", pressure=100.0, threads=1)
-    request = Request(problem.space.sample(np.random.default_rng(1), 5))
+    problem = short_gaits("f32")
+    request = Request(GAITS)
     with workers.open(problem) as evaluate:
         judgement = evaluate(request)
     assert same(judgement, problem.evaluate(request.points))

@@ -9,16 +9,13 @@ import threading
 
 import numpy as np
 import pytest
-from graded import settling
-from worker_checks import PATHS, Workers, lives, numbers, same, stopped, wait_for
+from worker_checks import GAITS, PATHS, Workers, lives, numbers, same, short_gaits, stopped, wait_for
 from worker_problems import Awkward, Bowl, Fatal, Threads, Unloadable, sample
 
-from optim.gait_problem import GaitProblem
 from optim.problem import Evaluation
 from optim.runs.requests import Request, failures, join, judge
 from optim.runs.workers import open_workers
 from optim.runs.workers.batch import Batch
-from robots.terrain import Terrain
 
 
 @pytest.fixture
@@ -244,18 +241,8 @@ def test_importing_workers_imports_no_ray():
 
 
 def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
-    levels = np.zeros((10, 2))
-    levels[:5, 0], levels[8:, 0] = 0.05, 1.0
-    problem = GaitProblem(
-        (Terrain(),),
-        schedule=settling(levels, [50, 50], 1),
-        ramp_steps=200,
-        geometry="small",
-        precision="f64",
-        threads=1,
-    )
-    points = np.array([[10.0, 50.0], [45.0, 100.0], [80.0, 200.0]])  # orientations and pressures
-    request = Request(points, "gradients", 0.3)
+    problem = short_gaits("f64")
+    request = Request(GAITS[:3], "gradients", 0.3)
     with workers.open(problem) as evaluate:  # parts of two and of one, where here there is one of three
         judgement = evaluate(request)
     assert np.all(judgement.gradients != 0) and same(judgement, judge(problem, request))
@@ -263,9 +250,8 @@ def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_gaits_are_judged_to_the_same_bits(workers, precision):
-    small = {"columns": 1, "repeats": 1, "geometry": "small", "pressure": 100.0}
-    problem = GaitProblem((Terrain(),), **small, precision=precision, threads=1)
-    request = Request(problem.space.sample(np.random.default_rng(1), 5))
+    problem = short_gaits(precision)
+    request = Request(GAITS)
     with workers.open(problem) as evaluate:
         judgement = evaluate(request)
     assert same(judgement, problem.evaluate(request.points))

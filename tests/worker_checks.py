@@ -8,9 +8,13 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import worker_problems
+from graded import settling
 
+from optim.gait_problem import GaitProblem
 from optim.runs.workers import open_workers
+from robots.terrain import Terrain
 
 ROOT = Path(__file__).resolve().parents[1]
 PATHS = os.pathsep.join(map(str, (ROOT, ROOT / "tests")))
@@ -30,6 +34,18 @@ class Workers:
     def save(self, points, reason):
         self.saved.append((points, reason))
         return self.folder / "failed.npz"
+
+
+# Orientations and pressures of such gaits, so low that nothing leaps.
+GAITS = np.array([[10.0, 50.0], [45.0, 100.0], [80.0, 200.0], [30.0, 0.0], [60.0, 150.0]])
+
+
+def short_gaits(precision):
+    """A gait of a moment, of which orientation and pressure are free."""
+    levels = np.zeros((10, 2))
+    levels[:5, 0], levels[8:, 0] = 0.05, 1.0
+    gait = settling(levels, [50, 50], 1)
+    return GaitProblem((Terrain(),), schedule=gait, ramp_steps=200, geometry="small", precision=precision, threads=1)
 
 
 def same(first, second):
