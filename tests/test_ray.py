@@ -27,6 +27,7 @@ def address():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", PATHS)
+        patch.setenv("RAY_worker_niceness", "0")  # by default others go first, of whom a busy machine has many
         cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 2, "include_dashboard": False})
     yield cluster.address
     cluster.shutdown()
@@ -117,9 +118,16 @@ def test_another_patch_release_of_python_and_another_cpu_will_do(workers, monkey
 
 
 def test_a_cluster_that_is_too_small_is_noted(workers, monkeypatch):
-    monkeypatch.setattr(ray_cluster, "NOTE_AFTER", 12.0)  # a start takes two, of a busy machine more
-    held = Bowl(hold=workers.folder / "go")
-    thread = threading.Thread(target=lambda: (wait_for(lambda: workers.notes), held.hold.touch()))
+    monkeypatch.setattr(ray_cluster, "NOTE_AFTER", np.inf)
+    held = Bowl(pids=workers.folder, hold=workers.folder / "go")
+
+    def hurry():
+        wait_for(lambda: len(numbers(workers.folder)) == 2)  # a start takes two seconds, of a busy machine a minute
+        monkeypatch.setattr(ray_cluster, "NOTE_AFTER", 0.5)
+        wait_for(lambda: workers.notes)
+        held.hold.touch()
+
+    thread = threading.Thread(target=hurry)
     thread.start()
     with workers.open(held, 3) as evaluate:
         judgement = evaluate(REQUEST)
