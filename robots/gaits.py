@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robots import inflatable
 from robots.cores import Pressure, highest_pressure
 from robots.files import read_record, read_text, write_record
-from robots.inflatable import ACTUATION, InflatableActuation, InflatableDesign, InflatableResult
+from robots.inflatable import ACTUATION, DESIGN_FORMAT, InflatableActuation, InflatableDesign, InflatableResult
 from robots.inflatable_actuation import Column, nominal_steps, play
 from robots.inflatable_gradient import simulate_relaxed
 from robots.relaxed_motion import nominal_gait_steps, relaxed_columns
@@ -147,8 +147,12 @@ def load_gait(path: str | PathLike[str]) -> GaitDesign:
     Raises:
         ValueError: one line that names the file and what is wrong with it.
     """
-    if _format_of(path) == GRADED_FORMAT:
+    form = _format_of(path)
+    if form == GRADED_FORMAT:
         return read_record(path, GRADED_FORMAT, _graded)
+    if isinstance(form, str) and form != DESIGN_FORMAT:
+        known = f"{DESIGN_FORMAT!r} and {GRADED_FORMAT!r}"
+        raise ValueError(f"{path}: it is of the format {form[:60]!r}; gaits of this robot are of {known}")
     return inflatable.load_design(path)
 
 

@@ -18,7 +18,7 @@ from robots import gaits
 from robots.checks import whole_number
 from robots.dual import Array
 from robots.gaits import GaitDesign, steps_of
-from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry
+from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
 from robots.slip import slip_under_load
 from robots.terrain import Terrain
@@ -27,9 +27,10 @@ RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
 HARD_FRICTION = 0.2  # of sliding feet
 RECORD_EVERY = 200  # time steps; a thousandth of a gait
-# Limits between walking and sliding: inching up 15 degrees and rolling on flat ground keep to them.
+# Limits between walking and sliding: inching and rolling, where each belongs, keep to them.
 MOST_SLIP = 0.75  # of the way
 LEAST_HARD_SPEED = -0.01  # body lengths a second
+LEAST_HARD_SHARE = 0.25  # of the speed, on level ground, where nothing pulls a robot back
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,38 +61,56 @@ class GaitJudgement(NoisySpeeds):
     """What a gait is worth on a terrain.
 
     Attributes:
-        slip: of each foot while it grips, under load, in one run [m], shape (2,).
-        distance: that this run went [m].
+        slip: of each foot as far as it grips, under load, in every run as usual [m], shape (R, 2).
+        distances: that these runs went [m], shape (R,).
         steps: of the gait.
+        level: whether the ground is.
         most_steps: that a published gait takes in this robot.
         hard_friction: of sliding feet under the harder conditions.
     """
 
     slip: Array
-    distance: float
+    distances: Array
     steps: int
+    level: bool = False
     most_steps: int = PUBLISHED_STEPS
     hard_friction: float = HARD_FRICTION
 
     @property
+    def slip_ratios(self) -> Array:
+        """Slip of the two feet on average, per distance, of every run; infinite for one that goes nowhere."""
+        ways, feet = np.abs(self.distances), self.slip.mean(axis=1)
+        return np.divide(feet, ways, out=np.full_like(feet, np.inf), where=ways != 0)
+
+    @property
     def slip_ratio(self) -> float:
-        """Slip of the two feet on average, per distance; infinite for a gait that goes nowhere."""
-        return float(self.slip.mean() / abs(self.distance)) if self.distance else np.inf
+        """Mean of the runs; NaN if one diverged."""
+        return float(self.slip_ratios.mean())
+
+    @property
+    def least_hard_speed(self) -> float:
+        """What has to remain under the harder conditions [body lengths/s]."""
+        return LEAST_HARD_SHARE * abs(self.speed) if self.level else LEAST_HARD_SPEED
+
+    @property
+    def diverged(self) -> bool:
+        """Whether a run did, so that no mean is known."""
+        return not (np.isfinite(self.speeds).all() and np.isfinite(self.hard_speeds).all())
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
         """What speaks against the gait, a line each; none of one that walks."""
         found = []
-        if not np.isfinite(self.speeds).all() or not np.isfinite(self.hard_speeds).all():
-            found.append("a run diverged")
         if self.steps > self.most_steps:
             found.append(f"takes {self.steps:,} steps, more than {self.most_steps:,}")
-        if not self.slip_ratio <= MOST_SLIP:
+        if self.diverged:
+            return (*found, "a run diverged")
+        if self.slip_ratio > MOST_SLIP:
             found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
-        if not self.hard_speed >= LEAST_HARD_SPEED:
+        if self.hard_speed < self.least_hard_speed:
             found.append(
                 f"{self.hard_speed:.4f} BL/s remain with friction {self.hard_friction:g} of sliding feet and"
-                f" bladders that keep their weight, less than {LEAST_HARD_SPEED:g}"
+                f" bladders that keep their weight, less than {self.least_hard_speed:.4g}"
             )
         return tuple(found)
 
@@ -105,11 +124,17 @@ class GaitJudgement(NoisySpeeds):
         numbers = {
             "speed": self.speed, "deviation": self.speeds.std(ddof=1),
             "hard_speed": self.hard_speed, "hard_deviation": self.hard_speeds.std(ddof=1),
-            "slip_ratio": self.slip_ratio, "distance": self.distance,
+            "slip_ratio": self.slip_ratio, "slip_deviation": _deviation(self.slip_ratios),
+            "distance": self.distances.mean(),
         }  # fmt: skip
         known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
         return {**known, "runs": len(self.speeds), "steps": self.steps, "physical": self.physical,
                 "faults": list(self.faults)}  # fmt: skip
+
+
+def _deviation(values: Array) -> float:
+    """Standard deviation; NaN where a value is no number."""
+    return float(values.std(ddof=1)) if np.isfinite(values).all() else np.nan
 
 
 def judge_gait(
@@ -144,17 +169,14 @@ def judge_gait(
     """
     whole_number("runs", runs, 2)
     terrain = terrain or Terrain()
-    options: dict[str, Any] = {"geometry": geometry, "actuation": actuation, "precision": precision,
-                               "device": device, "threads": threads}  # fmt: skip
-    report = progress or (lambda fraction: None)
-    speeds, hard_speeds = play_with_noise([design], terrain, runs, seed=seed, **options,
-                                          progress=lambda f: report(0.9 * f))  # fmt: skip
-    watched = gaits.simulate(design, terrain, **options, record_every=RECORD_EVERY,
-                             progress=lambda f: report(0.9 + 0.1 * f))  # fmt: skip
+    usual, hard = _both_ways(
+        [design] * runs, terrain, RECORD_EVERY, progress, geometry=geometry, actuation=actuation, seed=seed,
+        precision=precision, device=device, threads=threads,
+    )  # fmt: skip
+    slip = np.stack([slip_under_load(usual, design, actuation, robot) for robot in range(runs)])
     return GaitJudgement(
-        speeds[0], hard_speeds[0], slip_under_load(watched, design, actuation), float(watched.distance[0]),
-        steps_of(design, actuation), nominal_steps(PUBLISHED_COLUMNS, actuation),
-        actuation.on(harder(terrain, actuation)[0]).low_friction,
+        usual.speed, hard.speed, slip, usual.distance, steps_of(design, actuation), terrain.slope == 0,
+        nominal_steps(PUBLISHED_COLUMNS, actuation), actuation.on(harder(terrain, actuation)[0]).low_friction,
     )  # fmt: skip
 
 
@@ -168,6 +190,10 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
     Raises:
         ValueError: in one line, for a fluid, and friction of gripping feet below that.
     """
+    if terrain.is_fluid:
+        raise ValueError(
+            f"terrain: {terrain.name} is not allowed with harder conditions, which are about feet on ground"
+        )
     own = actuation.on(terrain)
     friction = max(HARD_FRICTION, own.low_friction)
     hard = replace(terrain, low_friction=friction)
@@ -180,8 +206,8 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
 
 
 def play_with_noise(
-    designs: Sequence[GaitDesign], terrain: Terrain, runs: int, *, actuation: InflatableActuation = ACTUATION,
-    seed: int = 0, progress: Callable[[float], None] | None = None, **options: Any,
+    designs: Sequence[GaitDesign], terrain: Terrain, runs: int, *,
+    progress: Callable[[float], None] | None = None, **options: Any,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Speeds of designs of one kind, as usual and under the harder conditions, shape (N, R) each.
 
@@ -189,8 +215,6 @@ def play_with_noise(
         designs: N of them.
         terrain: see :func:`judge_gait`, as for the others.
         runs: R, of each design under either condition, as two batches; at least 1.
-        actuation: see there.
-        seed: see there.
         progress: see there.
         options: of ``robots.gaits.simulate``.
 
@@ -198,12 +222,21 @@ def play_with_noise(
         ValueError: in one line, for what is not allowed.
     """
     whole_number("runs", runs, 1)
-    conditions = ((terrain, actuation), harder(terrain, actuation))
-    report = progress or (lambda fraction: None)
     copies = [design for design in designs for _ in range(runs)]
-    usual, hard = (
-        gaits.simulate(copies, where, actuation=drive, **options, perturbation=NOISE, seed=seed,
-                       progress=lambda f, half=half: report(0.5 * (half + f)))
-        for half, (where, drive) in enumerate(conditions)
-    )  # fmt: skip
+    usual, hard = _both_ways(copies, terrain, None, progress, **options)
     return usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)
+
+
+def _both_ways(
+    designs: Sequence[GaitDesign], terrain: Terrain, record_every: int | None,
+    progress: Callable[[float], None] | None, *, actuation: InflatableActuation = ACTUATION, **options: Any,
+) -> tuple[InflatableResult, InflatableResult]:  # fmt: skip
+    """Results with noise, as usual and under the harder conditions; frames of the former."""
+    conditions = ((terrain, actuation, record_every), (*harder(terrain, actuation), None))
+    report = progress or (lambda fraction: None)
+    usual, hard = (
+        gaits.simulate(designs, where, actuation=drive, **options, perturbation=NOISE, record_every=every,
+                       progress=lambda f, half=half: report(0.5 * (half + f)))
+        for half, (where, drive, every) in enumerate(conditions)
+    )  # fmt: skip
+    return usual, hard

@@ -1,4 +1,4 @@
-"""How far the feet of the inflatable robot slip under load while they are told to grip.
+"""How far the feet of the inflatable robot slip under load, as far as they are told to grip.
 
 A gait that inches or rolls pushes off feet that stay where they are; one that slides for its living does not. With
 Coulomb's law a foot that grips either sticks or slides, so slip is a property of the gait, not of a spring.
@@ -12,17 +12,15 @@ from robots.inflatable import ACTUATION, InflatableActuation, InflatableResult
 from robots.inflatable_body import FOOT_REGIONS, kinds_of
 from robots.schedule import BLADDERS, FEET
 
-GRIPS = 0.5  # a foot told this much or more grips
-
 
 def slip_under_load(
     result: InflatableResult, design: GaitDesign, actuation: InflatableActuation = ACTUATION, robot: int = 0
 ) -> Array:
-    """The way that each foot slips while it grips, as its load feels it [m], shape (2,).
+    """The way that each foot slips, as far as it grips and as its load feels it [m], shape (2,).
 
     Between two frames a foot slips by the mean way of its voxels in the plane, each weighted by its load: the depth
     at which it is in the floor, to which the floor's force is proportional. Voxels that are not on the floor at both
-    frames do not count. While the robot settles both feet grip.
+    frames do not count. A foot told half of its grip counts half. While the robot settles both feet grip.
 
     Args:
         result: with frames; slip shorter than the way between two frames and back is not seen.
@@ -47,16 +45,15 @@ def slip_under_load(
         mine = kinds_of(np.asarray(body.regions)) == region
         borne = load[:, mine].sum(axis=1)
         mean = np.divide((load * way)[:, mine].sum(axis=1), borne, out=np.zeros_like(borne), where=borne > 0)
-        slip[foot] = mean[gripping[:, foot]].sum()
+        slip[foot] = mean @ gripping[:, foot]
     return slip
 
 
-def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Array) -> np.ndarray:
-    """Whether each foot grips all the time between two frames, shape (F - 1, 2)."""
+def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Array) -> Array:
+    """How much each foot grips all the time between two frames, from 0 to 1, shape (F - 1, 2)."""
     gait = played(design, actuation)
-    told = gait.levels[BLADDERS:].T >= GRIPS
-    grips = np.ones((len(steps) - 1, FEET), bool)
-    for begin, end, foot in zip(gait.edges[:-1], gait.settles, told, strict=True):
+    grips = np.ones((len(steps) - 1, FEET))
+    for begin, end, told in zip(gait.edges[:-1], gait.settles, gait.levels[BLADDERS:].T, strict=True):
         moving = (steps[1:] > begin) & (steps[:-1] < end)
-        grips[moving] &= foot
+        grips[moving] = np.minimum(grips[moving], told)
     return grips

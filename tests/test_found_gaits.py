@@ -39,7 +39,7 @@ def worth_its_file(name, slope, judged):
 
 @pytest.mark.parametrize(("speed", "hard"), [(0.0895, 0.0), (0.0905, -0.02), (np.nan, 0.0), (0.0905, 0.0)])
 def test_a_gait_that_is_too_slow_or_slides_is_not_worth_its_file(speed, hard):
-    judged = GaitJudgement(np.full(8, speed), np.full(8, hard), np.full(2, 0.1), 1.0, 181_000)
+    judged = GaitJudgement(np.full(8, speed), np.full(8, hard), np.full((8, 2), 0.1), np.ones(8), 181_000)
     assert worth_its_file("hill-program", 15.0, judged) == (speed > 0.09 and hard == 0.0)
 
 

@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 from optim.gait_outcomes import Outcome, capped, effort
 from optim.gait_problem import GaitProblem
+from optim.measures.statistics import holm
 from optim.problem import Evaluation
 from optim.runs.requests import Request
 from optim.studies.gait_hunt import climb, judging, searches, spending
 from optim.studies.gait_hunt import study as hunting
+from optim.studies.gait_hunt.comparison import differences, table_of_differences
 from optim.studies.gait_hunt.finalists import kept_finalists
 from optim.studies.gait_hunt.judging import Finalist, best_of, last_bests
 from optim.studies.gait_hunt.program import Plan
@@ -278,7 +280,14 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     assert seen == sorted(seen) and seen[-1] == pytest.approx(1.0)
     assert (tmp_path / "hunt" / "hunt.png").stat().st_size > 1000
     rows = (tmp_path / "hunt" / "table.md").read_text().splitlines()
-    assert len(rows) == 2 + len(searches.SEARCHES)
+    assert len(rows) == 2 + len(searches.SEARCHES) + 1 + 2 + 10
+    pairs = {(row["first"], row["second"]): row for row in summary["differences"]}
+    assert len(pairs) == 10
+    # Both begin with the same gaits; with other numbers of them they do not.
+    assert {names for names, row in pairs.items() if row["same_start"]} == set()
+    for (first, second), row in pairs.items():
+        means = [summary["searches"][name]["speed"] for name in (first, second)]
+        assert row["difference"] == pytest.approx(means[1] - means[0]) and row["p"] <= row["p_adjusted"] <= 1
     for row in summary["runs"]:
         design = load_gait(tmp_path / "hunt" / "gaits" / f"{row['search']}-{row['seed']}.json")
         assert design.pressure == row["pressure"] and steps_of(design) <= 186_719
@@ -287,6 +296,38 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     hunting.study(tmp_path / "hunt", settings)
     assert hill.calls == calls  # all is kept
     assert before == {name: (tmp_path / "hunt" / name).read_bytes() for name in before}
+
+
+def test_searches_that_begin_with_the_same_gaits_are_compared_run_by_run():
+    a, b = np.array([0.01, 0.02, 0.06]), np.array([0.02, 0.03, 0.08])
+    starts = {"one": [1.0, 2.0, 3.0], "two": [1.0, 2.0, 3.0], "three": [4.0, 5.0, 6.0]}
+    rows = differences({"one": a, "two": b, "three": b}, starts)
+    assert [row["same_start"] for row in rows] == [True, False, False]
+    assert rows[0]["p"] < 0.06 < 0.5 < rows[1]["p"]
+    assert [row["p_adjusted"] for row in rows] == holm([row["p"] for row in rows])
+    lines = table_of_differences(rows, {name: name for name in starts}).splitlines()
+    assert lines[2].startswith("| one | two | 0.0133 (pairs) | -0.0010 to 0.0277 | 0.057 |")
+
+
+def test_runs_that_found_nothing_count_neither_as_speeds_nor_as_runs():
+    nan = np.nan
+    rows = differences({"one": np.array([nan, 0.1, 0.2]), "two": np.array([0.3, nan, nan])}, {"one": [1], "two": [2]})
+    assert rows == []
+    (row,) = differences({"one": np.array([nan, 0.1, 0.2, 0.3]), "two": np.array([0.3, nan, 0.4, 0.5])},
+                         {"one": [1, 2, 3, 4], "two": [1, 2, 3, 4]})  # fmt: skip
+    assert row["same_start"] and row["difference"] == pytest.approx(0.2)
+
+
+def test_the_table_tells_of_how_many_runs_speeds_are(hill, tmp_path, monkeypatch):
+    """One run's finalists all diverge."""
+    settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",))
+    hunting.study(tmp_path / "hunt", settings)
+    found = iter((None, Finalist(np.full(2, 0.1), np.full(2, 0.1), INCHING, 0)))
+    monkeypatch.setattr(hunting, "best_of", lambda known: next(found))
+    hunting.study(tmp_path / "hunt", settings)
+    row = json.loads((tmp_path / "hunt" / "summary.json").read_text())["searches"]["genetic"]
+    assert (row["runs"], row["judged"]) == (2, 1)
+    assert "| 1 of 2 |" in (tmp_path / "hunt" / "table.md").read_text()
 
 
 def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from optim.gait_encoding import LEAST_MOTION
 from robots.gaits import load_gait, played, save_gait
 from robots.hardware import read_csv
 from robots.inflatable import INCHING
+from robots.judgement import GaitJudgement
 from robots.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.view import scene
 from robots.view.drawing import draw_schedule
@@ -138,3 +139,30 @@ def test_a_chart_fills_the_part_of_a_cell_that_is_on():
     np.testing.assert_allclose([height for _, height in boxes], 0.88 * levels[:, 0], rtol=1e-9)
     np.testing.assert_allclose([width for width, _ in boxes], 3.0)
     assert (~on).sum() == 19 and axes.get_xlim() == (0, 4)
+
+
+@pytest.mark.parametrize(
+    ("speed", "code", "told"),
+    [
+        (0.03, 0, ("0.0300 BL/s, standard deviation 0.0000, 8 runs\n", "slip 0.30, standard deviation", "physical\n")),
+        (-0.03, 0, ("not physical: -0.0300 BL/s remain",)),
+        (np.nan, 1, ("on hill:15: a run diverged\n",)),
+    ],
+)  # fmt: skip
+def test_a_judgement_tells_what_a_gait_is_worth(morpholab, monkeypatch, brief, speed, code, told):
+    runs = np.full(8, speed)
+    found = GaitJudgement(runs, runs, np.full((8, 2), 0.03), runs / 0.3, 1000)
+    monkeypatch.setattr("robots.judgement.judge_gait", lambda *_, **__: found)
+    line = f"simulate --gait {brief} --slope 15 --judge"
+    known, out, _ = morpholab(line)
+    assert known == code and all(text in out for text in told), out
+    known, out, _ = morpholab(f"{line} --json")
+    document = json.loads(out)
+    assert known == code and document["physical"] == (speed == 0.03) and document["steps"] == 1000
+
+
+def test_a_small_robot_is_judged(morpholab, brief):
+    code, out, _ = morpholab(f"simulate --gait {brief} {SMALL} --slope 5 --judge --precision f32 --threads 1 --json")
+    document = json.loads(out)
+    assert code == 0 and document["runs"] == 8 and document["speed"] != document["hard_speed"]
+    assert document["slip_deviation"] >= 0 and document["terrain"] == "hill:5"

@@ -210,7 +210,9 @@ def test_equal_gaits_are_those_of_equal_numbers():
         ({"settle": [1, 2]}, "settle: is unknown; a graded gait has inflation, grip, core_pressure, motion_steps, s"),
         ({"repeats": 1.5}, "repeats: 1.5 is not allowed"),
         ({"pressure": -1}, "pressure: -1 is not allowed"),
-        ({"format": "morpholab-graded-design-2"}, "it is not of the format"),
+        ({"format": "morpholab-graded-design-2"}, "it is of the format 'morpholab-graded-design-2'; gaits of"),
+        ({"format": "morpholab-walker-design-1"}, "it is of the format 'morpholab-walker-design-1'; gaits of"),
+        ({"format": 3}, "it is not of the format 'morpholab-inflatable-design-1'"),
     ],
 )
 def test_a_damaged_file_is_refused_in_one_line(tmp_path, change, message):

@@ -163,6 +163,18 @@ def test_a_behaviour_survives_with_half_the_distance_and_all_copies():
     assert "**2.0000 (1 of 2 diverged), 0.95**" in text and "2 of 4 behaviours survive." in text
 
 
+def test_where_the_unchanged_robot_gets_nowhere_nothing_survives_or_dies():
+    """One that slides down three times as far has not three times the distance, one that climbs has not lost it."""
+    usual, heavy, light = [[-0.1, -0.1], [1.0, 1.0]], [[-0.3, -0.3], [0.4, 0.4]], [[0.5, 0.5], [1.0, 1.0]]
+    found = {("unchanged", 1.0): usual, ("density", 2.0): heavy, ("density", 0.5): light}
+    found = {change: np.array(lengths) for change, lengths in found.items()}
+    rows = sensitivity.rows_of(found, ("rolling", "inching"))
+    assert [row["share"] for row in rows] == [None, 1.0, None, 0.4, None, 1.0]
+    assert [row["survives"] for row in rows] == [None, True, None, False, None, True]
+    text = sensitivity.page(rows)
+    assert "1 of 2 behaviours survive." in text and text.count("**") == 4  # "Bold" among them
+
+
 def test_sensitivity_is_studied_robot_by_robot(simulator, tmp_path):
     settings = sensitivity.Sensitivity({"maximum pressure": (0.5,), "density": (2.0,)}, TWO, repeats=1)
     summary = sensitivity.study(tmp_path / "a", settings)

@@ -106,26 +106,39 @@ def slid(way: np.ndarray, depth: float, feet: tuple[int, ...]) -> InflatableResu
     )
 
 
-@pytest.mark.parametrize(("told", "expected"), [(1.0, 0.05), (0.0, 0.02)])
-def test_slip_counts_while_a_foot_grips(monkeypatch, told, expected):
+@pytest.fixture
+def tell(monkeypatch):
+    """Tells both feet how much to grip for 500 steps, the last of which they settle."""
+
+    def told(*feet, settles=300):
+        levels = np.append(np.ones(8), feet)[:, None]
+        played = PlayedGait(np.array([0, 500]), np.array([settles]), levels, np.zeros(2))
+        monkeypatch.setattr("robots.slip.played", lambda *_: played)
+
+    return told
+
+
+@pytest.mark.parametrize(("told", "expected"), [(1.0, 0.05), (0.0, 0.02), (0.5, 0.035)])
+def test_slip_counts_as_far_as_a_foot_grips(tell, told, expected):
     """The foot slides by 10 mm in each of five steps; it is told something in the first three, and settles then."""
-    levels = np.full((10, 1), told)
-    played = PlayedGait(np.array([0, 500]), np.array([300]), levels, np.zeros(2))
-    monkeypatch.setattr("robots.slip.played", lambda *_: played)
+    tell(told, told)
     slip = slip_under_load(slid(0.01 * np.arange(6), 1e-4, (0,)), INCHING)
     assert slip == pytest.approx([expected, 0.0])
 
 
-def test_a_foot_in_the_air_does_not_slip(monkeypatch):
-    played = PlayedGait(np.array([0, 500]), np.array([300]), np.ones((10, 1)), np.zeros(2))
-    monkeypatch.setattr("robots.slip.played", lambda *_: played)
+def test_a_foot_in_the_air_does_not_slip(tell):
+    tell(1, 1)
     assert slip_under_load(slid(0.01 * np.arange(6), -1e-4, (0, 1)), INCHING).tolist() == [0.0, 0.0]
 
 
-def test_slip_is_that_of_the_load(monkeypatch):
+def test_each_foot_grips_as_far_as_it_is_told(tell):
+    tell(0.25, 0.75, settles=500)
+    assert slip_under_load(slid(0.01 * np.arange(6), 1e-4, (0, 1)), INCHING) == pytest.approx([0.0125, 0.0375])
+
+
+def test_slip_is_that_of_the_load(tell):
     """Half of the foot's voxels bear three times as much and stay; a quarter of the load slides."""
-    played = PlayedGait(np.array([0, 500]), np.array([300]), np.ones((10, 1)), np.zeros(2))
-    monkeypatch.setattr("robots.slip.played", lambda *_: played)
+    tell(1, 1)
     result = slid(0.01 * np.arange(6), 1e-4, (1,))
     mine = np.flatnonzero(TINY.body.regions == FOOT_2)
     heavy = mine[: len(mine) // 2]
@@ -143,24 +156,37 @@ def test_slip_needs_frames():
 
 
 def judged(**changes) -> GaitJudgement:
-    usual = {"speeds": np.full(8, 0.03), "hard_speeds": np.zeros(8), "slip": np.array([0.05, 0.01]), "distance": 0.1,
-             "steps": 180_000}  # fmt: skip
+    usual = {"speeds": np.full(8, 0.03), "hard_speeds": np.zeros(8), "slip": np.tile([0.05, 0.01], (8, 1)),
+             "distances": np.full(8, 0.1), "steps": 180_000}  # fmt: skip
     return GaitJudgement(**usual | changes)
 
 
 def test_a_gait_that_slides_for_its_living_is_not_physical():
     assert judged().physical and judged().slip_ratio == pytest.approx(0.3)
     for changes, fault in (
-        ({"slip": np.array([0.1, 0.1])}, "feet slip 1.00 of the way while they grip, more than 0.75"),
+        ({"slip": np.full((8, 2), 0.1)}, "feet slip 1.00 of the way while they grip, more than 0.75"),
         ({"hard_speeds": np.full(8, -0.02)}, "-0.0200 BL/s remain with friction 0.2 of sliding feet"),
         ({"steps": 186_720}, "takes 186,720 steps, more than 186,719"),
-        ({"speeds": np.array([np.nan, 0.1])}, "a run diverged"),
+        ({"level": True}, "0.0000 BL/s remain with friction 0.2 of sliding feet"),
     ):
         (found,) = judged(**changes).faults
         assert found.startswith(fault)
-    assert judged(speeds=np.array([np.nan, 0.1])).to_document()["speed"] is None
-    still = judged(distance=0.0)
+    assert judged(level=True).faults[0].endswith("less than 0.0075")
+    assert judged(level=True, hard_speeds=np.full(8, 0.0076)).physical
+    still = judged(distances=np.array([0.0] + [0.1] * 7))
     assert not still.physical and still.to_document()["slip_ratio"] is None
+
+
+@pytest.mark.parametrize("lost", [
+    {"speeds": np.array([np.nan] + [0.03] * 7), "distances": np.array([np.nan] + [0.1] * 7)},
+    {"hard_speeds": np.array([np.nan] * 8)},
+])  # fmt: skip
+def test_a_gait_that_diverged_is_that_and_nothing_else(lost):
+    found = judged(**lost)
+    assert found.diverged and found.faults == ("a run diverged",)
+    document = found.to_document()
+    assert None in (document["speed"], document["hard_speed"])
+    assert not np.isnan([value for value in document.values() if isinstance(value, float)]).any()
 
 
 def test_harder_conditions_are_never_easier():
@@ -175,16 +201,17 @@ def test_a_judgement_takes_several_runs(runs):
 
 
 def test_a_judgement_simulates_under_both_conditions(monkeypatch):
-    """Of a small robot: noisy runs with and without weight, and one that is watched."""
-    monkeypatch.setattr(judgement, "RECORD_EVERY", 50)
-    short = INCHING.schedule.cut(1, 1)
+    """Of a small robot: noisy runs with and without weight, the latter watched."""
+    monkeypatch.setattr(judgement, "RECORD_EVERY", 5)
+    short = INCHING.schedule.cut(2, 2)
     design = dataclasses.replace(INCHING, schedule=short)
     quick = {"inflation_rate": 0.03, "pressure_ramp": 50.0, "hold_steps": 200, "settle_steps": 100}
-    usual = judgement.InflatableActuation
-    monkeypatch.setattr(judgement, "InflatableActuation", lambda **given: usual(**quick | given))
-    parts = []
-    found = judge_gait(design, Terrain(5.0), geometry=TINY, runs=2, precision="f32", progress=parts.append)
-    assert found.speeds.shape == found.hard_speeds.shape == (2,) and found.slip.shape == (2,)
+    actuation, parts = dataclasses.replace(QUICK, **quick), []
+    found = judge_gait(design, Terrain(5.0), geometry=TINY, actuation=actuation, runs=2, precision="f32",
+                       progress=parts.append)  # fmt: skip
+    assert found.steps == gaits.steps_of(design, actuation) < 3000
+    assert found.speeds.shape == found.hard_speeds.shape == (2,) and found.slip.shape == (2, 2)
+    assert (found.slip > 0).any() and np.isfinite(found.slip_ratios).all()
     assert not np.array_equal(found.speeds, found.hard_speeds)
     assert parts == sorted(parts) and parts[-1] == pytest.approx(1.0)
 
@@ -195,7 +222,7 @@ def test_there_are_no_harder_conditions_in_water_and_that_is_said_before_any_sim
         lambda: judge_gait(INCHING, Terrain.water(), geometry=TINY, runs=2),
         lambda: GaitProblem((Terrain.water(),), encoding="graded", columns=2, hard=True),
     ):
-        with pytest.raises(ValueError, match=r"^low_friction: 0.2 is not allowed in a fluid, which has no ground"):
+        with pytest.raises(ValueError, match=r"^terrain: water is not allowed with harder conditions, which are"):
             refused()
 
 

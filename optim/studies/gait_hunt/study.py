@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from optim.gait_problem import GaitProblem
 from optim.hints import nearest
-from optim.measures.statistics import mean_band
+from optim.measures.statistics import mean_interval
 from optim.runs.history import History
 from optim.studies.figures import COLOURS, PAGE, figure, letter
 from optim.studies.gait_hunt.checks import check_settings
+from optim.studies.gait_hunt.comparison import differences, table_of_differences
 from optim.studies.gait_hunt.finalists import kept_finalists, write_gaits
 from optim.studies.gait_hunt.judging import Finalist, best_of, columns_of
 from optim.studies.gait_hunt.searches import SEARCHES
@@ -158,8 +159,12 @@ def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
     write_table(folder / "table.csv", list(rows[0]), [list(row.values()) for row in rows])
     groups = {name: [one for one in found if one.search == name] for name in hunt.searches}
     summary = {name: _group(group) for name, group in groups.items() if group}
-    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, "searches": summary, "runs": rows})
-    write_text(folder / "table.md", _table(summary))
+    starts = {name: [one.history.generations[0].mean for one in group] for name, group in groups.items()}
+    apart = differences({name: _speeds(group) for name, group in groups.items()}, starts)
+    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, "searches": summary,
+                                         "differences": apart, "runs": rows})  # fmt: skip
+    labels = {name: row["label"] for name, row in summary.items()}
+    write_text(folder / "table.md", _table(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
     write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
     _draw({name: group for name, group in groups.items() if group}, folder / "hunt.png")
 
@@ -178,19 +183,25 @@ def _row(one: Found) -> dict[str, Any]:
     }
 
 
+def _speeds(group: Sequence[Found]) -> Floats:
+    """Of what the runs have found; NaN where that is nothing."""
+    return np.array([one.best.speed if one.best else np.nan for one in group])
+
+
 def _group(group: Sequence[Found]) -> dict[str, Any]:
-    """Runs of a search: mean speed of what they have found with its bootstrap interval, and the best."""
+    """Runs of a search: mean speed of what they have found with its 95 % interval by Student's t, and the best."""
     known = [one.best for one in group if one.best]
     speeds, hard = (np.array([getattr(best, name) for best in known]) for name in ("speed", "hard_speed"))
-    low, high = mean_band(speeds) if len(speeds) > 1 else (None, None)
+    low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
     return {
         "label": SEARCHES[group[0].search].label,
         "runs": len(group),
+        "judged": len(known),
         "evaluations": int(np.median([one.history.generations[-1].evaluations for one in group])),
         "robot_steps": float(np.median([one.spent.sum() for one in group])),
         "speed": float(speeds.mean()) if len(speeds) else None,
-        "low": None if low is None else float(low),
-        "high": None if high is None else float(high),
+        "low": low,
+        "high": high,
         "best": float(speeds.max()) if len(speeds) else None,
         "hard_speed": float(hard.mean()) if len(hard) else None,
         "staying": int((hard >= LEAST_HARD_SPEED).sum()) if known else None,
@@ -198,18 +209,19 @@ def _group(group: Sequence[Found]) -> dict[str, Any]:
 
 
 def _table(summary: dict[str, dict[str, Any]]) -> str:
-    """The same in Markdown; evaluations and robot-steps are medians of the runs."""
+    """The same in Markdown; evaluations and robot-steps are medians of the runs, speeds those of runs with a gait."""
     lines = [
-        "| search | evaluations | million robot-steps | speed, mean | its interval | best | harder | of runs, stay |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| search | evaluations | million robot-steps | runs | speed, mean | interval | best | harder | these, stay |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for row in summary.values():
         values = {name: "" if row[name] is None else f"{row[name]:.4f}" for name in _SPEEDS}
         interval = f"{values['low']} to {values['high']}" if values["low"] else ""
         staying = "" if row["staying"] is None else row["staying"]
+        runs = str(row["runs"]) if row["judged"] in (0, row["runs"]) else f"{row['judged']} of {row['runs']}"
         lines.append(
-            f"| {row['label']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {values['speed']} "
-            f"| {interval} | {values['best']} | {values['hard_speed']} | {staying} of {row['runs']} |"
+            f"| {row['label']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {runs} | {values['speed']} "
+            f"| {interval} | {values['best']} | {values['hard_speed']} | {staying} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -135,15 +135,18 @@ def travelled(settings: Sensitivity, variant: Variant, threads: int | None, prog
 def rows_of(found: Mapping[tuple[str, float], Floats], behaviours: Sequence[str]) -> list[dict[str, Any]]:
     """A row for each change and behaviour, of distances of shape (behaviours, copies); the unchanged robot first.
 
-    A behaviour survives if all copies do, and their mean is at least ``SURVIVES`` of the unchanged robot's.
+    A behaviour survives if all copies do, and their mean is at least ``SURVIVES`` of the unchanged robot's. Where that
+    one does not get ahead, there is nothing to survive: share and survival are None.
     """
     rows: list[dict[str, Any]] = []
     for (name, factor), lengths in found.items():
         for behaviour, copies in zip(behaviours, lengths, strict=True):
             here = spread(copies)
             usual = next((row["mean"] for row in rows if row["behaviour"] == behaviour), here["mean"])
-            share = here["mean"] / usual if here["mean"] is not None and usual else None
-            survives = share is not None and share >= SURVIVES and not here["diverged"]
+            ahead = usual if usual is not None and usual > 0 else None
+            share = here["mean"] / ahead if ahead is not None and here["mean"] is not None else None
+            whole = share is not None and share >= SURVIVES and not here["diverged"]
+            survives = None if ahead is None else whole
             rows.append({"parameter": name, "factor": factor, "behaviour": behaviour, **here, "share": share,
                          "survives": survives})  # fmt: skip
     return rows
@@ -162,14 +165,14 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
     for name, factor in dict.fromkeys((row["parameter"], row["factor"]) for row in rows):
         here = [row for row in rows if (row["parameter"], row["factor"]) == (name, factor)]
         lines.append(f"| {name} | {factor:.3g} | {' | '.join(map(_cell, here))} |")
-    changed = [row for row in rows if row["parameter"] != UNCHANGED]
-    lines += ["", f"{sum(row['survives'] for row in changed)} of {len(changed)} behaviours survive."]
+    survive = [row["survives"] for row in rows if row["parameter"] != UNCHANGED and row["survives"] is not None]
+    lines += ["", f"{sum(survive)} of {len(survive)} behaviours survive."]
     return "\n".join(lines) + "\n"
 
 
 def _cell(row: Mapping[str, Any]) -> str:
     text = shown(row) if row["share"] is None else f"{shown(row)}, {row['share']:.2f}"
-    return text if row["survives"] else f"**{text}**"
+    return f"**{text}**" if row["survives"] is False else text
 
 
 def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
