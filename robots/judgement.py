@@ -84,8 +84,15 @@ class GaitJudgement(NoisySpeeds):
 
     @property
     def slip_ratio(self) -> float:
-        """Mean of the runs; NaN if one diverged."""
-        return float(self.slip_ratios.mean())
+        """The same of all runs together, so that slow ones do not count for more; NaN if one diverged."""
+        way = abs(float(self.distances.sum()))
+        return float(self.slip.mean(axis=1).sum() / way) if way else np.inf
+
+    @property
+    def slip_deviation(self) -> float:
+        """Standard deviation of the runs' ratios; NaN where one went nowhere, or diverged."""
+        ratios = self.slip_ratios
+        return float(ratios.std(ddof=1)) if np.isfinite(ratios).all() else np.nan
 
     @property
     def least_hard_speed(self) -> float:
@@ -124,17 +131,12 @@ class GaitJudgement(NoisySpeeds):
         numbers = {
             "speed": self.speed, "deviation": self.speeds.std(ddof=1),
             "hard_speed": self.hard_speed, "hard_deviation": self.hard_speeds.std(ddof=1),
-            "slip_ratio": self.slip_ratio, "slip_deviation": _deviation(self.slip_ratios),
+            "slip_ratio": self.slip_ratio, "slip_deviation": self.slip_deviation,
             "distance": self.distances.mean(),
         }  # fmt: skip
         known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
         return {**known, "runs": len(self.speeds), "steps": self.steps, "physical": self.physical,
                 "faults": list(self.faults)}  # fmt: skip
-
-
-def _deviation(values: Array) -> float:
-    """Standard deviation; NaN where a value is no number."""
-    return float(values.std(ddof=1)) if np.isfinite(values).all() else np.nan
 
 
 def judge_gait(

@@ -144,7 +144,7 @@ def test_a_chart_fills_the_part_of_a_cell_that_is_on():
 @pytest.mark.parametrize(
     ("speed", "code", "told"),
     [
-        (0.03, 0, ("0.0300 BL/s, standard deviation 0.0000, 8 runs\n", "slip 0.30, standard deviation", "physical\n")),
+        (0.03, 0, ("0.0300 BL/s, standard deviation 0.0000, 8 runs\n", "slip 0.30 of the way while", "physical\n")),
         (-0.03, 0, ("not physical: -0.0300 BL/s remain",)),
         (np.nan, 1, ("on hill:15: a run diverged\n",)),
     ],

@@ -173,8 +173,10 @@ def test_a_gait_that_slides_for_its_living_is_not_physical():
         assert found.startswith(fault)
     assert judged(level=True).faults[0].endswith("less than 0.0075")
     assert judged(level=True, hard_speeds=np.full(8, 0.0076)).physical
-    still = judged(distances=np.array([0.0] + [0.1] * 7))
+    still = judged(distances=np.zeros(8))
     assert not still.physical and still.to_document()["slip_ratio"] is None
+    one = judged(distances=np.array([0.0] + [0.1] * 7))
+    assert one.slip_ratio == pytest.approx(8 * 0.03 / 0.7) and one.to_document()["slip_deviation"] is None
 
 
 @pytest.mark.parametrize("lost", [

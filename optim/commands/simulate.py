@@ -155,8 +155,8 @@ def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, rob
         return Report(document, f"{title}: {'; '.join(found.faults)}", FAILED)
     speeds = (f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds))
     text = f"{title}: {next(speeds)}, {len(found.speeds)} runs\nharder conditions: {next(speeds)}"
-    slip = f"{found.slip_ratio:.2f}, standard deviation {found.slip_ratios.std(ddof=1):.2f}, of the way"
-    text += f"\nfeet slip {slip} while they grip; {found.steps:,} steps\n"
+    slip = f"{found.slip_ratio:.2f} of the way while they grip, standard deviation {found.slip_deviation:.2f}"
+    text += f"\nfeet slip {slip}; {found.steps:,} steps\n"
     text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
     return Report(document, text)
 

@@ -80,7 +80,7 @@ class Hunt:
 
 SCALES: Mapping[Budget, Hunt] = {
     "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
-    "medium": Hunt(120, (0, 1, 2, 3, 4), finalists=2, runs=3),
+    "medium": Hunt(160, (0, 1, 2, 3, 4), finalists=2, runs=3),
     "full": Hunt(300, (0, 1, 2, 3, 4)),
 }
 
@@ -227,6 +227,7 @@ def _table(summary: dict[str, dict[str, Any]]) -> str:
 
 
 _SPEEDS = ("speed", "low", "high", "best", "hard_speed")
+LINEAR = 0.01  # speeds up to which the figure's axis is linear [BL/s]
 
 
 def _draw(groups: dict[str, list[Found]], path: Path) -> None:
@@ -246,6 +247,11 @@ def _draw(groups: dict[str, list[Found]], path: Path) -> None:
                          markersize=5, fillstyle="none")  # fmt: skip
         over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
         end.axvline(0.0, color="0.7", linewidth=0.6)
+        # What slides down may be tens of times as fast as what climbs.
+        end.set_xscale("symlog", linthresh=LINEAR, linscale=2)
+        ticks = (-1, -0.1, -0.01, 0, 0.01)
+        end.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        end.xaxis.minorticks_off()
         end.set(yticks=range(len(groups)), yticklabels=[SEARCHES[name].label for name in groups],
                 xlabel="speed in full, o usual, x harder [BL/s]")  # fmt: skip
         for label, colour in zip(end.get_yticklabels(), COLOURS, strict=False):
