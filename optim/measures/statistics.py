@@ -268,7 +268,10 @@ def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> 
 
 
 def mean_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
-    """Percentile bootstrap interval of the mean over the first axis, shape (n, ...): two arrays of shape (...)."""
+    """Percentile bootstrap interval of the mean over the first axis, shape (n, ...): two arrays of shape (...).
+
+    Of five values it holds the mean in 84 % of samples instead of 95; see :func:`mean_interval`.
+    """
     tail = 50 * (1 - level)
     low, high = np.percentile(bootstrap_means(sample), [tail, 100 - tail], axis=0)
     return low, high
