@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robots.gaits import load_gait, steps_of
+from robots.inflatable import INCHING, ROLLING
 from robots.inflatable_actuation import PUBLISHED_STEPS
 from robots.judgement import GaitJudgement, judge_gait
 from robots.terrain import Terrain
@@ -41,6 +42,22 @@ def worth_its_file(name, slope, judged):
 def test_a_gait_that_is_too_slow_or_slides_is_not_worth_its_file(speed, hard):
     judged = GaitJudgement(np.full(8, speed), np.full(8, hard), np.full((8, 2), 0.1), np.ones(8), 181_000)
     assert worth_its_file("hill-program", 15.0, judged) == (speed > 0.09 and hard == 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("design", "slope"), [(ROLLING, 0.0), (INCHING, 0.0), (INCHING, 15.0)])
+def test_gaits_by_hand_walk_where_they_belong(design, slope):
+    judged = judge_gait(design, Terrain(slope))
+    assert judged.physical, judged.to_document()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("file", "slope"), [("gaits/hill-program", 0.0), ("data/gait-hunt/gaits/genetic-2", 15.0)])
+def test_gaits_that_live_on_what_the_model_gives_do_not_walk(file, slope):
+    """Both get ahead as the model is, the one on level ground as fast as any published one."""
+    judged = judge_gait(load_gait(FOLDER.parent / f"{file}.json"), Terrain(slope))
+    assert judged.speed > 0.01 and not judged.physical, judged.to_document()
+    assert "bladders that keep their weight" in judged.faults[-1]
 
 
 @pytest.mark.slow
