@@ -68,6 +68,7 @@ def test_gaits_that_an_encoding_cannot_say_are_refused(encoding, columns, design
         start_values(GaitProblem(HILL, encoding=encoding, columns=columns), design)
 
 
+@pytest.mark.usefixtures("simulator")
 def test_the_command_starts_at_a_file(tmp_path, morpholab):
     save_gait(GRADED, tmp_path / "start.json")
     code, _, error = morpholab(

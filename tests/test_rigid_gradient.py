@@ -137,7 +137,7 @@ def test_what_has_no_derivative_is_refused_in_one_line():
     tape = engine(LEGGED, precision="f64", threads=1).record(2)
     with pytest.raises(ValueError, match=r"^position: shape \(2, 3\) is not allowed; give \(1, 3\)"):
         tape.pull_back(position=np.ones((2, 3)))
-    placed = engine(LEGGED, threads=1)
+    placed = engine(LEGGED, precision="f64", threads=1)
     slopes = placed.record(2, start=placed.rest()).pull_back(position=np.ones((1, 3)))
     with pytest.raises(ValueError, match=r"^start: derivatives by a design are those"):
         slopes.by_design(lambda mass: Quadruped("legged", mass=mass).tree(), 1.0)
