@@ -20,10 +20,30 @@ _SHARE = max(1, runtime.available_threads() // int(os.environ.get("PYTEST_XDIST_
 runtime.available_threads = lambda: _SHARE
 
 
+SINGLE = ("f32", "single_precision", "picture", "test_view.py")  # in the names of tests in single precision
+
+
+def _single(name):
+    return any(part in name for part in SINGLE)
+
+
 def pytest_collection_modifyitems(items):
-    """Tests of single precision come last in their file: for another precision Taichi starts again, too."""
+    """Tests in single precision come last of all: for another precision Taichi starts again, too."""
     files = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}
-    items.sort(key=lambda item: (files[item.path], "f32" in item.name))
+    items.sort(key=lambda item: (_single(item.nodeid), files[item.path]))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Processes take a file's tests in one precision at a time, in the order above."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class InOnePrecision(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return f"{super()._split_scope(nodeid)} {_single(nodeid)}"
+
+    config.option.loadscopereorder = False
+    return InOnePrecision(config, log)
 
 
 @pytest.fixture
