@@ -20,7 +20,10 @@ _SHARE = max(1, runtime.available_threads() // int(os.environ.get("PYTEST_XDIST_
 runtime.available_threads = lambda: _SHARE
 
 
-SINGLE = ("f32", "single_precision", "picture", "test_view.py")  # in the names of tests in single precision
+# In the names of tests in single precision, and of files that are so for the most part.
+SINGLE = ("f32", "single_precision", "picture", "test_bench.py", "test_graded_commands.py", "test_lattice_states.py",
+          "test_motion.py", "test_paraview.py", "test_pipeline.py", "test_ray.py", "test_several_cores_searches.py",
+          "test_view.py")  # fmt: skip
 
 
 def _single(name):
