@@ -2,6 +2,7 @@
 # make test       run the tests        make validate  run the slow validations too
 # make lint       ruff and mypy        make notebooks run the notebooks in their short mode
 # make wheel      build dist/          make clean     remove what make has made, results excepted
+# make same-bits  compare with version 1.0, bit for bit; SAME_BITS="--quick" or other options
 #
 # PYTHON=/path/to/python chooses the interpreter, TORCH_INDEX=https://download.pytorch.org/whl/cpu a further
 # package index for torch (this one has small builds without CUDA), OUT=folder where the demo writes.
@@ -13,7 +14,7 @@ venv := .venv
 python := $(venv)/bin/python
 install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
-.PHONY: demo test validate notebooks lint wheel clean
+.PHONY: demo test validate notebooks same-bits lint wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -29,6 +30,9 @@ validate: $(venv)/dev
 notebooks: $(venv)/dev
 	MORPHOLAB_SHORT=1 $(python) -m pytest -q --nbmake notebooks
 
+same-bits: $(venv)/dev
+	$(python) benchmarks/same_bits $(SAME_BITS)
+
 lint: $(venv)/dev
 	$(python) -m ruff check
 	$(python) -m mypy
@@ -37,7 +41,7 @@ wheel: $(venv)/dev
 	$(python) -m build --no-isolation
 
 clean:
-	rm -rf $(venv) build dist *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	rm -rf $(venv) build dist *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache .same-bits
 
 # Stamps: what is installed is up to date with the files on the right.
 $(venv)/runtime: pyproject.toml constraints.txt | $(venv)/bin/pip

@@ -1,0 +1,99 @@
+"""Where things live in either edition: each name that the cases need, and the modules in which it may be found.
+
+The cases take whatever names outside code may rely on from their documented places, and everything else from here:
+``places.GaitProblem``. When a name moves, put its new place first and leave the old one behind it. When a function is
+renamed or its arguments change, write a function of the old name and arguments at the end of this file.
+
+Editing this file does not make the reference run again: what it finds in version 1.0 must stay the same.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+PLACES = {
+    # The beam lattice.
+    "LatticeState": ("taichi_sim.lattice", "taichi_sim.lattice.engine"),
+    "ProgramBuilder": ("taichi_sim.lattice", "taichi_sim.lattice.program"),
+    "Quantity": ("taichi_sim.lattice", "taichi_sim.lattice.program"),
+    # The inflatable robot.
+    "InflatableActuation": ("robots.inflatable", "robots.inflatable.actuation"),
+    "InflatableGeometry": ("robots.inflatable", "robots.inflatable.body"),
+    "NAMED_GEOMETRIES": ("robots.inflatable", "robots.inflatable.body"),
+    "differentiate_gaits": ("robots.inflatable.gradient:differentiate", "robots.inflatable_gradient:differentiate"),
+    "GaitProblem": ("optim.problems.inflatable", "optim.gait_problem"),
+    # Soft walkers, and robots of arrays.
+    "WalkerDesign": ("robots.lattice_robot.walker", "robots.walker"),
+    "simulate_walkers": ("robots.lattice_robot.walker:simulate", "robots.walker:simulate"),
+    "WalkerProblem": ("optim.problems.walker", "optim.walker_problem"),
+    "LatticeRobotProblem": ("optim.lattice_robot_problem", "optim.problems.lattice_robot"),
+    # Vehicles.
+    "VehicleBatch": ("taichi_sim.vehicle",),
+    "VehicleTask": ("taichi_sim.vehicle",),
+    "differentiate_vehicles": ("taichi_sim.vehicle:differentiate", "taichi_sim.vehicle.gradient:differentiate"),
+    "rollout": ("taichi_sim.vehicle", "taichi_sim.vehicle.rollout"),
+    "VehicleProblem": ("optim.problems.braitenberg", "optim.vehicle_problem"),
+    # Rigid robots.
+    "RigidEngine": ("taichi_sim.rigid",),
+    "Tree": ("taichi_sim.rigid", "taichi_sim.rigid.model"),
+    "Body": ("taichi_sim.rigid", "taichi_sim.rigid.model"),
+    "Hinge": ("taichi_sim.rigid", "taichi_sim.rigid.model"),
+    "Motor": ("taichi_sim.rigid", "taichi_sim.rigid.model"),
+    "Capsule": ("taichi_sim.rigid", "taichi_sim.rigid.model"),
+    "Sphere": ("taichi_sim.rigid", "taichi_sim.rigid.model"),
+    "World": ("taichi_sim.rigid",),
+    "quadruped_engine": ("robots.quadruped:engine",),
+    "differentiate_quadruped": ("robots.quadruped:differentiate",),
+    "Rover": ("robots.rover",),
+    "simulate_rovers": ("robots.rover:simulate",),
+    # Designing.
+    "Evaluation": ("optim.problem",),
+    "Space": ("optim.space",),
+    "Variable": ("optim.space",),
+    "open_run": ("optim.runs",),
+    "run_search": ("optim.runs",),
+}
+
+inputs = Path()  # the reference tree, from which data and scenes are read, whichever tree runs
+
+
+def __getattr__(name: str) -> Any:
+    """The thing of this name in the tree that runs."""
+    if name not in PLACES:
+        raise AttributeError(name)
+    for place in PLACES[name]:
+        module, _, called = place.partition(":")
+        found = getattr(_module(module), called or name, None)
+        if found is not None:
+            return found
+    raise ImportError(f"{name} is at none of {', '.join(PLACES[name])}; say where in benchmarks/same_bits/places.py")
+
+
+def _module(name: str) -> ModuleType | None:
+    """A module, or None where there is none of this name; what it fails to import itself is an error."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name and (name == error.name or name.startswith(f"{error.name}.")):
+            return None
+        raise
+
+
+def scene(name: str) -> ModuleType:
+    """A module of version 1.0's tests that describes bodies and programs, whichever tree runs.
+
+    These take their names from ``taichi_sim.lattice``; those that have moved are put there.
+    """
+    import taichi_sim.lattice as lattice
+
+    for needed in ("LatticeState", "ProgramBuilder", "Quantity"):
+        if not hasattr(lattice, needed):
+            setattr(lattice, needed, __getattr__(needed))
+    folder = str(inputs / "tests")
+    sys.path.insert(0, folder)
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(folder)
