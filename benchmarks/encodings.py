@@ -13,9 +13,9 @@ from pathlib import Path
 
 from equal_cost import SEEDS, Contest, Entry
 
-from optim.gait_problem import GaitProblem
-from optim.walker_problem import WalkerProblem
-from robots.terrain import Terrain
+from optim.problems.inflatable.problem import GaitProblem
+from optim.problems.walker import WalkerProblem
+from robots.world import Terrain
 
 CLIMBERS = 16
 GENERATIONS = {"gaits": 12, "walkers": 100}

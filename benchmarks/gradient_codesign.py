@@ -9,8 +9,8 @@ and resume where they were cut off; a larger ``--budget`` continues them.
 
 from equal_cost import Entry, compare_at_equal_cpu_time
 
-from optim.gait_problem import GaitProblem
-from robots.terrain import Terrain
+from optim.problems.inflatable.problem import GaitProblem
+from robots.world import Terrain
 
 
 def problem() -> GaitProblem:

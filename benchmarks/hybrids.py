@@ -9,8 +9,8 @@ gaits count. One thread, five seeds. The runs are ordinary run folders and resum
 
 from equal_cost import Entry, compare_at_equal_cpu_time
 
-from optim.gait_problem import GaitProblem
-from robots.terrain import Terrain
+from optim.problems.inflatable.problem import GaitProblem
+from robots.world import Terrain
 
 POPULATION = 16  # robots that are simulated side by side
 

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from robots.inflatable import InflatableDesign, simulate
-from robots.schedule import GaitSchedule
-from robots.terrain import Terrain
+from robots.inflatable.schedule import GaitSchedule
+from robots.world import Terrain
 
 FAMILIES = {"shape_control_flat": 0.0, "shape_control_hill": 15.0, "control_flat": 0.0, "control_hill": 15.0}
 START_NOISE = 1e-8  # m

@@ -9,7 +9,7 @@ thread, five seeds.
 
 from equal_cost import Entry, compare_at_equal_cpu_time
 
-from optim.vehicle_problem import VehicleProblem
+from optim.problems.braitenberg import VehicleProblem
 
 POPULATION = 16
 

@@ -9,7 +9,7 @@ import trimesh
 
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from taichi_sim.lattice import Material, body_from_array
-from taichi_sim.lattice.mesh import voxelise
+from taichi_sim.lattice.files.mesh import voxelise
 
 ARMS, PITCH = 5, 0.01  # [m]
 rubber = Material(youngs_modulus=1e5, density=1e3, static_friction=0.9, kinetic_friction=0.6, name="rubber")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_sim import runtime
-from taichi_sim.lanes import Real, choose_width, larger, load, smaller, store
+from taichi_sim.autodiff.lanes import Real, choose_width, larger, load, smaller, store
 from taichi_sim.runtime import GRAIN, ti
 
 Floats = NDArray[np.float64]

@@ -44,7 +44,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Measure; the benchmark itself prints its table."""
-    from robots.bench import main
+    from robots.bench.lattice import main
 
     for option, robot in WHOSE.items():
         name, given = option.replace("_", "-"), getattr(args, option)

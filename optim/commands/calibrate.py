@@ -9,7 +9,7 @@ from optim.commands import Report, options
 from optim.commands.progress import shown_progress
 
 if TYPE_CHECKING:
-    from robots.inflatable import InflatableDesign
+    from robots.inflatable.robot import InflatableDesign
 
 
 def add_parser(commands: Any) -> None:
@@ -60,8 +60,8 @@ def run(args: argparse.Namespace) -> Report:
 def _write_example(args: argparse.Namespace) -> Report:
     from robots.calibration import Laboratory, write_measurements
     from robots.calibration.example import TRUTH, example
-    from robots.files import new_path
-    from robots.inflatable import NAMED_GEOMETRIES
+    from robots.inflatable.robot import NAMED_GEOMETRIES
+    from taichi_sim.base.files import new_path
 
     path, geometry = new_path(args.example), args.geometry or "small"
     laboratory = Laboratory(NAMED_GEOMETRIES[geometry], precision=args.precision, threads=args.threads)
@@ -74,8 +74,8 @@ def _write_example(args: argparse.Namespace) -> Report:
 def _fit(args: argparse.Namespace) -> Report:
     from optim.calibration import calibrate, check_names, document, table
     from robots.calibration import CALIBRATION_FORMAT, Laboratory, read_measurements
-    from robots.files import write_record
-    from robots.inflatable import NAMED_GEOMETRIES
+    from robots.inflatable.robot import NAMED_GEOMETRIES
+    from taichi_sim.base.files import write_record
 
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
@@ -105,8 +105,8 @@ def _fit(args: argparse.Namespace) -> Report:
 
 def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> "InflatableDesign":
     """A gait of a file of measurements; names of files are relative to its folder."""
-    from robots.inflatable import InflatableDesign
-    from robots.schedule import GaitSchedule
+    from robots.inflatable.robot import InflatableDesign
+    from robots.inflatable.schedule import GaitSchedule
 
     design = options.load_gait(name if name in options.GAITS else str(folder / name))
     schedule = options.cut(design.schedule, columns, repeats)

@@ -17,8 +17,8 @@ from optim.search import METHODS
 from optim.wording import counted, spoken_duration
 
 if TYPE_CHECKING:
-    from optim.gait_problem import GaitProblem
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.inflatable.problem import GaitProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
     from optim.runs import Generation, RunFolder
 
 
@@ -205,7 +205,7 @@ def _add_gradients(group: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
-    from optim.gait_problem import GaitProblem
+    from optim.problems.inflatable.problem import GaitProblem
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
@@ -272,10 +272,10 @@ class _Search:
 
 def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation", folder: "RunFolder") -> list[str]:
     """Gait table and pictures of the best gait, unless they are up to date; the names of all files."""
-    from optim.gait_problem import GaitProblem
+    from optim.problems.inflatable.problem import GaitProblem
     from optim.runs.products import Products
-    from robots.cores import common_pressure
     from robots.hardware import export_csv
+    from robots.inflatable.cores import common_pressure
     from robots.view.picture import save_motion_picture
 
     if last.best_point is None:

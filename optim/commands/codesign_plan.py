@@ -12,8 +12,8 @@ from optim.commands import options
 from optim.search import METHODS, check_settings, default_settings
 
 if TYPE_CHECKING:
-    from optim.gait_problem import GaitProblem
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.inflatable.problem import GaitProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
 
 METHOD = "hill-climb"
 GENERATIONS = 200
@@ -58,7 +58,7 @@ def plan(args: argparse.Namespace) -> Plan:
         ValueError: in one line, if they do not fit.
     """
     from optim.commands.robot_options import is_robot, robot_problem
-    from optim.gait_problem import GaitProblem
+    from optim.problems.inflatable.problem import GaitProblem
     from optim.runs.config import has_run, problem_of, read_config
 
     known = read_config(args.out) if args.resume and has_run(args.out) else None
@@ -88,8 +88,8 @@ def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str)
 
     What is not given is as in the run that continues, or else the default.
     """
-    from optim.gait_description import OPTIONS
-    from optim.gait_problem import PARTS, GaitProblem
+    from optim.problems.inflatable.description import OPTIONS
+    from optim.problems.inflatable.problem import PARTS, GaitProblem
 
     settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
     if known and known.schedule is None:
@@ -149,7 +149,7 @@ def _choose_objectives(
 
 def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[str], gait: str) -> list[str]:
     """Set what is not free, and clear what is; the names of what was taken from the gait."""
-    from optim.gait_problem import PARTS
+    from optim.problems.inflatable.problem import PARTS
 
     design = options.load_gait(gait)
     taken = []
@@ -190,9 +190,9 @@ def _method(
 
 def _start(args: argparse.Namespace, problem: "GaitProblem | LatticeRobotProblem") -> dict[str, float]:
     """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
-    from optim.gait_problem import GaitProblem
-    from optim.gait_start import start_values
-    from robots.cores import each_pressure
+    from optim.problems.inflatable.problem import GaitProblem
+    from optim.problems.inflatable.start import start_values
+    from robots.inflatable.cores import each_pressure
 
     if not isinstance(problem, GaitProblem):
         return {}

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from optim.commands import options
 
 if TYPE_CHECKING:
-    from optim.gait_problem import GaitProblem
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.inflatable.problem import GaitProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
     from optim.runs import RunFolder
     from optim.runs.requests import Evaluate
 

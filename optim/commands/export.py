@@ -9,8 +9,8 @@ from optim.commands.kept_points import kept_point
 from optim.wording import counted
 
 if TYPE_CHECKING:
-    from robots.gaits import GaitDesign
     from robots.hardware import GaitTable
+    from robots.inflatable.gaits import GaitDesign
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
@@ -60,8 +60,8 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Write the CSV file and the picture, or tell what would be written."""
-    from robots.files import check_parent
     from robots.hardware import PneumaticRig, RigViolation, gait_table, write_csv
+    from taichi_sim.base.files import check_parent
 
     if not (args.csv or args.dry_run or args.plot):
         raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
@@ -127,7 +127,7 @@ def _design(source: Path, member: int | None) -> "tuple[GaitDesign, int | None]"
         return options.load_gait(str(source)), None
     if not source.is_dir():
         raise ValueError(f"source: {source} is neither a run nor the file of a design")
-    from optim.gait_problem import GaitProblem
+    from optim.problems.inflatable.problem import GaitProblem
     from optim.runs.config import read_config
 
     problem, point = kept_point(source, GaitProblem.from_description, member)

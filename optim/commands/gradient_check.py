@@ -10,13 +10,13 @@ from optim.commands import Report, options
 from optim.commands.progress import shown_progress
 from optim.commands.robot_options import horizons_of_robot
 from optim.wording import counted
-from robots.schedule import ROWS
-from robots.terrain import Terrain
+from robots.inflatable.schedule import ROWS
+from robots.world import Terrain
 
 if TYPE_CHECKING:
-    from optim.gait_problem import GaitProblem
     from optim.problem import RelaxableProblem
-    from robots.relaxed_schedule import Schedule
+    from optim.problems.inflatable.problem import GaitProblem
+    from robots.inflatable.relaxed_schedule import Schedule
 
 HORIZONS = (1, 2, 4, 8)
 INSIDE = 0.15  # of its range: how far the point keeps from every bound
@@ -64,8 +64,8 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Check every horizon."""
-    from optim.gradient_report import check_gradient, save_plot
-    from robots.files import write_text
+    from optim.measures.gradient_trust import check_gradient, save_plot
+    from taichi_sim.base.files import write_text
 
     problems = _problems(args)
     options.check_new_folder(args.out)
@@ -92,7 +92,7 @@ def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np
         for name, (robot, start) in horizons_of_robot(args).items():
             found[name] = robot, _inside(robot, start)
         return found
-    from robots.cores import each_pressure
+    from robots.inflatable.cores import each_pressure
 
     gait = options.load_gait(args.gait or "inching")
     for columns in _horizons(args.horizons, gait.schedule.columns):
@@ -119,9 +119,9 @@ def _horizons(text: str | None, columns: int) -> list[int]:
 
 def _problem(args: argparse.Namespace, schedule: "Schedule") -> "tuple[GaitProblem, np.ndarray]":
     """A problem whose encoding says the schedule, and its genes of it, levels away from off and on."""
-    from optim.gait_encoding import GradedGait
-    from optim.gait_problem import GaitProblem
-    from robots.relaxed_schedule import RelaxedSchedule
+    from optim.problems.inflatable.encoding import GradedGait
+    from optim.problems.inflatable.problem import GaitProblem
+    from robots.inflatable.relaxed_schedule import RelaxedSchedule
 
     given = {name: getattr(args, name) for name in ("geometry", "weight", "device", "threads")}
     given = {name: value for name, value in given.items() if value is not None}

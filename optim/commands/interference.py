@@ -46,16 +46,9 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Train, then write tables of all that was asked for."""
-    from optim.studies.interference_alone import Alone, train_alone
-    from optim.studies.interference_settings import (
-        FITNESS_NAMES,
-        HILL_CLIMB,
-        LIGHTS,
-        ROBOTS,
-        Interference,
-        treatments,
-    )
-    from optim.studies.interference_study import files_of, train
+    from optim.studies.chapter2.alone import Alone, train_alone
+    from optim.studies.chapter2.settings import FITNESS_NAMES, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
+    from optim.studies.chapter2.study import files_of, train
 
     settings = Interference(
         LIGHTS[args.environments], args.population, args.steps, args.variant, args.precision, args.device

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robots import checks
-from robots.terrain import STEEPEST, Terrain
+from robots.world import STEEPEST, Terrain
+from taichi_sim.base import checks
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
-    from robots.cores import Pressure
-    from robots.gaits import GaitDesign
-    from robots.relaxed_schedule import Schedule
+    from robots.inflatable.cores import Pressure
+    from robots.inflatable.gaits import GaitDesign
+    from robots.inflatable.relaxed_schedule import Schedule
 
 T = TypeVar("T")
 GAITS = ("inching", "rolling")  # that commands know by name
@@ -138,14 +138,14 @@ def load_rig(path: Path | None) -> "tuple[Properties, str] | None":
 def inflatable_robot(
     geometry: str, weight: str, properties: "Properties | None", design: "GaitDesign"
 ) -> dict[str, Any]:
-    """Geometry and actuation that play a design, as options of ``robots.gaits.simulate``.
+    """Geometry and actuation that play a design, as options of ``robots.inflatable.gaits.simulate``.
 
     Raises:
         ValueError: in one line, where a rig's skin is too stiff for the times of a gait.
     """
     from robots.calibration import robot_of
-    from robots.gaits import is_timed
-    from robots.inflatable import NAMED_GEOMETRIES
+    from robots.inflatable.gaits import is_timed
+    from robots.inflatable.robot import NAMED_GEOMETRIES
 
     if properties is not None and is_timed(design.schedule):
         properties.check_time_step(NAMED_GEOMETRIES[geometry])
@@ -164,8 +164,8 @@ def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":
     Raises:
         ValueError: in one line, for anything else.
     """
-    from robots import inflatable
     from robots.hardware import read_design
+    from robots.inflatable import robot as inflatable
 
     known = dict(zip(GAITS, (inflatable.INCHING, inflatable.ROLLING), strict=True))
     if text in known and not from_rows:

@@ -55,8 +55,8 @@ def run(args: argparse.Namespace) -> Report:
     if args.no_player and args.frames is not None:
         raise ValueError("frames: there are none without a player; leave out --frames or --no-player")
     from optim.report import Settings, build
-    from robots.files import write_text
     from robots.hardware import PneumaticRig
+    from taichi_sim.base.files import write_text
 
     rig = PneumaticRig.load(args.rig) if args.rig else None
     settings = Settings(not args.no_player, args.frames or Settings.frames, rig, args.by)

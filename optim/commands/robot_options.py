@@ -11,7 +11,7 @@ from optim.problem import GAIT, ROBOT
 from optim.wording import counted
 
 if TYPE_CHECKING:
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
 
 # Options about gaits of the inflatable robot.
 _GAITS = ("free", "encoding", "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "gait",
@@ -38,7 +38,7 @@ def robot_problem(args: argparse.Namespace, known: Mapping[str, Any] | None) -> 
     Raises:
         ValueError: in one line, for what does not go with it, or contradicts the run.
     """
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
     from optim.runs.config import problem_of
 
     refuse_gait_options(args)
@@ -60,7 +60,7 @@ def robot_problem(args: argparse.Namespace, known: Mapping[str, Any] | None) -> 
 
 def horizons_of_robot(args: argparse.Namespace) -> dict[str, tuple["LatticeRobotProblem", np.ndarray]]:
     """The robot for more and more cycles, at the point where it starts, kept away from the bounds."""
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
 
     refuse_gait_options(args)
     robot, problems = _loaded(args), {}

@@ -10,10 +10,10 @@ import numpy as np
 
 from optim.commands import FAILED, Report, options
 from optim.commands.progress import shown_progress
-from robots.terrain import Terrain
+from robots.world import Terrain
 
 if TYPE_CHECKING:
-    from robots.gaits import GaitDesign
+    from robots.inflatable.gaits import GaitDesign
 
 
 def add_parser(commands: Any) -> None:
@@ -78,8 +78,8 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
-    from robots import gaits
-    from robots.inflatable import sideways
+    from robots.inflatable import gaits
+    from robots.inflatable.robot import sideways
 
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
@@ -138,8 +138,8 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, robot: dict[str, Any]) -> Report:
-    """What the gait is worth, see ``robots.judgement``."""
-    from robots.judgement import judge_gait
+    """What the gait is worth, see ``robots.inflatable.robustness``."""
+    from robots.inflatable.robustness import judge_gait
 
     for name in ("out", "weight", "perturbation"):
         if value := getattr(args, name):
@@ -181,9 +181,9 @@ def _write(
     document: dict[str, Any],
     frames: Any,
 ) -> None:
-    from robots.cores import common_pressure
-    from robots.gaits import save_gait
     from robots.hardware import export_csv
+    from robots.inflatable.cores import common_pressure
+    from robots.inflatable.gaits import save_gait
     from robots.view.picture import save_motion_picture
 
     folder.mkdir(parents=True, exist_ok=True)

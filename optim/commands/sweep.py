@@ -10,7 +10,7 @@ from optim.commands.vehicle_options import add_vehicle_task, design_numbers, tas
 from optim.wording import counted
 
 if TYPE_CHECKING:
-    from optim.studies.sweep_table import SweepTable
+    from optim.studies.chapter3.sweep_table import SweepTable
 
 
 def add_parser(commands: Any) -> None:
@@ -38,7 +38,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Sweep, then write the table of all that is in the folder."""
-    from optim.studies.sweep_table import overlaps_of, read_sweep_table
+    from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
     from robots.braitenberg import Sweep, VehicleBody
 
     settings = Sweep(weights=args.weights, precision=args.precision, **task_settings(args))
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> Report:
         table.write(args.out / "table.csv")
         files = ["table.csv"]
         if args.figures:
-            from optim.studies.sensor_placement_figures import save_figures
+            from optim.studies.chapter3.sensor_placement_figures import save_figures
 
             files += save_figures(table, args.out, args.out)
     except KeyboardInterrupt as interrupt:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.hints import nearest
-from robots.files import why_unread
+from taichi_sim.base.files import why_unread
 
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
 

@@ -12,9 +12,9 @@ from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.measures.statistics import Correlation
-    from optim.studies.sweep_table import SweepTable
-    from optim.studies.training import Training
-    from optim.studies.training_table import TrainingTable
+    from optim.studies.chapter3.sweep_table import SweepTable
+    from optim.studies.chapter4.training import Training
+    from optim.studies.chapter4.training_table import TrainingTable
 
 
 def add_parser(commands: Any) -> None:
@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Train, then write the table of these runs."""
-    from optim.studies.training import TRAINERS, Training, sample_designs, train
+    from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
     from robots.braitenberg import PUBLISHED
 
     task = dataclasses.replace(PUBLISHED, **task_settings(args))
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> Report:
     table.write(args.out / "runs.csv")
     files = ["runs.csv"]
     if sweep and args.figures:
-        from optim.studies.training_figures import save_training
+        from optim.studies.chapter4.training_figures import save_training
 
         save_training(table, sweep, args.out / "training.png")
         files += ["training.png"]
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> Report:
 
 def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -> "SweepTable | None":
     """The rows of these bodies in the table of a sweep; what is wrong with it is said before any work."""
-    from optim.studies.sweep_table import read_sweep_table
+    from optim.studies.chapter3.sweep_table import read_sweep_table
 
     if args.sweep is None:
         if args.figures:
@@ -94,8 +94,8 @@ def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -
 
 
 def _report(table: "TrainingTable", sweep: "SweepTable | None", out: Path, files: list[str]) -> Report:
-    from optim.studies.sensor_placement import correlation_of_metrics
-    from optim.studies.training_table import metric_correlations
+    from optim.studies.chapter3.sensor_placement import correlation_of_metrics
+    from optim.studies.chapter4.training_table import metric_correlations
 
     methods = [
         {"method": method, "runs": solved.size, "solved": int(solved.sum()), "mean_evaluations": float(spent.mean())}

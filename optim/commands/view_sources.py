@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from optim.commands import options
 from optim.commands.kept_points import kept_point
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER
-from robots.files import read_text, why_unread
-from robots.terrain import Terrain
 from robots.view.motion import Motion, record_every
+from robots.world import Terrain
+from taichi_sim.base.files import read_text, why_unread
 
 Progress = Callable[[float], None]
 QUADRUPEDS = ("legged", "wheeled", "whegged")
@@ -82,7 +82,7 @@ def _kind(source: str) -> str:
     if path.is_file():
         from robots.lattice_robot.record import ROBOT_FORMAT
         from robots.lattice_robot.sources import VOXEL_SUFFIXES
-        from robots.walker_body import DESIGN_FORMAT
+        from robots.lattice_robot.walker_body import DESIGN_FORMAT
 
         if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{ROBOT_FORMAT}"' in read_text(path):
             return ROBOT
@@ -114,23 +114,23 @@ def motion_of(source: str, args: argparse.Namespace, progress: Progress) -> Moti
 
 def _of_run(folder: Path, kind: str, args: argparse.Namespace, progress: Progress) -> Motion:
     if kind == GAIT:
-        from optim.gait_problem import GaitProblem
+        from optim.problems.inflatable.problem import GaitProblem
 
         gaits, point = kept_point(folder, GaitProblem.from_description, args.member)
         return _inflatable(gaits.design(point), folder.name, args, gaits, progress)
     if kind == WALKER:
-        from optim.walker_problem import WalkerProblem
+        from optim.problems.walker import WalkerProblem
 
         walkers, point = kept_point(folder, WalkerProblem.from_description, args.member)
         return _walker(walkers.design(point), folder.name, args, walkers, progress)
     if kind == VEHICLE:
-        from optim.vehicle_problem import VehicleProblem
+        from optim.problems.braitenberg import VehicleProblem
         from robots.braitenberg import VehicleBody
 
         vehicles, point = kept_point(folder, VehicleProblem.from_description, args.member)
         sites, controllers = vehicles.split(point)
         return _vehicle(VehicleBody(sites[0]), controllers[0, 0], vehicles.task, folder.name, args)
-    from optim.lattice_robot_problem import LatticeRobotProblem
+    from optim.problems.lattice_robot import LatticeRobotProblem
 
     own, point = kept_point(folder, LatticeRobotProblem.from_description, args.member)
     return _lattice_robot(own.design(point), folder.name, args, own.terrain, progress)
@@ -139,7 +139,7 @@ def _of_run(folder: Path, kind: str, args: argparse.Namespace, progress: Progres
 def _of_file(path: Path, kind: str, args: argparse.Namespace, progress: Progress) -> Motion:
     from robots.hardware import read_design
     from robots.lattice_robot import load_robot
-    from robots.walker import load_walker
+    from robots.lattice_robot.walker import load_walker
 
     if kind == ROBOT:
         return _lattice_robot(load_robot(path), path.stem, args, None, progress)
@@ -157,7 +157,7 @@ def _terrain(args: argparse.Namespace, own: Terrain | None) -> Terrain:
 
 
 def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
-    from robots import gaits
+    from robots.inflatable import gaits
     from robots.view.soft_motion import inflatable_motion
 
     design = dataclasses.replace(design, schedule=options.cut(design.schedule, args.columns, args.repeats))
@@ -174,7 +174,7 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
 
 
 def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
-    from robots import walker
+    from robots.lattice_robot import walker
     from robots.view.soft_motion import walker_motion
 
     drive, terrain = run.actuation if run else walker.WalkerActuation(), _terrain(args, run.terrain if run else None)
@@ -213,8 +213,8 @@ def _vehicle(body: Any, controller: NDArray[np.float64], task: Any, name: str, a
 
 
 def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
-    from robots import quadruped
-    from robots.neural import random_weights
+    from robots.control.neural import random_weights
+    from robots.quadruped import robot as quadruped
     from robots.view.rigid_motion import quadruped_motion
 
     robot = {"legged": quadruped.LEGGED, "wheeled": quadruped.WHEELED, "whegged": quadruped.WHEGGED}[kind]
@@ -228,7 +228,7 @@ def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
 
 
 def _rover(args: argparse.Namespace) -> Motion:
-    from robots import rover
+    from robots.rover import robot as rover
     from robots.view.rigid_motion import rover_motion
 
     robot, lights = rover.Rover.published(_design(args)), [rover.LIGHTS[(args.environment or 1) - 1]]

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.results import Progress, kept, part_of
 from optim.pipeline.task import PipelineTask
 from optim.runs import open_run, run_search
 from optim.search import build_method
-from optim.studies.results import Progress, kept, part_of
-from robots import gaits
-from robots.gaits import GaitDesign, steps_of
-from robots.judgement import NOISE
-from robots.results_folder import ResultsFolder
-from robots.terrain import Terrain
+from robots.inflatable import gaits
+from robots.inflatable.gaits import GaitDesign, steps_of
+from robots.inflatable.robustness import NOISE
+from robots.world import Terrain
+from taichi_sim.base.results_folder import ResultsFolder
 
 FOUND = "found-"  # how names begin of what searches find
 

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.results import Arrays, Progress, kept, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
-from optim.studies.results import Arrays, Progress, kept, part_of
-from robots.gaits import GaitDesign
-from robots.journey import Leg, simulate_journey
-from robots.judgement import NOISE
-from robots.relaxed_schedule import RelaxedDesign
-from robots.results_folder import ResultsFolder
-from robots.terrain import Terrain
-from robots.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
+from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.journeys import Leg, simulate_journey
+from robots.inflatable.relaxed_schedule import RelaxedDesign
+from robots.inflatable.robustness import NOISE
+from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
+from robots.world import Terrain
+from taichi_sim.base.results_folder import ResultsFolder
 
 RECORD_EVERY = 4000  # time steps between the poses that are looked at for contact
 # Whether the bladders empty while the core changes, and whether the feet grip.

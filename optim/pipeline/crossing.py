@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from optim.experiments.results import Arrays, Progress, kept, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change, part_name
 from optim.pipeline.machine import State
 from optim.pipeline.task import PipelineTask
-from optim.studies.results import Arrays, Progress, kept, part_of
-from robots.gaits import GaitDesign
-from robots.journey import JourneyResult, Leg, simulate_journey
-from robots.judgement import NOISE
-from robots.results_folder import ResultsFolder
+from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.journeys import JourneyResult, Leg, simulate_journey
+from robots.inflatable.robustness import NOISE
+from taichi_sim.base.results_folder import ResultsFolder
 
 
 @dataclass(frozen=True, eq=False)

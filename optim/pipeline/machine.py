@@ -11,11 +11,11 @@ from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
 from robots.calibration import Properties
-from robots.checks import choice, number, whole_number
-from robots.files import read_text, write_text
-from robots.gaits import GaitDesign
-from robots.inflatable import NAMED_GEOMETRIES
-from robots.terrain import Terrain
+from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.world import Terrain
+from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.files import read_text, write_text
 
 FORMAT = "morpholab-state-machine-1"
 MACHINE = "machine.json"

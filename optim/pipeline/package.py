@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from optim.gait_problem import RIG_FILE
+from optim.experiments.results import write_json
 from optim.pipeline.changes import Change
 from optim.pipeline.crossing import Crossing
 from optim.pipeline.machine import State, change_name, machine_document, write_machine
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import PipelineTask
-from optim.studies.results import write_json
+from optim.problems.inflatable.problem import RIG_FILE
 from robots.calibration import save_properties
-from robots.files import write_text
-from robots.gaits import GaitDesign, save_gait
 from robots.hardware import export_csv
+from robots.inflatable.gaits import GaitDesign, save_gait
+from taichi_sim.base.files import write_text
 
 FOLDERS = ("gaits", "tables", "pictures")
 NUMBERS, PLAYER, REPORT = "numbers.json", "journey.html", "report.html"

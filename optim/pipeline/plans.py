@@ -4,8 +4,8 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from robots.cores import common_pressure, kilopascals
-from robots.gaits import GaitDesign
+from robots.inflatable.cores import common_pressure, kilopascals
+from robots.inflatable.gaits import GaitDesign
 
 
 @dataclass(frozen=True)

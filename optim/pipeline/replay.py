@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.results import Progress, part_of
 from optim.pipeline.machine import properties_of, read_machine
-from optim.studies.results import Progress, part_of
-from robots import gaits
 from robots.calibration import robot_of
-from robots.gaits import GaitDesign, design_of
 from robots.hardware import read_csv
-from robots.judgement import NOISE
-from robots.terrain import Terrain
+from robots.inflatable import gaits
+from robots.inflatable.gaits import GaitDesign, design_of
+from robots.inflatable.robustness import NOISE
+from robots.world import Terrain
 
 TOLERANCE = 0.05
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.results import Progress, check_folder, part_of
 from optim.pipeline.candidates import check_working, find_gaits, slug, speeds_of
 from optim.pipeline.changes import Change, find_change
 from optim.pipeline.crossing import best_single_gait, cross
@@ -13,9 +14,8 @@ from optim.pipeline.machine import State, change_name
 from optim.pipeline.package import Package
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
 from optim.pipeline.task import PipelineTask
-from optim.studies.results import Progress, check_folder, part_of
-from robots.gaits import GaitDesign
-from robots.results_folder import ResultsFolder
+from robots.inflatable.gaits import GaitDesign
+from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "pipeline"
 SEARCHES, SIMULATED, PACKAGE = "searches", "simulated", "package"

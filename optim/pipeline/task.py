@@ -6,18 +6,18 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from optim.gait_problem import GaitProblem
 from optim.hints import nearest
+from optim.problems.inflatable.problem import GaitProblem
 from optim.search import METHODS, build_method, default_settings
 from robots.calibration import Properties, load_calibration, robot_of
-from robots.checks import choice, number, whole_number
-from robots.cores import common_pressure, kilopascals
-from robots.files import why_unread
-from robots.gaits import GaitDesign
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
-from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
-from robots.inflatable_actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
-from robots.terrain import Terrain
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
+from robots.inflatable.cores import common_pressure, kilopascals
+from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.world import Terrain
+from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.files import why_unread
 
 BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 LEAST_RUNS = 2

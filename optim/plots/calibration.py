@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.studies.figures import COLOURS, PAGE, figure, legend_above
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from robots.calibration import Experiment
 
 HANDY = {"[m]": ("[mm]", 1e3), "[m/s]": ("[mm/s]", 1e3), "[Pa]": ("[kPa]", 1e-3)}  # units of the pictures

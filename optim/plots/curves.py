@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.figures import COLOURS
 from optim.runs.comparison import Curve
 from optim.runs.loop import Generation
-from optim.studies.figures import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.figures import COLOURS
 from optim.measures.pareto import non_dominated
-from optim.studies.figures import COLOURS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

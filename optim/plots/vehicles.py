@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.studies.figures import COLOURS
+from optim.experiments.figures import COLOURS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from optim.experiments.figures import STYLE
 from optim.report.markup import Html
-from optim.studies.figures import STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

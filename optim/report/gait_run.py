@@ -9,20 +9,20 @@ from typing import Any, Self
 
 import numpy as np
 
-from optim.gait_problem import RIG_FILE, GaitProblem
+from optim.problems.inflatable.problem import RIG_FILE, GaitProblem
 from optim.report.charts import chart, image
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, table
 from optim.report.rig import KPA_PER_PSI, rig_section
 from optim.runs.loop import Generation
 from optim.space import Vector
-from robots import gaits
 from robots.calibration import NAMES, UNITS, Properties
-from robots.cores import Pressure, common_pressure
-from robots.gaits import GaitDesign
 from robots.hardware import PneumaticRig
-from robots.terrain import Terrain
+from robots.inflatable import gaits
+from robots.inflatable.cores import Pressure, common_pressure
+from robots.inflatable.gaits import GaitDesign
 from robots.view.motion import record_every
+from robots.world import Terrain
 
 UNIT = "BL/s"
 PIXELS = 110  # an inch

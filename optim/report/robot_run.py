@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from optim.lattice_robot_problem import LatticeRobotProblem
+from optim.problems.lattice_robot import LatticeRobotProblem
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, table
 from optim.runs.loop import Generation

@@ -8,22 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.figures import COLOURS
+from optim.experiments.tables import read_table
 from optim.plots.curves import draw_share_solved
 from optim.report.charts import chart, picture_of
 from optim.report.markup import Html, Section, code, facts, number, paragraph, picture, side_by_side, table, tiles
 from optim.report.vehicle_run import success_matrix
-from optim.studies.figures import COLOURS
-from optim.studies.interference_evolution import KIND as INTERFERENCE
-from optim.studies.interference_study import PICTURES, PICTURES_OF_TWO
-from optim.studies.sensor_placement import notable_designs
-from optim.studies.sweep_table import SweepTable, overlaps_of, read_sweep_table
-from optim.studies.tables import read_table
-from optim.studies.training_table import read_training_table
+from optim.studies.chapter2.evolution import KIND as INTERFERENCE
+from optim.studies.chapter2.study import PICTURES, PICTURES_OF_TWO
+from optim.studies.chapter3.sensor_placement import notable_designs
+from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of, read_sweep_table
+from optim.studies.chapter4.training_table import read_training_table
 from optim.wording import counted
 from robots.braitenberg import VehicleBody
 from robots.braitenberg.sweeps import holds_sweep
-from robots.files import read_text
-from robots.results_folder import read_settings
+from taichi_sim.base.files import read_text
+from taichi_sim.base.results_folder import read_settings
 
 MOST_BODIES, MOST_MATRICES = 30, 6
 Page = tuple[str, list[Html], list[Section], dict[str, Any]]  # title, lead, sections, the same for machines

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.plots.vehicles import add_overlap_bar, draw_overlap, draw_paths
+from optim.problems.braitenberg import VehicleProblem
 from optim.report.charts import chart
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Text, facts, joined, number, picture, side_by_side, table
 from optim.runs.loop import Generation
 from optim.space import Vector
-from optim.vehicle_problem import VehicleProblem
 from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, sweep, trace
 from robots.hardware import PneumaticRig

@@ -8,18 +8,18 @@ from typing import Any, Self
 
 import numpy as np
 
+from optim.problems.walker import WalkerProblem
 from optim.report.charts import chart
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, picture, table
 from optim.runs.loop import Generation
 from optim.space import Vector
-from optim.walker_problem import WalkerProblem
 from optim.wording import counted
-from robots import walker
 from robots.hardware import PneumaticRig
+from robots.lattice_robot import walker
+from robots.lattice_robot.walker import WalkerDesign, WalkerTissue
+from robots.lattice_robot.walker_body import KINDS
 from robots.view.motion import record_every
-from robots.walker import WalkerDesign, WalkerTissue
-from robots.walker_body import KINDS
 
 UNIT = "lattices/s"
 KIND_COLOURS = ("#f3f1ec", "#b9b4a8", "#0072B2", "#D55E00")  # of KINDS

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-ASIDE = ".aside-"  # how files begin that are not whole yet; those of ``robots.files``, too, which runs do not import
+ASIDE = ".aside-"  # how files begin that are not whole yet; as of ``taichi_sim.base.files``
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
 
 

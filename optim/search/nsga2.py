@@ -62,7 +62,7 @@ class NSGA2(PopulationSearch):
         try:
             from pymoo.util import default_random_state  # noqa: F401  older ones take no generators
         except ImportError:
-            install = "install the extra moo (pip install -e '.[moo]' in a clone)"  # as robots.checks.install_extra
+            install = "install the extra moo (pip install -e '.[moo]' in a clone)"  # as base.checks.install_extra
             raise ValueError(f"method: pymoo, which nsga2 needs, is missing; {install}") from None
         self.crossover_probability, self.crossover_index = crossover_probability, crossover_index
         self.mutation_index = mutation_index

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from optim.studies.results import scale_of
+from optim.experiments.results import scale_of
 
 
 @dataclass(frozen=True)
@@ -63,21 +63,21 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
         "sensor-placement": Item(
             "chapters 3 and 4, figures of designs, metrics and their correlation",
             "all controllers in bodies of the published grid: learnability and resistance to interference",
-            "sweep_study",
+            "chapter3.sweep_study",
             ("table.csv", "distributions.png", "correlation.png", "examples.png"),
             sweep=True,
         ),
         "training": Item(
             "chapter 4, figure of sample efficiency",
             "evaluations that four trainers need, against what a sweep says of the bodies",
-            "training_study",
+            "chapter4.training_study",
             ("summary.json", "runs.csv", "training.png"),
             sweep=True,
         ),
         "co-optimisation": Item(
             "chapter 4, figure neurips_cooptimization",
             "body and controller together beside the controller alone, and how homeostatic their solutions become",
-            "co_optimisation",
+            "chapter4.co_optimisation",
             (
                 "summary.json",
                 "environments-solved.csv",
@@ -90,33 +90,33 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
         "search-comparison": Item(
             "beyond chapter 4",
             "gradients beside gradient-free searches: evaluations until all environments are solved",
-            "search_comparison",
+            "beyond.search_comparison",
             ("summary.json", "evaluations-until-all-solved.csv", "search-comparison.png"),
         ),
         "homeostasis-of-bodies": Item(
             "chapters 4 and 6",
             "whether bodies in which controllers are easily found are homeostatic",
-            "homeostasis_of_bodies",
+            "chapter4.homeostasis_of_bodies",
             ("summary.json", "bodies.csv", "homeostasis-of-bodies.png"),
             sweep=True,
         ),
         "reality-gap": Item(
             "chapter 6, figure of weight manifolds",
             "controllers that still succeed when vehicle or world are changed",
-            "reality_gap",
+            "chapter4.reality_gap",
             ("summary.json", "survival.csv", "reality-gap.png"),
             sweep=True,
         ),
         "homeostasis-objective": Item(
             "chapter 6",
             "whether homeostasis as an objective helps",
-            "homeostasis_objective",
+            "chapter4.homeostasis_objective",
             ("summary.json", "reported.csv", "homeostasis-objective.png"),
         ),
         "interference": Item(
             "chapter 2, tables M1 to M4 and figures",
             "which robots, trained in several environments, suffer when what helps in one harms in another",
-            "interference_study",
+            "chapter2.study",
             (
                 *("two/tables.md", "two/changes.png", "two/changes-of-champions.png", "two/curves.png"),
                 *("two/traces.png", "four/tables.md", "four/curves.png", "four/traces.png", "alone.csv"),
@@ -125,63 +125,63 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
         "rover-success": Item(
             "chapter 3, figure of landscapes, empirical model",
             "all controllers in the canonical and the best body of the two-wheel vehicle, as rigid bodies",
-            "rover_success",
+            "chapter3.rover_success",
             ("summary.json", "rover-success.csv", "rover-success.png"),
         ),
         "rover-sweep": Item(
             "chapter 3, figure of distributions, empirical model",
             "learnability of random bodies of the two-wheel vehicle, as rigid bodies and in theory",
-            "rover_sweep",
+            "chapter3.rover_sweep",
             ("summary.json", "rover-sweep.csv", "rover-sweep.png"),
         ),
         "rover-pre-optimisation": Item(
             "chapter 3, the empirical model",
             "the search for the two-wheel vehicle's base body: distance from the light against effort of its drives",
-            "rover_pre_optimisation",
+            "chapter3.rover_pre_optimisation",
             ("summary.json", "rover-fronts.csv", "rover-pre-optimisation.png"),
         ),
         "shape-change": Item(
             "chapter 5, table of simulation results and figure of searches",
             "searches for gaits on flat ground and up a hill, with shape, orientation and control free or fixed",
-            "shape_change.study",
+            "chapter5.study",
             ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", "runs"),
         ),
         "gait-hunt": Item(
             "chapter 5, discussion: why the search did not find inching on the hill",
             "evolution as published, on cycles, along gradients and both: gaits that climb 15 degrees, at equal cost",
-            "gait_hunt.study",
+            "beyond.gait_hunt.study",
             ("table.md", "table.csv", "hunt.png", "summary.json", "runs", "gaits"),
             jobs=True,
         ),
         "gait-climb": Item(
             "chapter 5, discussion: why the search did not find inching on the hill",
             "a program that finds gaits which climb 15 degrees: random ones, their kinds refined, the best led uphill",
-            "gait_hunt.climb",
+            "beyond.gait_hunt.climb",
             ("table.md", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
             jobs=True,
         ),
         "friction-sweeps": Item(
             "chapter 5, figure of friction, d and e",
             "inching on flat ground with other friction of sliding and gripping feet",
-            "shape_change.friction",
+            "chapter5.friction",
             ("friction.md", "friction.csv", "friction.png", "summary.json"),
         ),
         "slope-sweep": Item(
             "chapter 5, transition of gaits",
             "rolling and inching up slopes, and the slope at which inching overtakes",
-            "shape_change.slopes",
+            "chapter5.slopes",
             ("slopes.md", "slopes.csv", "slopes.png", "summary.json"),
         ),
         "hand-gait-sensitivity": Item(
             "chapter 5, discussion of the simulator's parameters",
             "whether rolling and inching survive other moduli, densities, time steps, pressures and voxels",
-            "shape_change.sensitivity",
+            "chapter5.sensitivity",
             ("sensitivity.md", "sensitivity.csv", "sensitivity.png", "summary.json"),
         ),
         "soft-robot-metrics": Item(
             "chapters 4 and 6, metrics of complex robots",
             "learnability and interference of shapes and orientations of the soft robot, by sampled gaits",
-            "shape_change.metrics",
+            "chapter5.metrics",
             ("metrics.csv", "metrics.png", "summary.json"),
         ),
     }

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from robots.checks import number
+from taichi_sim.base.checks import number
 
 HALF_SIDE = 0.5  # m: sensors sit in a square of 1 m about the centre
 SITES_PER_AXIS = 9  # of the published grid

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.braitenberg.body import VehicleBody
-from robots.checks import whole_number
 from taichi_sim import vehicle
+from taichi_sim.base.checks import whole_number
 from taichi_sim.vehicle import Rollouts, Traces, VehicleBatch, VehicleTask, rollout
 from taichi_sim.vehicle.rollout import Until
 

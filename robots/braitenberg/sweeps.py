@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from robots.braitenberg.body import VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, check_bodies, contralateral, weight_grid
-from robots.checks import whole_number
-from robots.results_folder import ResultsFolder, read_settings
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.results_folder import ResultsFolder, read_settings
 from taichi_sim.vehicle import VehicleTask, rollout
 
 Overlap = NDArray[np.uint8]

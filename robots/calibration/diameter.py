@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.calibration.laboratory import Array, Laboratory, Trial
-from robots.cores import InflatedCores
-from robots.inflatable_body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
-from robots.inflatable_program import initialise, weights
-from robots.rest_sizes import rest_sizes
-from robots.terrain import Terrain
+from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
+from robots.inflatable.cores import InflatedCores
+from robots.inflatable.program import initialise, weights
+from robots.inflatable.rest_sizes import rest_sizes
+from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents
 

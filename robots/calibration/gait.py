@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robots.calibration.laboratory import Array, Laboratory, Trial
-from robots.cores import InflatedCores, highest_pressure
-from robots.inflatable import InflatableDesign, travel_directions
-from robots.inflatable_actuation import play
-from robots.inflatable_program import weights, write_robot
-from robots.rest_sizes import rest_sizes
-from robots.terrain import Terrain
+from robots.inflatable.actuation import play
+from robots.inflatable.cores import InflatedCores, highest_pressure
+from robots.inflatable.program import weights, write_robot
+from robots.inflatable.rest_sizes import rest_sizes
+from robots.inflatable.robot import InflatableDesign, travel_directions
+from robots.world import Terrain
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.calibration.properties import BOUNDS, Properties
-from robots.inflatable import scattered
-from robots.inflatable_actuation import ACTUATION, InflatableActuation
-from robots.inflatable_body import PUBLISHED, InflatableGeometry
-from robots.terrain import Terrain
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.robot import scattered
+from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, LatticeEngine
 
 Array = NDArray[np.float64]

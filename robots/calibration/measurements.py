@@ -14,10 +14,10 @@ from robots.calibration.diameter import SIDES, Diameter
 from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Array, Experiment
-from robots.checks import choice, number, whole_number
-from robots.files import read_text, write_text
-from robots.inflatable import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, InflatableDesign
-from robots.terrain import Terrain
+from robots.inflatable.robot import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, InflatableDesign
+from robots.world import Terrain
+from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.files import read_text, write_text
 
 _LENGTH = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(

@@ -6,10 +6,10 @@ from os import PathLike
 from types import MappingProxyType
 from typing import Any, Self
 
-from robots.checks import choice, number
-from robots.files import read_record, write_record
-from robots.inflatable_actuation import ACTUATION, InflatableActuation
-from robots.inflatable_body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
+from taichi_sim.base.checks import choice, number
+from taichi_sim.base.files import read_record, write_record
 
 CALIBRATION_FORMAT = "morpholab-calibration-1"
 # Where a fit may go unless told otherwise. The stiffest body sets the time step of all, see ``Laboratory``.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from robots.checks import install_extra
+from taichi_sim.base.checks import install_extra
 
 try:
     import gymnasium

@@ -8,13 +8,9 @@ from typing import Any, Literal
 import gymnasium
 import numpy as np
 
-from robots.checks import choice, number
-from robots.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
-from robots.dual import value_of
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
-from robots.inflatable import NAMED_GEOMETRIES, scattered, travel_directions
-from robots.inflatable_actuation import ACTUATION, InflatableActuation, column_of, nominal_steps
-from robots.inflatable_body import (
+from robots.inflatable.actuation import ACTUATION, InflatableActuation, column_of, nominal_steps
+from robots.inflatable.body import (
     BLADDER_COUNT,
     FIRST_BLADDER,
     FOOT_1,
@@ -23,9 +19,13 @@ from robots.inflatable_body import (
     InflatableGeometry,
     kinds_of,
 )
-from robots.inflatable_program import bladder_scales, initialise, set_weight, weights, write_column
-from robots.schedule import ROWS
-from robots.terrain import Terrain
+from robots.inflatable.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
+from robots.inflatable.program import bladder_scales, initialise, set_weight, weights, write_column
+from robots.inflatable.robot import NAMED_GEOMETRIES, scattered, travel_directions
+from robots.inflatable.schedule import ROWS
+from robots.world import Terrain
+from taichi_sim.autodiff.dual import value_of
+from taichi_sim.base.checks import choice, number
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 

@@ -9,19 +9,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from robots.checks import number
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
-from robots.quadruped import (
-    AS_RUN,
-    ENVIRONMENTS,
-    LIGHT_HEIGHT,
-    MOTORS,
-    SENSORS,
-    Kind,
-    Quadruped,
-    Variant,
-    engine,
-)
+from robots.quadruped.robot import AS_RUN, ENVIRONMENTS, LIGHT_HEIGHT, MOTORS, SENSORS, Kind, Quadruped, Variant, engine
+from taichi_sim.base.checks import number
 from taichi_sim.rigid import RigidResult
 
 BRIGHTEST = 100.0  # 1/m^2

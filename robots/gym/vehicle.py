@@ -9,8 +9,8 @@ import gymnasium
 import numpy as np
 
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody
-from robots.checks import number
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
+from taichi_sim.base.checks import number
 from taichi_sim.vehicle import VehicleTask
 from taichi_sim.vehicle.equations import move, readings
 

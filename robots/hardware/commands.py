@@ -10,11 +10,11 @@ from typing import Self
 import numpy as np
 
 from robots.hardware.line_map import Array, LineMap
-from robots.inflatable_actuation import ACTUATION
-from robots.inflatable_body import PUBLISHED
-from robots.relaxed_motion import durations
-from robots.relaxed_schedule import RelaxedSchedule, Schedule
-from robots.schedule import BLADDERS, ROWS
+from robots.inflatable.actuation import ACTUATION
+from robots.inflatable.body import PUBLISHED
+from robots.inflatable.relaxed_motion import durations
+from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
+from robots.inflatable.schedule import BLADDERS, ROWS
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from robots.files import read_text, write_text
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.table import Design, GaitTable, PlayedDesign, design_hash, gait_table
 from robots.hardware.timeline import section_of
-from robots.relaxed_schedule import schedule_of_text
+from robots.inflatable.relaxed_schedule import schedule_of_text
+from taichi_sim.base.files import read_text, write_text
 
 SCHEMA = "morpholab-gait-2"
 _UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}

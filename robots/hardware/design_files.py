@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from robots.gaits import GaitDesign, design_of, load_gait
 from robots.hardware.csv_files import read_csv
+from robots.inflatable.gaits import GaitDesign, design_of, load_gait
 
 
 def read_design(path: Path, from_rows: bool = False) -> GaitDesign:

@@ -14,8 +14,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.checks import number
-from robots.schedule import BLADDERS, FEET, ROWS, GaitSchedule
+from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
+from taichi_sim.base.checks import number
 
 Array = NDArray[np.float64]
 _RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Self
 
-from robots.checks import number
 from robots.hardware.line_map import LineMap
-from robots.schedule import BLADDERS, FEET, GaitSchedule
+from robots.inflatable.schedule import BLADDERS, FEET, GaitSchedule
+from taichi_sim.base.checks import number
 
 CHANNELS = ("core", *GaitSchedule.row_names)
 KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}

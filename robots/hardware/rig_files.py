@@ -8,9 +8,9 @@ from typing import Any
 
 import tomli_w
 
-from robots.files import read_text, write_text
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, PneumaticRig
+from taichi_sim.base.files import read_text, write_text
 
 _ALL = {"bladder": CHANNELS[1:9], "foot": CHANNELS[9:]}  # tables that speak of several channels
 _NAMES = ("name", "units", "supply_kpa", "vacuum_kpa", "shortest_state_s", "map", "channels")

@@ -10,15 +10,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.checks import number, whole_number
-from robots.cores import Pressure, common_pressure
 from robots.hardware.commands import TIME_STEP, commands_of
 from robots.hardware.limits import POLICIES, RigViolation, violations
 from robots.hardware.line_map import Array, LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.timeline import State, section_of, timeline
-from robots.relaxed_schedule import RelaxedSchedule, Schedule
-from robots.schedule import BLADDERS, ROWS, GaitSchedule
+from robots.inflatable.cores import Pressure, common_pressure
+from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
+from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from taichi_sim.base.checks import number, whole_number
 
 SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.checks import number
-from robots.cyclic import SEGMENTS
+from robots.control.cyclic import SEGMENTS
+from taichi_sim.base.checks import number
 from taichi_sim.lattice import Quantity
 
 Floats = NDArray[np.float64]

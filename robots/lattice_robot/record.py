@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
-from robots.files import read_record, write_record
 from robots.lattice_robot.drive import FIELDS, Drive, Free
 from robots.lattice_robot.robot import LatticeRobot
+from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import VoxelFile, read_vxl_json, write_vxl_json
 
 ROBOT_FORMAT = "morpholab-lattice-robot-1"

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.checks import number, whole_number
-from robots.cyclic import Cycle
+from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, DriveValues, Free
-from robots.terrain import Terrain
+from robots.world import Terrain
+from taichi_sim.base.checks import number, whole_number
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 
 Floats = NDArray[np.float64]

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.checks import whole_number
-from robots.cyclic import CyclicProgram, build_cyclic_program, recorded_frames, surroundings
-from robots.inflatable import Frames
+from robots.control.cyclic import CyclicProgram, build_cyclic_program, recorded_frames, surroundings
+from robots.inflatable.robot import Frames
 from robots.lattice_robot.robot import LatticeRobot
-from robots.terrain import Terrain
+from robots.world import Terrain
 from taichi_sim import runtime
-from taichi_sim.lanes import NATIVE_WIDTH
+from taichi_sim.autodiff.lanes import NATIVE_WIDTH
+from taichi_sim.base.checks import whole_number
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
 
 Floats = NDArray[np.float64]

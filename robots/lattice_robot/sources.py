@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.inflatable_program import STANDARD_GRAVITY
+from robots.inflatable.program import STANDARD_GRAVITY
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot

@@ -8,8 +8,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from robots.inflatable import InflatableResult
-from robots.relaxed_schedule import Schedule
+from robots.inflatable.relaxed_schedule import Schedule
+from robots.inflatable.robot import InflatableResult
 from robots.view import scene, shape
 from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Array, Camera, Polygons
 

@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from robots.checks import install_extra, number, whole_number
-from robots.files import new_path, write_bytes
 from robots.view.motion import Motion
 from robots.view.scene import INK
 from robots.view.still import Setting, draw_key, draw_motion, limits, save_figure, setting
 from robots.view.strip import draw_robots
+from taichi_sim.base.checks import install_extra, number, whole_number
+from taichi_sim.base.files import new_path, write_bytes
 
 WIDTH, TITLE_HEIGHT, KEY_HEIGHT = 8.0, 0.4, 0.5  # of a strip [inches]
 CAPTION, KEY = 14, 48  # heights of a line above each robot of a film, and of the key of its colours below [pixels]

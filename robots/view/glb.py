@@ -12,11 +12,11 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from robots.checks import number
-from robots.files import new_path, write_bytes
 from robots.view.motion import BALL, LIGHT_COLOUR, Colour, Floats, Ground, Motion, product
 from robots.view.scene import GROUND
-from taichi_sim.rigid.shapes import Box, Capsule, Solid, Sphere
+from taichi_sim.base.checks import number
+from taichi_sim.base.files import new_path, write_bytes
+from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 
 FLOAT, UNSIGNED_SHORT = 5126, 5123  # types of numbers
 ARRAY, INDICES = 34962, 34963  # what numbers are for

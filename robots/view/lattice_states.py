@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from taichi_sim.lattice import LatticeBody
-from taichi_sim.lattice.contact import SPHERE_RADIUS
 from taichi_sim.lattice.faces import FACE_CORNERS, corners
+from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from robots.view.motion import BALL, Floats, Motion
 from robots.view.shape import joined_surface
 from taichi_sim.lattice.faces import FACE_CORNERS, rotate
-from taichi_sim.rigid.shapes import Box, Capsule, Solid, Sphere
+from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 
 BOX_CELLS = 6  # along each edge of a box: faces are painted by how near they are, so large ones come in parts
 RINGS, SECTORS = 6, 20  # of half a ball

@@ -10,11 +10,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.checks import whole_number
 from robots.view.lattice_states import LatticeStates
-from taichi_sim import rotations
+from taichi_sim.autodiff import rotations
+from taichi_sim.base.checks import whole_number
 from taichi_sim.rigid import Box, Sphere
-from taichi_sim.rigid.shapes import Solid
+from taichi_sim.rigid.model.shapes import Solid
 
 Floats = NDArray[np.float64]
 Colour = tuple[float, float, float]

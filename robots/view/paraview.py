@@ -16,11 +16,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.files import write_bytes, write_text
 from robots.view.colouring import colouring
 from robots.view.mesh import boxes, faces
 from robots.view.motion import Floats, Motion
 from robots.view.shape import joined_corners
+from taichi_sim.base.files import write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
 # The corners of a box, 4 i + 2 j + k at the signs (i, j, k), in VTK's order: around the bottom, around the top.

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.checks import whole_number
-from robots.cores import kilopascals
-from robots.files import write_bytes
-from robots.gaits import GaitDesign, PlayedGait, played, simulate, steps_of
-from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
-from robots.schedule import BLADDERS
-from robots.terrain import Terrain
+from robots.inflatable.cores import kilopascals
+from robots.inflatable.gaits import GaitDesign, PlayedGait, played, simulate, steps_of
+from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
+from robots.inflatable.schedule import BLADDERS
 from robots.view import shape
 from robots.view.drawing import draw_pose, draw_schedule
 from robots.view.scene import INK, Array, Camera
 from robots.view.still import figure_content
 from robots.view.strip import draw_strip
+from robots.world import Terrain
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.files import write_bytes
 
 __all__ = ["draw_pose", "draw_schedule", "motion_picture", "save_motion_picture"]
 

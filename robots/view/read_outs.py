@@ -7,8 +7,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from robots.inflatable import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry, simulate
-from robots.schedule import GaitSchedule
+from robots.inflatable.robot import (
+    ACTUATION,
+    PUBLISHED,
+    InflatableActuation,
+    InflatableDesign,
+    InflatableGeometry,
+    simulate,
+)
+from robots.inflatable.schedule import GaitSchedule
 from robots.view import shape
 from robots.view.scene import INK, PAIRS
 

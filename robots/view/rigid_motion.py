@@ -6,8 +6,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.quadruped import LEGS, LIGHT_HEIGHT, Quadruped, QuadrupedResult
-from robots.rover import LIGHT_RADIUS, Rover, RoverResult
+from robots.quadruped.robot import LEGS, LIGHT_HEIGHT, Quadruped, QuadrupedResult
+from robots.rover.robot import LIGHT_RADIUS, Rover, RoverResult
 from robots.view.motion import (
     BALL,
     Channel,
@@ -24,8 +24,8 @@ from robots.view.motion import (
 from robots.view.scene import INK, PAIRS
 from taichi_sim.lattice.faces import rotate
 from taichi_sim.rigid import Box, Capsule, Frames, Sphere, Tree
+from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.pose import poses
-from taichi_sim.rigid.shapes import Solid
 
 STEEL, SLATE = (0.72, 0.73, 0.75), (0.36, 0.41, 0.47)
 SUN = (0.95, 0.69, 0.12)

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.inflatable import InflatableResult
-from robots.inflatable_body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.inflatable.body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
+from robots.inflatable.robot import InflatableResult
 from robots.view.shape import kinds, surface, thickness
 
 Array = NDArray[np.float64]

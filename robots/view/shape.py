@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from robots.inflatable import Frames, InflatableResult
-from robots.inflatable_body import FIRST_BLADDER, kinds_of
+from robots.inflatable.body import FIRST_BLADDER, kinds_of
+from robots.inflatable.robot import Frames, InflatableResult
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners, rotate
 
@@ -136,7 +136,7 @@ def recorded(result: InflatableResult) -> Frames:
 
 
 def kinds(body: LatticeBody) -> NDArray[np.int64]:
-    """Region of every voxel, whichever core it belongs to, shape (V,); see ``robots.inflatable_body``."""
+    """Region of every voxel, whichever core it belongs to, shape (V,); see ``robots.inflatable.body``."""
     return kinds_of(np.asarray(body.regions))
 
 

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robots.cyclic import SEGMENTS
-from robots.gaits import GaitDesign, PlayedGait, played
-from robots.inflatable import ACTUATION, Frames, InflatableActuation, InflatableResult
-from robots.inflatable_body import (
+from robots.control.cyclic import SEGMENTS
+from robots.inflatable.body import (
     BLADDER_COUNT,
     FIRST_BLADDER,
     FOOT_1,
@@ -18,16 +16,18 @@ from robots.inflatable_body import (
     cores_of,
     kinds_of,
 )
-from robots.journey import JourneyResult, Leg
+from robots.inflatable.gaits import GaitDesign, PlayedGait, played
+from robots.inflatable.journeys import JourneyResult, Leg
+from robots.inflatable.robot import ACTUATION, Frames, InflatableActuation, InflatableResult
+from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
-from robots.schedule import GaitSchedule
-from robots.terrain import Terrain
+from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, PASSIVE, WalkerActuation, WalkerDesign, WalkerResult
 from robots.view.lattice_states import LatticeStates
 from robots.view.motion import CUBE, Channel, Colour, Floats, Ground, Motion, Node, Skin, speed_channels, whole_frames
 from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
 from robots.view.shape import knots
-from robots.walker import ACTIVE, ANTIPHASE, PASSIVE, WalkerActuation, WalkerDesign, WalkerResult
+from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import mean_of_face_corners, rotate
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patheffects import withStroke
 
-from robots.inflatable import InflatableResult
+from robots.inflatable.robot import InflatableResult
 from robots.view import scene, shape
 from robots.view.drawing import Stretch, draw_ground, draw_polygons, footprint
 from robots.view.scene import INK, Array, Camera, Polygons

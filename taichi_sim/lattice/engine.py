@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.lattice import beams, memory
 from taichi_sim.lattice.body import LatticeBody
-from taichi_sim.lattice.fused import FusedDriver, FusedRun
+from taichi_sim.lattice.drivers.fused import FusedDriver, FusedRun
+from taichi_sim.lattice.drivers.stepped import SteppedDriver, SteppedRun
+from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
-from taichi_sim.lattice.stepped import SteppedDriver, SteppedRun
-from taichi_sim.lattice.tables import PackedProgram, build_tables, pack_program
+from taichi_sim.lattice.stages import memory
+from taichi_sim.lattice.stages.tables import PackedProgram, build_tables, pack_program
 
 if TYPE_CHECKING:
     from taichi_sim.lattice.gradient import Tape

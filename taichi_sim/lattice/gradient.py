@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.lattice import memory as places
 from taichi_sim.lattice.checkpoints import FORWARD, Plan, make_plan
 from taichi_sim.lattice.material_gradient import material_gradients
 from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
+from taichi_sim.lattice.stages import memory as places
 
 if TYPE_CHECKING:
+    from taichi_sim.lattice.drivers.fused import FusedRun
+    from taichi_sim.lattice.drivers.fused_reverse import FusedReverse
+    from taichi_sim.lattice.drivers.stepped import SteppedRun
+    from taichi_sim.lattice.drivers.stepped_reverse import SteppedReverse
     from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
-    from taichi_sim.lattice.fused import FusedRun
-    from taichi_sim.lattice.fused_reverse import FusedReverse
-    from taichi_sim.lattice.stepped import SteppedRun
-    from taichi_sim.lattice.stepped_reverse import SteppedReverse
 
 
 @dataclass(frozen=True, eq=False)

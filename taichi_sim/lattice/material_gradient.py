@@ -5,11 +5,11 @@ from dataclasses import fields
 
 import numpy as np
 
+from taichi_sim.autodiff.tracing import pull_back
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.materials import Material, beam_row, voxel_row
 from taichi_sim.lattice.program import Quantity
-from taichi_sim.lattice.tables import Tables
-from taichi_sim.tracing import pull_back
+from taichi_sim.lattice.stages.tables import Tables
 
 # What the laws of the tables depend on, in the order of their arguments.
 VOXEL_FIELDS = ("youngs_modulus", "density", "collision_damping", "thermal_expansion", "poissons_ratio")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from taichi_sim.tracing import law, sqrt
+from taichi_sim.autodiff.tracing import law, sqrt
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,13 @@
 """Articulated rigid bodies on flat ground, in batches."""
 
 from taichi_sim.rigid.engine import RigidEngine
+from taichi_sim.rigid.model.settings import Network, World
+from taichi_sim.rigid.model.shapes import Box, Capsule, Sphere
+from taichi_sim.rigid.model.tree import Body, Hinge, Motor, Tree, Weld
 from taichi_sim.rigid.pose import poses
 from taichi_sim.rigid.session import RigidSession
-from taichi_sim.rigid.settings import Network, World
-from taichi_sim.rigid.shapes import Box, Capsule, Sphere
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses
-from taichi_sim.rigid.tree import Body, Hinge, Motor, Tree, Weld
 
 __all__ = [
     "Body",

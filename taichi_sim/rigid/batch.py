@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.rigid import memory
+from taichi_sim.rigid.model.shapes import Floats
+from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
-from taichi_sim.rigid.shapes import Floats
 from taichi_sim.rigid.state import State
-from taichi_sim.rigid.tree import Tree
 
 _FAR_AWAY = np.array([[1e9, 0.0, 0.0]])  # a light that is nowhere
 _NEAREST = 1e-6  # m

@@ -6,18 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim import runtime
-from taichi_sim.lanes import NATIVE_WIDTH, Real
+from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
 from taichi_sim.rigid import batch, memory
-from taichi_sim.rigid import step_stage as step
-from taichi_sim.rigid.friction_stage import ENDLESS
 from taichi_sim.rigid.gradient import RigidTape
+from taichi_sim.rigid.model.settings import Network, World
+from taichi_sim.rigid.model.shapes import Floats, is_whole
+from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.session import RigidSession
-from taichi_sim.rigid.settings import Network, World
-from taichi_sim.rigid.shapes import Floats, is_whole
+from taichi_sim.rigid.stages import step
+from taichi_sim.rigid.stages.friction import ENDLESS
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, points_of, tables_of
-from taichi_sim.rigid.tree import Tree
 
 BLOCKS_AT_ONCE = 32  # a thread: so many that threads rarely wait for each other
 ROBOTS_AT_ONCE = 1 << 15  # on a GPU

@@ -12,10 +12,10 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.rigid import memory
-from taichi_sim.rigid.shapes import Floats
+from taichi_sim.rigid.model.shapes import Floats
+from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.state import RigidResult
 from taichi_sim.rigid.tables import parameters_of, points_of
-from taichi_sim.rigid.tree import Tree
 
 if TYPE_CHECKING:
     from taichi_sim.rigid.part import Part, Setup

@@ -3,8 +3,9 @@
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.lanes import Real
-from taichi_sim.rigid.adjoint_stage import (
+from taichi_sim.autodiff.lanes import Real
+from taichi_sim.rigid.memory import KEPT, SLOTS, STEPS
+from taichi_sim.rigid.stages.adjoint import (
     clear_work,
     prepare_adjoint,
     uncommand,
@@ -15,10 +16,9 @@ from taichi_sim.rigid.adjoint_stage import (
     unsolve,
     unthink,
 )
-from taichi_sim.rigid.articulated_stage import assemble, gather, solve_base, spread
-from taichi_sim.rigid.contact_stage import apply_normals, fill_matrix, reduce_points, solve_members
-from taichi_sim.rigid.memory import KEPT, SLOTS, STEPS
-from taichi_sim.rigid.step_stage import (
+from taichi_sim.rigid.stages.articulated import assemble, gather, solve_base, spread
+from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_points, solve_members
+from taichi_sim.rigid.stages.step import (
     COMPLIANCE,
     ERROR_REDUCTION,
     FLOATING,
@@ -29,7 +29,7 @@ from taichi_sim.rigid.step_stage import (
     observe,
     respond,
 )
-from taichi_sim.rigid.tape_stage import fetch
+from taichi_sim.rigid.stages.tape import fetch
 from taichi_sim.runtime import ti
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_sim.lanes import load, store
+from taichi_sim.autodiff.lanes import load, store
 from taichi_sim.runtime import ti
 
 # Places in the plan: counts, then the first slots of sections.

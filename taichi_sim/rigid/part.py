@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_sim.lanes import Real
+from taichi_sim.autodiff.lanes import Real
 from taichi_sim.rigid import memory
 from taichi_sim.rigid.batch import Given
 from taichi_sim.rigid.gradient_kernel import gradient_kernel
+from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.rollout_kernel import rollout_kernel
-from taichi_sim.rigid.settings import World
 from taichi_sim.rigid.store import Store
 from taichi_sim.rigid.tables import Tables
-from taichi_sim.rigid.tree import Tree
 from taichi_sim.runtime import GRAIN, Configuration
 
 VISCOUS_PHASES, COULOMB_PHASES = 2, 8  # solutions of a step; Coulomb's cone is found by repetition

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from taichi_sim import rotations
-from taichi_sim.rigid.shapes import Floats
-from taichi_sim.rigid.tree import Hinge, Tree
+from taichi_sim.autodiff import rotations
+from taichi_sim.rigid.model.shapes import Floats
+from taichi_sim.rigid.model.tree import Hinge, Tree
 
 
 def rotation_matrix(quaternion: Floats) -> Floats:

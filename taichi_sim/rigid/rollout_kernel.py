@@ -3,7 +3,7 @@
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.lanes import Real, load, store
+from taichi_sim.autodiff.lanes import Real, load, store
 from taichi_sim.rigid.memory import (
     ANGLE,
     BODIES,
@@ -23,9 +23,9 @@ from taichi_sim.rigid.memory import (
     TOUCHES,
     body_at,
 )
-from taichi_sim.rigid.motion_stage import move_bodies
-from taichi_sim.rigid.step_stage import ERROR_REDUCTION, FLOATING, TIME_STEP, observe, quarantine, respond
-from taichi_sim.rigid.tape_stage import keep
+from taichi_sim.rigid.stages.motion import move_bodies
+from taichi_sim.rigid.stages.step import ERROR_REDUCTION, FLOATING, TIME_STEP, observe, quarantine, respond
+from taichi_sim.rigid.stages.tape import keep
 from taichi_sim.runtime import ti
 
 

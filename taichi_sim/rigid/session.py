@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.rigid import memory
+from taichi_sim.rigid.model.shapes import Floats, is_whole
 from taichi_sim.rigid.part import Part, Setup
-from taichi_sim.rigid.shapes import Floats, is_whole
 from taichi_sim.rigid.state import RigidResult
 
 

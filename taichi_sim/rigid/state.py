@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_sim.rigid.shapes import Floats
+from taichi_sim.rigid.model.shapes import Floats
 
 
 @dataclass(frozen=True, eq=False)

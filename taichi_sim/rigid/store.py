@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taichi_sim.lanes import Real
+from taichi_sim.autodiff.lanes import Real
 
 
 class Store:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from taichi_sim.rigid import memory
 from taichi_sim.rigid.memory import Counts
-from taichi_sim.rigid.shapes import Floats, Vector, vector
-from taichi_sim.rigid.tree import Hinge, Tree
+from taichi_sim.rigid.model.shapes import Floats, Vector, vector
+from taichi_sim.rigid.model.tree import Hinge, Tree
 
 Ints = NDArray[np.int32]
 

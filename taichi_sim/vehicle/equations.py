@@ -17,10 +17,10 @@ from functools import reduce
 from operator import add
 from typing import Any
 
-from taichi_sim.elementary import economised, sine_cosine, sine_cosine_by
-from taichi_sim.lanes import absolute, any_lane
+from taichi_sim.autodiff.elementary import economised, sine_cosine, sine_cosine_by
+from taichi_sim.autodiff.lanes import absolute, any_lane
+from taichi_sim.autodiff.tracing import Traced, law, primitive, select, sqrt
 from taichi_sim.runtime import emit, inside_kernel
-from taichi_sim.tracing import Traced, law, primitive, select, sqrt
 
 _SMALL = 1 / 8  # rad a step: nearly all turns are smaller, and shorter series hold for them
 _SMALL_SINE, _SMALL_COSINE = economised(3, (1, 3), _SMALL), economised(4, (0, 2), _SMALL)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.lanes import NATIVE_WIDTH, Real
+from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
 from taichi_sim.vehicle import gradient_kernel as kernel
 from taichi_sim.vehicle.rollout_kernel import GRAIN
 from taichi_sim.vehicle.task import Floats, VehicleBatch, VehicleTask

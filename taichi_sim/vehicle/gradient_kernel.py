@@ -7,9 +7,9 @@ nothing is derived by hand.
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.lanes import Real, load, load_all, store
+from taichi_sim.autodiff.lanes import Real, load, load_all, store
+from taichi_sim.autodiff.tracing import pull_back, select
 from taichi_sim.runtime import ti
-from taichi_sim.tracing import pull_back, select
 from taichi_sim.vehicle import equations
 from taichi_sim.vehicle.task import Wiring
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim import runtime
-from taichi_sim.lanes import Real
+from taichi_sim.autodiff.lanes import Real
 from taichi_sim.vehicle import rollout_kernel as kernel
 from taichi_sim.vehicle.task import MOST_ROLLOUTS, Floats, VehicleBatch, VehicleTask
 

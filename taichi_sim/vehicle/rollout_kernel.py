@@ -7,9 +7,9 @@ next one, so that long rollouts do not hold up short ones. Neither neighbours no
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.lanes import Real, any_lane
+from taichi_sim.autodiff.lanes import Real, any_lane
+from taichi_sim.autodiff.tracing import select, sqrt
 from taichi_sim.runtime import ti
-from taichi_sim.tracing import select, sqrt
 from taichi_sim.vehicle import equations
 from taichi_sim.vehicle.task import Wiring
 

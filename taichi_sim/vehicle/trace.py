@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.lanes import Real
+from taichi_sim.autodiff.lanes import Real
 from taichi_sim.vehicle.task import Floats, VehicleBatch, VehicleTask
 from taichi_sim.vehicle.trace_kernel import trace_kernel
 

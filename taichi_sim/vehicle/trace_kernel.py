@@ -3,8 +3,8 @@
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.elementary import sine_cosine
-from taichi_sim.lanes import Real
+from taichi_sim.autodiff.elementary import sine_cosine
+from taichi_sim.autodiff.lanes import Real
 from taichi_sim.runtime import ti
 from taichi_sim.vehicle import equations
 from taichi_sim.vehicle.task import Wiring

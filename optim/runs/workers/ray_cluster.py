@@ -18,7 +18,7 @@ from optim.runs.environment import JUDGING, cpu_model, versions
 from optim.runs.requests import Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
-from robots.checks import install_extra
+from taichi_sim.base.checks import install_extra
 
 NOTE_AFTER = 30.0  # seconds in which actors should have found a place
 GIVE_UP_AFTER = 120.0

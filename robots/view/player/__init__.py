@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
-from robots.checks import whole_number
-from robots.files import write_text
 from robots.view.motion import Motion
 from robots.view.player.page import MOST_MOTIONS, page
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.files import write_text
 
 __all__ = ["MOST_MOTIONS", "Player", "embedded", "page", "save_player", "show"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.view.motion import Floats, Motion
-from taichi_sim.rigid.shapes import Box, Capsule, Solid
+from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 TOLERANCE = 1e-4  # m
 NUMBERS = 10  # of a node's pose: translation 3, rotation 4, scale 3

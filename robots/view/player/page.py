@@ -13,7 +13,7 @@ import numpy as np
 from robots.view.motion import Channel, Floats, Motion, Skin, product
 from robots.view.player.packing import Packed, pack
 from taichi_sim.lattice.faces import FACE_CORNERS
-from taichi_sim.rigid.shapes import Box, Capsule, Solid
+from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 MOST_MOTIONS = 4
 PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "stage.js", "timeline.js", "player.js")

@@ -5,12 +5,12 @@ from os import PathLike
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.voxel_file import Heat, VoxelFile, decoded, read_bytes
 from taichi_sim.lattice.files.vxa import read_vxa
 from taichi_sim.lattice.files.vxd import merged
 from taichi_sim.lattice.files.vxl_json import read_vxl_json, write_vxl_json
-from taichi_sim.plain_xml import parse_xml
 
 __all__ = ["Heat", "VoxelFile", "load_voxel_file", "read_vxl_json", "save_vxl_json", "write_vxl_json"]
 

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_sim.lattice.arrays import body_from_array, labels
+from taichi_sim.lattice.files.arrays import body_from_array, labels
 from taichi_sim.lattice.files.layers import COMPRESSIONS, decode_layer, decode_numbers
 from taichi_sim.lattice.files.voxel_file import MOST_VOXELS, Heat, VoxelFile
 from taichi_sim.lattice.materials import Material

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_sim.lattice.arrays import labels
 from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.files.arrays import labels
 from taichi_sim.lattice.files.voxel_file import MOST_VOXELS, VoxelFile
 from taichi_sim.lattice.materials import Material
 

@@ -1,0 +1,1 @@
+"""What studies share: parts kept on disk, searches side by side, trials, tables, figures."""

@@ -1,0 +1,111 @@
+"""The style that figures of studies share: small, for print, and legible without telling red from green.
+
+Source of the colours: Okabe & Ito, Color Universal Design, 2008.
+"""
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from optim.runs.files import replacing
+from taichi_sim.base.files import write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+COLUMN, PAGE = 3.5, 7.2  # in, widths of a column and of a page
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#F0E442", "#000000")
+PICTURES = (".png", ".svg", ".pdf")
+STYLE: Any = MappingProxyType(
+    {
+        "font.size": 8,
+        "axes.titlesize": 8,
+        "axes.labelsize": 8,
+        "xtick.labelsize": 7,
+        "ytick.labelsize": 7,
+        "legend.fontsize": 7,
+        "legend.frameon": False,
+        "axes.linewidth": 0.6,
+        "xtick.major.width": 0.6,
+        "ytick.major.width": 0.6,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "lines.linewidth": 1.0,
+        "figure.constrained_layout.h_pad": 0.06,  # in
+        "figure.constrained_layout.w_pad": 0.06,
+        "svg.hashsalt": "morpholab",  # the same figure is the same file
+        "pdf.fonttype": 42,  # letters stay letters
+    }
+)
+
+
+@contextmanager
+def figure(path: Path, width: float, height: float, **panels: Any) -> "Iterator[tuple[Figure, np.ndarray[Any, Any]]]":
+    """A figure and its panels, to draw on; written to ``path`` when that is done.
+
+    Args:
+        path: its name ends in one of ``PICTURES``.
+        width: [in].
+        height: [in].
+        panels: of ``Figure.subplots``: rows, columns, shared axes.
+
+    Yields:
+        The figure, and its axes, shape (rows, columns).
+
+    Raises:
+        ValueError: in one line, for another kind of file, or one that cannot be written.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    if path.suffix not in PICTURES:
+        raise ValueError(f"{path}: is no picture; give a name that ends in {', '.join(PICTURES)}")
+    dated: dict[str, Any] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix, {})
+    with rc_context(dict(STYLE)):
+        drawn = Figure(figsize=(width, height), layout="constrained")
+        yield drawn, drawn.subplots(squeeze=False, **panels)
+        try:
+            with replacing(path) as aside:
+                drawn.savefig(aside, dpi=200, metadata=dated)
+        except OSError as error:
+            raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def save_arrays(path: Path, arrays: "Mapping[str, np.ndarray[Any, Any]]") -> None:
+    """Write the numbers of a figure, by name, as a compressed ``.npz``."""
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **arrays)
+    write_bytes(path, content.getvalue())
+
+
+def letter(panels: "np.ndarray[Any, Any]") -> None:
+    """Name panels a, b, c, ... in reading order, at their upper left."""
+    for number, axes in enumerate(panels.flat):
+        place: Axes = axes
+        place.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
+
+
+def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
+    """A legend of all panels above them, in one row, where it hides nothing."""
+    drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+
+
+def logarithmic(axes: "Axes", name: Literal["x", "y"], marks: "Sequence[float] | None" = None) -> None:
+    """Make an axis logarithmic, with numbers written out: at some marks, or at 1, 2 and 5 of each decade."""
+    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+
+    axes.set(**{f"{name}scale": "log"})
+    axis: Axis = getattr(axes, f"{name}axis")
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)) if marks is None else FixedLocator(marks))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    if marks is not None:
+        axis.set_minor_locator(NullLocator())

@@ -1,0 +1,106 @@
+"""Parts of a study beside each other, each in a process of its own.
+
+A part leaves its results in the study's folder, where the study finds them: whatever ends a process, the same command
+goes on.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import connection as connections
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from optim.experiments.results import Progress
+from optim.runs.workers.processes import how_it_ended, start_process
+from optim.runs.workers.service import Raised, portable, thread_environment
+from taichi_sim import runtime
+from taichi_sim.base.checks import whole_number
+
+Task = Callable[[Mapping[str, Any], Progress], object]  # called with options of simulations, and told its progress
+LAST_WORK = 30.0  # s, for a process that is done: it keeps the kernels that it has compiled
+Message = float | Raised | None  # the fraction done; what a task raised; it is done
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A task at work.
+
+    Attributes:
+        name: of the task.
+        number: among all tasks.
+        process: that does it.
+    """
+
+    name: str
+    number: int
+    process: SpawnProcess
+
+
+def beside(tasks: Sequence[tuple[str, Task]], jobs: int, where: Mapping[str, Any], progress: Progress = None) -> None:
+    """Do parts of a study in several processes, before the study gathers what they leave; nothing for one job.
+
+    Args:
+        tasks: names, and what does each; it can be pickled, and leaves its result where the study looks for it.
+        jobs: how many at a time, in their order.
+        where: options of simulations; without ``threads``, each process has its part of the machine's.
+        progress: called with the fraction done of all.
+
+    Raises:
+        ValueError: in one line, for no job.
+        RuntimeError: in one line, if a process ended before its task did.
+        Exception: what a task raised. In any case, and after Ctrl-C, the other processes end at once.
+    """
+    whole_number("jobs", jobs, 1)
+    if jobs == 1:
+        return
+    threads = max(1, runtime.available_threads() // max(1, min(jobs, len(tasks))))
+    environment, shared = thread_environment(threads), {"threads": threads, **where}
+    waiting, done = list(enumerate(tasks)), [0.0] * len(tasks)
+    running: dict[Connection[None, Message], _Job] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                number, (name, task) = waiting.pop(0)
+                process, pipe = start_process(partial(_work, task, shared), environment)
+                running[pipe] = _Job(name, number, process)
+            for pipe in (ready for ready in connections.wait(list(running)) if isinstance(ready, Connection)):
+                message = _receive(pipe, running[pipe])
+                done[running[pipe].number] = 1.0 if message is None else message
+                if message is None:
+                    running[pipe].process.join(LAST_WORK)
+                    _end(pipe, running.pop(pipe))
+                if progress:
+                    progress(sum(done) / len(done))
+    finally:
+        for pipe, job in running.items():
+            _end(pipe, job)
+
+
+def _receive(pipe: "Connection[None, Message]", job: _Job) -> float | None:
+    """What a job says next; raises what it raised."""
+    try:
+        message = pipe.recv()
+    except (EOFError, OSError):
+        raise RuntimeError(f"{job.name}: its process ended ({how_it_ended(job.process)})") from None
+    if isinstance(message, Raised):
+        raise message.error
+    return message
+
+
+def _end(pipe: "Connection[None, Message]", job: _Job) -> None:
+    """Kill a process, if it is still there, and leave no zombie."""
+    job.process.kill()
+    job.process.join()
+    pipe.close()
+
+
+def _work(task: Task, where: Mapping[str, Any], pipe: "Connection[Message, None]") -> None:
+    """The life of a process."""
+    try:
+        task(where, pipe.send)
+    except Exception as error:
+        pipe.send(Raised(portable(error)))
+    else:
+        pipe.send(None)

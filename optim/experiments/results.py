@@ -1,0 +1,110 @@
+"""What studies share: budgets, results of parts that are computed once, progress, and summaries."""
+
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from numpy.typing import NDArray
+
+from optim.experiments.tables import write_records
+from taichi_sim.base.files import ASIDE, make_folder, write_record, write_text
+from taichi_sim.base.results_folder import ResultsFolder
+
+Arrays = dict[str, NDArray[Any]]
+Progress = Callable[[float], None] | None
+Budget = Literal["small", "medium", "full"]  # to see that a study works; hours, where offered; all of it
+_Settings = TypeVar("_Settings")
+
+
+def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
+    """The settings of a study that go with a budget; a one-line ValueError for one that it does not have."""
+    for name, settings in scales.items():
+        if name == budget:
+            return settings
+    raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
+
+
+def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
+    """Refuse a folder of something else before a study whose parts have folders of their own fills it.
+
+    Args:
+        folder: may be new.
+        names: of all that the study puts there.
+        kind: of study, which a file in the folder tells from now on, where names alone do not.
+
+    Raises:
+        ValueError: in one line, for a file, a folder that holds anything else, or one that cannot be made.
+    """
+
+    known = {*names, f"{kind}.json"}
+
+    def other(path: Path) -> bool:
+        return path.name not in known and not path.name.startswith(ASIDE)  # what a kill left of a write
+
+    if folder.exists() and (not folder.is_dir() or any(map(other, folder.iterdir()))):
+        raise ValueError(f"out: {folder} holds something else; name a new folder")
+    if kind and not (folder / f"{kind}.json").exists():
+        make_folder(folder)
+        write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
+
+
+def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
+    """Arrays of a part of a study: those in the folder, or computed now and kept there.
+
+    Args:
+        folder: None keeps nothing.
+        name: of the part, without hyphens, which end names in a folder.
+        compute: called if the folder does not have the part, or only a damaged one.
+    """
+    for arrays in folder.load(name) if folder else ():
+        return arrays
+    found = compute()
+    if folder:
+        folder.add(name, name.encode(), **found)
+    return found
+
+
+def kept_in_turn(
+    folder: ResultsFolder, key: str, parts: Iterable[tuple[str, Callable[[Progress], NDArray[Any]]]], progress: Progress
+) -> list[NDArray[Any]]:
+    """An array of each part of a study, those of the folder or computed now, one after the other: see :func:`kept`.
+
+    Args:
+        folder: takes each as it comes.
+        key: of the arrays, in their files.
+        parts: their names and what computes them, which is given its own progress.
+        progress: called with the fraction done.
+    """
+    parts = list(parts)
+
+    def one(number: int, name: str, compute: Callable[[Progress], NDArray[Any]]) -> NDArray[Any]:
+        return kept(folder, name, lambda: {key: compute(part_of(progress, number, len(parts)))})[key]
+
+    return [one(number, *part) for number, part in enumerate(parts)]
+
+
+def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
+    """Progress of a part of so much work, after what is done of the total; None for None."""
+    return progress and (lambda fraction: progress((done + length * fraction) / total))
+
+
+def write_json(path: Path, record: Mapping[str, Any]) -> None:
+    """Write numbers as JSON; what is not finite is refused."""
+    write_text(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+
+
+def write_summary(folder: Path, name: str, header: Sequence[str], summary: Mapping[str, Any], page: str = "") -> None:
+    """Write what a study found: its rows as CSV, a page of Markdown if there is one, and ``summary.json``.
+
+    Args:
+        folder: of the study.
+        name: of table and page.
+        header: columns of the table.
+        summary: all numbers; ``rows`` are those of the table, by column.
+        page: Markdown; none if empty.
+    """
+    write_records(folder / f"{name}.csv", header, summary["rows"])
+    if page:
+        write_text(folder / f"{name}.md", page)
+    write_json(folder / "summary.json", summary)

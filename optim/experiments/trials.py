@@ -1,0 +1,162 @@
+"""Trials: what searches of several seeds evaluated, in the order asked for, and what they had found when."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.experiments.lockstep import run_in_lockstep
+from optim.experiments.results import kept
+from optim.problem import Evaluation
+from optim.search import build_method
+from optim.search.epsilon_archive import EpsilonArchive
+from optim.search.method import Wants
+from optim.space import Space, Vector
+from taichi_sim.base.results_folder import ResultsFolder
+
+NOTHING = -1  # where a trial has ended, or has found nothing yet
+
+
+class SolvableProblem(Protocol):
+    """What trials need of a problem: details that say how many environments a point solves."""
+
+    @property
+    def space(self) -> Space:
+        """What may be changed."""
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points, with ``solved`` among the details."""
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """The same, with gradients if wanted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Evaluations of R searches, at most B each; -1 or NaN beyond the last.
+
+    Attributes:
+        points: shape (R, B, D).
+        objectives: maximised, shape (R, B, K); NaN of failures, too.
+        solved: environments that each point solves, shape (R, B).
+        with_gradient: whether the gradient was asked for, shape (R, B).
+    """
+
+    points: Vector
+    objectives: Vector
+    solved: NDArray[np.int8]
+    with_gradient: NDArray[np.bool_]
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
+        """What :attr:`arrays` gave."""
+        return cls(**{f.name: arrays[f.name] for f in fields(cls)})
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it by name, for a file."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    def evaluations(self) -> NDArray[np.int64]:
+        """Of each trial, shape (R,)."""
+        return np.count_nonzero(self.solved != NOTHING, axis=1)
+
+    def first(self, environments: int = 4) -> NDArray[np.int64]:
+        """Evaluations until a point solved all environments, -1 if none did, shape (R,)."""
+        return first_time(self.solved >= environments)
+
+    def cost(self, environments: int = 4) -> NDArray[np.int64]:
+        """The same, where a gradient counts as many evaluations more as there are variables (forward mode)."""
+        each = np.where(self.with_gradient, 1 + self.points.shape[2], 1)
+        first = self.first(environments)
+        return np.where(first > 0, np.cumsum(each, axis=1)[np.arange(len(first)), first - 1], NOTHING)
+
+    def reported(self, epsilons: ArrayLike) -> NDArray[np.int64]:
+        """Which point a trial would report after each evaluation, shape (R, B); -1 while all failed, and after its end.
+
+        Source: dissertation, chapter 4: the member of the archive with the largest sum of objectives; the archive is
+        that of boxes with these sides.
+        """
+        count, budget, size = self.points.shape
+        sides = np.broadcast_to(np.asarray(epsilons, float), self.objectives.shape[2]).copy()
+        found = np.full((count, budget), NOTHING)
+        for trial in range(count):
+            archive = EpsilonArchive.empty(sides, size)
+            for n in range(int(self.evaluations[trial])):
+                if not np.isnan(self.objectives[trial, n]).any():
+                    archive, _ = archive.with_point(self.points[trial, n], self.objectives[trial, n], n)
+                if len(archive.labels):
+                    found[trial, n] = archive.labels[np.argmax(archive.objectives.sum(axis=1))]
+        return found
+
+    def of_points(self, values: NDArray[Any], chosen: NDArray[np.int64], missing: float) -> NDArray[Any]:
+        """Values of points, shape (R, B), at those chosen, shape (R, B); ``missing`` where none is."""
+        taken = np.take_along_axis(values, np.maximum(chosen, 0), axis=1)
+        return np.where(chosen == NOTHING, missing, taken)
+
+    @property
+    def runs(self) -> int:
+        """R."""
+        return len(self.points)
+
+
+def first_time(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The number, from 1, of the first true value in each row; -1 without one."""
+    return np.where(happens.any(axis=1), happens.argmax(axis=1) + 1, NOTHING)
+
+
+def record_trials(
+    problem: SolvableProblem,
+    method: str,
+    settings: Mapping[str, Any],
+    seeds: Sequence[int],
+    budget: int,
+    *,
+    environments: int = 4,
+    until_solved: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Trials:
+    """Run searches of several seeds side by side.
+
+    Args:
+        problem: what is searched.
+        method: its name in ``METHODS``.
+        settings: of the method, but for the seed.
+        seeds: R, one for each search.
+        budget: B, evaluations of each.
+        environments: how many there are to be solved.
+        until_solved: whether a search ends when a point solves all of them.
+        progress: called with the fraction of the searches that have ended.
+    """
+    searches = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
+    spent = [0] * len(seeds)
+    points = np.full((len(seeds), budget, problem.space.size), np.nan)
+    solved = np.full((len(seeds), budget), NOTHING, np.int8)
+    with_gradient = np.zeros((len(seeds), budget), bool)
+    objectives: list[Vector] = []
+
+    def judge(_: NDArray[np.intp], asked: Vector, wants: Wants) -> Evaluation:
+        if wants == "points":
+            return problem.evaluate(asked)
+        return problem.evaluate_relaxed(asked, 0.0, wants == "gradients")
+
+    def observe(trial: int, asked: Vector, evaluation: Evaluation) -> bool:
+        if not objectives:
+            objectives.append(np.full((*solved.shape, evaluation.objectives.shape[1]), np.nan))
+        part = slice(spent[trial], spent[trial] + len(asked))
+        points[trial, part], objectives[0][trial, part] = asked, evaluation.objectives
+        solved[trial, part] = np.where(evaluation.failed, 0, evaluation.details["solved"])
+        with_gradient[trial, part] = evaluation.gradients is not None
+        spent[trial] = part.stop
+        return until_solved and bool((solved[trial, part] == environments).any())
+
+    run_in_lockstep(searches, judge, observe, budget, progress)
+    return Trials(points, objectives[0], solved, with_gradient)
+
+
+def kept_trials(folder: ResultsFolder | None, arm: str, *searches: Any, **options: Any) -> Trials:
+    """The trials of an arm of a study: those in the folder, or made now, see :func:`record_trials`, and kept there."""
+    return Trials.from_arrays(kept(folder, f"trials_{arm}", lambda: record_trials(*searches, **options).arrays))

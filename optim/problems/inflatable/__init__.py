@@ -1,0 +1,1 @@
+"""Designing the inflatable robot: its shape, its heading and its gait."""

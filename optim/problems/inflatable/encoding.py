@@ -1,0 +1,324 @@
+"""How a search writes a gait schedule: as codes, bit by bit, as a pattern in space and time, or graded and timed."""
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problems.pattern_genes import pattern_network, pattern_variables
+from optim.space import Variable, Vector
+from robots.control.pattern import PatternWiring
+from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
+from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from taichi_sim.base.checks import whole_number
+
+if TYPE_CHECKING:
+    from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
+
+LEAST_MOTION = 100  # time steps of a graded column; valves switch no faster
+LEVEL_STEP = 0.2  # of a graded level, from -0.5 to 1.5
+SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
+BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
+
+
+@dataclass(frozen=True)
+class GaitEncoding(ABC):
+    """Genomes of a schedule. ``values`` are those of :meth:`variables`, shape (G,).
+
+    Attributes:
+        columns: T, of the schedule.
+        repeats: of the schedule.
+    """
+
+    columns: int
+    repeats: int
+
+    def __post_init__(self) -> None:
+        whole_number("columns", self.columns, 1)
+
+    @abstractmethod
+    def variables(self) -> list[Variable]:
+        """The genes."""
+
+    @abstractmethod
+    def schedule(self, values: Vector) -> "Schedule":
+        """The schedule of a genome; every genome has one."""
+
+    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """The schedule of a genome whose binary genes lie between 0 and 1, sharpened; here of one without such."""
+        from robots.inflatable.relaxed_schedule import RelaxedSchedule
+
+        schedule = self.schedule(values)
+        return RelaxedSchedule.from_schedule(schedule) if isinstance(schedule, GaitSchedule) else schedule
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers."""
+        return np.zeros(len(values))
+
+
+@dataclass(frozen=True)
+class FixedGait(GaitEncoding):
+    """A schedule that is not free to change.
+
+    Attributes:
+        given: the schedule.
+    """
+
+    given: "Schedule"
+
+    def variables(self) -> list[Variable]:
+        """None."""
+        return []
+
+    def schedule(self, values: Vector) -> "Schedule":
+        """The one given."""
+        return self.given
+
+
+class CodedGait(GaitEncoding):
+    """For every actuator the code (f, phi) of its row, ``f_bladder1`` and so on, see ``GaitSchedule.from_codes``."""
+
+    def variables(self) -> list[Variable]:
+        """All f, then all phi: whole numbers from 0 to ``columns``; the step is the published one."""
+        names = [f"{code}_{row}" for code in ("f", "phi") for row in GaitSchedule.row_names]
+        return [Variable(name, 0, self.columns, "integer", step=0.9) for name in names]
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The schedule of the codes."""
+        return GaitSchedule.from_codes(values[:ROWS], values[ROWS:], self.columns, self.repeats)
+
+
+class BitwiseGait(GaitEncoding):
+    """Every bit of the schedule, ``bladder1_1`` to ``foot2_8``, row by row."""
+
+    def variables(self) -> list[Variable]:
+        """One a bit."""
+        names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
+        return [Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names]
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The bits as they are."""
+        return GaitSchedule(self._matrix(values) == 1, self.repeats)
+
+    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """Bits between 0 and 1, sharpened."""
+        return self._levels(values).sharpened(sharpness)
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """Through the sharpening."""
+        return (slopes * self._levels(values).sharpening_slope(sharpness)).ravel()
+
+    def _matrix(self, values: Vector) -> NDArray[np.float64]:
+        return np.asarray(values, float).reshape(ROWS, self.columns)
+
+    def _levels(self, values: Vector) -> "RelaxedSchedule":
+        from robots.inflatable.relaxed_schedule import RelaxedSchedule
+
+        levels = self._matrix(values)
+        return RelaxedSchedule(inflation=levels[:BLADDERS], grip=levels[BLADDERS:], repeats=self.repeats)
+
+
+@dataclass(frozen=True)
+class GradedGait(GaitEncoding):
+    """How far every bladder inflates in every column, whether feet grip, and how long the robot settles after each.
+
+    Columns last as long as their slowest bladder moves, and ``LEAST_MOTION`` at least. The cycle is played as often as
+    ``steps`` allow, see ``most_repeats``; ``repeats`` say nothing. Genes beyond empty and full, or of less than no
+    time, are cut: so a search stays there easily.
+
+    Attributes:
+        steps: time steps that a gait may take.
+        warm_up: time steps that do not count: a gait is played until a whole cycle after them does.
+        actuation: how the robot is driven, which tells how long strokes take.
+    """
+
+    steps: int = PUBLISHED_STEPS
+    warm_up: int = 0
+    actuation: InflatableActuation = ACTUATION
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("steps", self.steps, 1)
+
+    def variables(self) -> list[Variable]:
+        """Levels ``bladder1_1`` to ``bladder8_T``, bits ``foot1_1`` to ``foot2_T``, steps ``settle_1`` and on."""
+        columns = range(1, self.columns + 1)
+        bladders, feet = GaitSchedule.row_names[:BLADDERS], GaitSchedule.row_names[BLADDERS:]
+        return [
+            *(Variable(f"{row}_{column}", -0.5, 1.5, step=LEVEL_STEP) for row in bladders for column in columns),
+            *(Variable(f"{row}_{column}", 0, 1, "binary", step=BIT_STEP) for row in feet for column in columns),
+            *self._times(),
+        ]
+
+    def _times(self) -> list[Variable]:
+        """How long the robot settles after each column."""
+        columns = range(1, self.columns + 1)
+        return [Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns]
+
+    def schedule(self, values: Vector) -> "RelaxedSchedule":
+        """With feet that grip or slide."""
+        return self.relaxed(values, 0.0)
+
+    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+        """With feet that grip a little, sharpened; as often as the steps allow."""
+        from robots.inflatable.relaxed_motion import cycle_starts, most_repeats
+
+        gait, drive = self._graded(values), self.actuation
+        repeats = most_repeats(gait, self.steps, drive)
+        while self.warm_up and cycle_starts(dataclasses.replace(gait, repeats=repeats), drive)[-1] < self.warm_up:
+            repeats += 1
+        return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=repeats)
+
+    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+        """By levels that are not cut, and by grip, through the sharpening; zero by times."""
+        inflation = self._tables(values)[0]
+        free = (inflation > 0) & (inflation < 1)
+        sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
+        return np.concatenate([(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(),
+                               np.zeros(self.columns)])  # fmt: skip
+
+    @staticmethod
+    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:
+        """Genes of all columns that a schedule plays, one after the other.
+
+        Raises:
+            ValueError: in one line, for what they cannot say: times of motion, and core pressures of columns.
+        """
+        from robots.inflatable.relaxed_motion import relaxed_columns
+
+        if schedule.pressure is not None:
+            raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
+        same = dataclasses.replace(schedule, motion_steps=np.full(schedule.columns, LEAST_MOTION))
+        moves = [[column.motion_steps for column in relaxed_columns(gait, actuation)[0]] for gait in (schedule, same)]
+        if schedule.settle_steps is None or moves[0] != moves[1]:
+            raise ValueError(
+                f"motion_steps: graded genes move as fast as bladders do; give at most {LEAST_MOTION}, and settle_steps"
+            )
+        return np.tile(np.vstack([schedule.levels, schedule.settle_steps]), schedule.repeats).ravel()
+
+    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+        """Inflation, shape (8, T), grip, (2, T), and settling, (T,), as the genes have them."""
+        table = np.asarray(values, float).reshape(-1, self.columns)
+        return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
+
+    def _graded(self, values: Vector) -> "RelaxedSchedule":
+        """Played once, its feet as the genes have them."""
+        from robots.inflatable.relaxed_schedule import RelaxedSchedule
+
+        inflation, grip, settle = self._tables(values)
+        steps = {"motion_steps": np.full(self.columns, LEAST_MOTION), "settle_steps": np.rint(np.maximum(settle, 0.0))}
+        return RelaxedSchedule(np.clip(inflation, 0.0, 1.0), grip, 1, **steps)
+
+
+# Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.
+# Bladders 1 to 4 lie on top in order of x, 5 to 8 underneath in the opposite order; feet are the two ends.
+ACROSS = (-0.75, -0.25, 0.25, 0.75)
+ACTUATORS = np.array(
+    [(x, 0.0, 1.0, -1.0) for x in ACROSS]
+    + [(x, 0.0, -1.0, -1.0) for x in reversed(ACROSS)]
+    + [(0.0, y, 0.0, 1.0) for y in (-1.0, 1.0)]
+)
+GAIT_WIRING = PatternWiring(inputs=("x", "y", "z", "foot", "sine", "cosine", "time"), outputs=("on",))
+
+
+class PatternGait(GaitEncoding):
+    """Weights and functions of a network that says of every actuator at every time whether it is on (output > 0).
+
+    It knows where the actuator is (``ACTUATORS``), the phase of the column in the cycle, 2 pi t / T, by its sine and
+    cosine, and the middle of the column in time, from -1 to 1. Source: Stanley 2007, see ``robots.control.pattern``.
+    """
+
+    def variables(self) -> list[Variable]:
+        """The genome of the network; it is the same for any number of columns."""
+        return pattern_variables(GAIT_WIRING)
+
+    def schedule(self, values: Vector) -> GaitSchedule:
+        """The sign of the network's output."""
+        return GaitSchedule(_pattern(values, self.columns) > 0, self.repeats)
+
+
+class GradedPatternGait(GradedGait):
+    """A network says of every actuator in every column how far it is on; how long the robot settles is said as it is.
+
+    A bladder inflates by 1/2 more than the output of the network, cut at empty and full; a foot grips where the output
+    is positive. What lies alike is told alike, so whole gaits are tried where single levels would have to meet.
+    """
+
+    def variables(self) -> list[Variable]:
+        """The genome of the network, then ``settle_1`` and on."""
+        return [*pattern_variables(GAIT_WIRING), *self._times()]
+
+    slopes = GaitEncoding.slopes  # zero: networks are searched without gradients
+
+    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+        """What the network says, and settling."""
+        values = np.asarray(values, float)
+        output = _pattern(values[: -self.columns], self.columns)
+        return output[:BLADDERS] + 0.5, (output[BLADDERS:] > 0).astype(float), values[-self.columns :]
+
+
+class GradedWaveGait(GradedGait):
+    """A wave around the robot: every bladder plays the same levels, each so many columns before the one before it.
+
+    Bladders 1 to 8 are a ring: over the top, and back underneath. Whatever the ring does, it does again once the robot
+    has turned by a bladder. Rolling is such a wave, of one bladder in eight columns with a shift of 1. Feet, which are
+    not part of the ring, have bits of their own. After all columns the robot settles for as long.
+    """
+
+    def variables(self) -> list[Variable]:
+        """Levels ``level_1`` to ``level_T``, ``shift``, bits ``foot1_1`` to ``foot2_T``, steps ``settle``."""
+        feet = [variable for variable in super().variables() if variable.kind == "binary"]
+        levels = [Variable(f"level_{column + 1}", -0.5, 1.5, step=LEVEL_STEP) for column in range(self.columns)]
+        shift = Variable("shift", 0, max(1, self.columns - 1), "integer", step=1.0)
+        return [*levels, shift, *feet, Variable("settle", -SETTLING, SETTLING, step=SETTLING_STEP)]
+
+    slopes = GaitEncoding.slopes  # zero: waves are searched without gradients
+
+    @staticmethod
+    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:
+        """Genes of a wave.
+
+        Raises:
+            ValueError: in one line, for what is none, and for what graded genes cannot say.
+        """
+        levels, grip, settle = np.split(
+            GradedGait.genome(dataclasses.replace(schedule, repeats=1), actuation).reshape(-1, schedule.columns),
+            [BLADDERS, ROWS],
+        )
+        shifts = [s for s in range(schedule.columns) if np.array_equal(levels, _wave(levels[0], s))]
+        if not shifts or np.ptp(settle):
+            raise ValueError("inflation: it is no wave, the same levels in every bladder, shifted, and even settling")
+        return np.concatenate([levels[0], shifts[:1], grip.ravel(), settle[0, :1]])
+
+    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+        """The levels, shifted from bladder to bladder, grip, and settling."""
+        values = np.asarray(values, float)
+        levels, shift, feet = values[: self.columns], int(values[self.columns]), values[self.columns + 1 : -1]
+        return _wave(levels, shift), feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
+
+
+def _wave(levels: Vector, shift: int) -> NDArray[np.float64]:
+    """What all bladders play if the first plays such levels, shape (8, T)."""
+    return np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
+
+
+def _pattern(values: Vector, columns: int) -> NDArray[np.float64]:
+    """What a network of such genes says of all actuators and columns, shape (10, T)."""
+    column = np.arange(columns)
+    phase = 2 * np.pi * column / columns
+    times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / columns - 1], axis=1)
+    coordinates = np.hstack([np.repeat(ACTUATORS, columns, axis=0), np.tile(times, (ROWS, 1))])
+    return np.asarray(pattern_network(GAIT_WIRING, values)(coordinates)).reshape(ROWS, columns)
+
+
+ENCODINGS: dict[str, type[GaitEncoding]] = {
+    "codes": CodedGait,
+    "bits": BitwiseGait,
+    "pattern": PatternGait,
+    "graded": GradedGait,
+    "graded-pattern": GradedPatternGait,
+    "graded-wave": GradedWaveGait,
+}

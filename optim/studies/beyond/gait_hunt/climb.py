@@ -1,0 +1,211 @@
+"""A gait that climbs 15 degrees, found by a program from random gaits: what each of its steps finds, and costs.
+
+See ``program``. The last designs that its last three steps found best are played in full, with
+noise, under both conditions of ``robots.inflatable.robustness``; the best of them is what the program has found.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.figures import COLOURS, PAGE, figure, letter
+from optim.experiments.jobs import beside
+from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.tables import write_records
+from optim.problems.inflatable.problem import HARD
+from optim.studies.beyond.gait_hunt.checks import check_settings
+from optim.studies.beyond.gait_hunt.finalists import kept_finalists, write_gaits
+from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, columns_of
+from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
+from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
+from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.world import Terrain
+from taichi_sim.base.files import write_text
+
+FILES = ("runs", "gaits", "steps.csv", "table.md", "climb.png", "summary.json")
+
+
+@dataclass(frozen=True)
+class Climb:
+    """How large the study is.
+
+    Attributes:
+        seeds: of the programs.
+        plan: of each of them.
+        slope: to be climbed [degrees].
+        geometry: of the robot, by name.
+        finalists: designs of each of the last three steps that are played in full, at most.
+        runs: with noise, of each of them under either condition.
+    """
+
+    seeds: tuple[int, ...]
+    plan: Plan = field(default_factory=Plan)
+    slope: float = 15.0
+    geometry: str = "published"
+    finalists: int = 4
+    runs: int = 4
+
+    def __post_init__(self) -> None:
+        check_settings(self.seeds, self.slope, self.geometry, self.finalists, self.runs)
+
+
+SCALES: Mapping[Budget, Climb] = {
+    "small": Climb((0,), Plan(8, 6, 2, 4, (1, 1), (2 / 3,), 4, 4, 1), geometry="small", finalists=2, runs=2),
+    "medium": Climb((0,)),
+    "full": Climb((0, 1, 2, 3, 4)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """What the program has found with a seed.
+
+    Attributes:
+        seed: of the program.
+        steps: it made, in the order in which they began.
+        finalists: played in full, by the step that found them.
+    """
+
+    seed: int
+    steps: Sequence[Step]
+    finalists: Mapping[str, Sequence[Finalist]]
+
+    @property
+    def best(self) -> Finalist | None:
+        """Of all finalists; None if all failed."""
+        return best_of([one for found in self.finalists.values() for one in found])
+
+    @property
+    def found_by(self) -> str | None:
+        """The step that found the best."""
+        return next((name for name, found in self.finalists.items() if self.best in found), None)
+
+    @property
+    def spent(self) -> float:
+        """By all steps [robot-steps]."""
+        return sum(step.spent for step in self.steps)
+
+
+def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+    """Write runs, ``summary.json``, ``table.md``, ``steps.csv``, ``climb.png``, and the gait that each seed found.
+
+    Args:
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        jobs: programs that go on at the same time, each in a process of its own.
+        where: precision, device and threads of the simulations.
+    """
+    check_folder(folder, FILES, "gait-climb")
+    seeds, found = settings.seeds, list[Climbed]()
+    beside([(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds],
+           jobs, where, progress)  # fmt: skip
+    for number, seed in enumerate(seeds):
+        share = part_of(progress if jobs == 1 else None, number, len(seeds))
+        found.append(_climb(folder / "runs", settings, seed, where, share))
+        _report(folder, settings, found)
+    if progress:
+        progress(1.0)
+
+
+def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], progress: Progress) -> Climbed:
+    """The program of one seed, and its finalists."""
+    options = {"geometry": settings.geometry, **where}
+    program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
+    finalists: dict[str, Sequence[Finalist]] = {}
+    for number, step in enumerate(program.run()):
+        (finalists[step.name],) = kept_finalists(
+            runs / f"seed-{seed}-{step.name}.json", [step.history], step.problem, Terrain(settings.slope),
+            settings.finalists, settings.runs, part_of(progress, 27 + number, 30),
+            geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
+        )  # fmt: skip
+    return Climbed(seed, list(program.steps.values()), finalists)
+
+
+def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
+    """Write what some seeds have found."""
+    rows = [_row(one) for one in found]
+    steps = [{"seed": one.seed, **row} for one in found for row in _step_rows(one)]
+    write_records(folder / "steps.csv", list(steps[0]), steps)
+    write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
+    write_text(folder / "table.md", _table(rows))
+    write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
+    _draw(settings, found, folder / "climb.png")
+
+
+def _row(one: Climbed) -> dict[str, Any]:
+    """A seed in a line."""
+    return {
+        "seed": one.seed,
+        "evaluations": sum(step.last.evaluations for step in one.steps),
+        "robot_steps": one.spent,
+        "published_evaluations": one.spent / PUBLISHED_COST,
+        "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
+        "stays": one.best.stays if one.best else False,
+        "found_by": one.found_by,
+        **columns_of(one.best),
+    }
+
+
+def _step_rows(one: Climbed) -> list[dict[str, Any]]:
+    """The steps of a seed: terrains, cost, and the best's score and speeds on the terrains that it was tried on."""
+    return [
+        {
+            "step": step.name,
+            "terrains": " ".join(terrain.name for terrain in step.problem.terrains),
+            "evaluations": step.last.evaluations,
+            "robot_steps": step.spent,
+            "score": step.last.best,
+            "speeds": " ".join(f"{speed:.4f}" for speed in step.speeds.values()),
+        }
+        for step in one.steps
+    ]
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The seeds in Markdown."""
+    lines = [
+        "| seed | evaluations | million robot-steps | found by | heading | core [kPa] | speed | harder | stays |",
+        "| ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | --- |",
+    ]
+    for row in rows:
+        found = ("",) * 5
+        if row["speed"] is not None:
+            found = (row["found_by"], f"{row['orientation']:.0f}°", f"{np.max(row['pressure']) / 1e3:.1f}",
+                     f"{row['speed']:.4f}", f"{row['hard_speed']:.4f}")  # fmt: skip
+        lines.append(
+            f"| {row['seed']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {' | '.join(found)} "
+            f"| {'yes' if row['stays'] else 'no'} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
+    """Speed of each step's best on the slopes of the first ladder, a panel a seed; looks are judged in another way.
+
+    Crosses are speeds under the harder conditions, of the steps that judge them.
+    """
+    names = [Terrain(rung * settings.slope).name for rung in RUNGS]
+    with figure(path, PAGE, 2.4, ncols=len(found), sharey=True) as (_, panels):
+        for panel, one in zip(panels[0], found, strict=True):
+            steps = [step for step in one.steps if not step.name.startswith("look")]
+            for name, colour in zip(names, COLOURS, strict=False):
+                tried = [(place, step.speeds[name]) for place, step in enumerate(steps) if name in step.speeds]
+                panel.plot(*np.array(tried).reshape(-1, 2).T, "o", color=colour, label=name, markersize=4)
+                hard = [(place, (step.last.best_details or {}).get(f"speed_{name}{HARD}"))
+                        for place, step in enumerate(steps)]  # fmt: skip
+                judged = [(place, speed) for place, speed in hard if speed is not None]
+                label = f"{name}, harder" if judged else None
+                panel.plot(*np.array(judged, float).reshape(-1, 2).T, "x", color=colour, label=label, markersize=4)
+            places = {step.name: place for place, step in enumerate(steps)}
+            if one.best and one.found_by:
+                panel.plot(places[one.found_by], one.best.speed, "k*", label="in full")
+            panel.axhline(0.0, color="0.7", linewidth=0.6)
+            panel.set(title=f"seed {one.seed}", xticks=range(len(steps)))
+            panel.set_xticklabels(list(places), rotation=90)
+        panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
+        panels[0, 0].legend()
+        if len(found) > 1:
+            letter(panels)

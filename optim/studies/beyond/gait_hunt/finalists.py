@@ -1,0 +1,91 @@
+"""The finalists of a search's runs, judged once and kept, and files of the best."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.results import Progress
+from optim.problems.inflatable.problem import GaitProblem
+from optim.runs.files import sha256
+from optim.runs.history import History
+from optim.studies.beyond.gait_hunt.judging import Finalist, judge_finalists, last_bests
+from robots.inflatable.gaits import save_gait
+from robots.inflatable.robustness import HARD_FRICTION, NOISE
+from robots.world import Terrain
+from taichi_sim.base.files import read_text, write_text
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """What is kept; what is damaged is as good as missing."""
+    try:
+        known = json.loads(read_text(path)) if path.exists() else {}
+    except ValueError:
+        return {}
+    return known if isinstance(known, dict) and isinstance(known.get("speeds"), list) else {}
+
+
+def _conditions(problem: GaitProblem, terrain: Terrain, where: Mapping[str, Any]) -> str:
+    """A digest of all that speeds of given designs depend on, beside the number of runs."""
+    record = {
+        "problem": problem.describe(),
+        "terrain": asdict(terrain),
+        "noise": NOISE,
+        "friction": HARD_FRICTION,
+        **{name: where.get(name) for name in ("precision", "device")},
+    }
+    return sha256(json.dumps(record, sort_keys=True).encode())
+
+
+def kept_finalists(
+    path: Path, histories: Sequence[History], problem: GaitProblem, terrain: Terrain, count: int, runs: int,
+    progress: Progress, **where: Any,
+) -> list[list[Finalist]]:  # fmt: skip
+    """The last bests of each run of a search, played in full: from the file, if they are of these runs and conditions.
+
+    All of them are one batch under either condition, since a few robots take as long as a vector full of them. The
+    noise of each follows from its place among them.
+
+    Args:
+        path: of the JSON file, which may be missing, or of fewer generations.
+        histories: of the runs.
+        problem: that they searched.
+        terrain: to play them on.
+        count: how many of each run, at most.
+        runs: with noise, of each under either condition.
+        progress: called with the fraction done.
+        where: options of the simulations.
+    """
+    found = [last_bests(history, problem, count) for history in histories]
+    bests = json.dumps([[generation.best_point for generation in history.generations] for history in histories])
+    of = {"bests": sha256(bests.encode()), "count": count, "runs": runs,
+          "conditions": _conditions(problem, terrain, where)}  # fmt: skip
+    known, listed = _read(path), [each for one in found for each in one]
+    if known.get("of") != of or len(known["speeds"]) != len(listed):
+        judged = judge_finalists(listed, terrain, runs, progress=progress, **where)
+        speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]
+        known = {"of": of, "speeds": json.loads(json.dumps(speeds).replace("NaN", "null"))}
+        write_text(path, json.dumps(known) + "\n")
+    rest = iter(np.array(known["speeds"], float))
+    shares = ((one, islice(rest, len(one))) for one in found)
+    return [[Finalist(usual, hard, *each) for each, (usual, hard) in zip(*share, strict=True)] for share in shares]
+
+
+def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:
+    """Write the gaits found, by the names of their files; what earlier reports named there goes.
+
+    Args:
+        folder: of gaits alone, which may be new.
+        found: None where nothing was.
+    """
+    folder.mkdir(exist_ok=True)
+    for path in folder.glob("*.json"):
+        if not found.get(path.stem):
+            path.unlink()
+    for name, best in found.items():
+        if best:
+            save_gait(best.design, folder / f"{name}.json")

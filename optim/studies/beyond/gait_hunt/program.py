@@ -1,0 +1,274 @@
+"""A program that finds gaits which climb, by itself: many looks, the kinds among them, and the best led uphill.
+
+1. Look: random networks that write cycles of two columns, half of them with an empty core, on flat ground.
+2. Turn: there a robot goes its way whatever its heading, so the best heading is where it goes. With that, the fastest
+   are tried on a ladder of slopes.
+3. Kinds: the best of each kind becomes the start of a search of its own on the ladder, since what climbs later is
+   seldom what is ahead now. After every round the better half of the kinds goes on ("successive halving": Jamieson &
+   Talwalkar, "Non-stochastic best arm identification", Proc. AISTATS 2016).
+4. Lead: near the best, by the mean speed on an easier slope and on the steepest, the easier one ever steeper. On a
+   ladder, a gait that is tried on the next slope and slides down it loses to one that is not tried; here all are, and
+   what makes it faster where it climbs pays for what it still slides elsewhere. Near a gait that climbs, the mean no
+   longer leads to those that roll.
+5. Heading: that alone, in full, on the steepest slope.
+6. Finish: everything, on the steepest slope.
+7. Firm: the same under the harder conditions of ``robustness``, too. Before, they would be in the way: hardly any
+   gait that has still to learn to climb stands them.
+
+Searches are genetic up to the kinds; where few numbers have to fit together, from the leads on, they are CMA-ES. What
+they cost is counted as in the hunt, in robot-steps.
+"""
+
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.results import Progress, kept
+from optim.problems.inflatable.problem import GaitProblem
+from optim.problems.inflatable.start import start_values
+from optim.runs.history import History, read_result
+from optim.runs.loop import Generation
+from optim.search.method import check_number, check_whole
+from optim.studies.beyond.gait_hunt.kinds import best_of_kinds
+from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
+from optim.studies.beyond.gait_hunt.spending import read_spent, search_within
+from optim.studies.beyond.gait_hunt.turning import history_of, turned
+from robots.inflatable.gaits import GaitDesign
+from robots.world import Terrain
+from taichi_sim.base.results_folder import ResultsFolder
+
+RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
+# A look lasts until a cycle counts, and is along the middle of all headings: who goes that way goes well along its own.
+LOOK: Mapping[str, Any] = {**STEPPED, "steps": SHORT // 2, "stages": 1}
+MIDDLE = 45.0  # degrees
+# First deviations of CMA-ES near a gait [ranges]: with 0.3 nothing of it is left; in the end it is to stay what it is.
+SIGMA, FIRM_SIGMA = 0.05, 0.02
+GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}  # the harder conditions are for what climbs
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much the program does in each of its steps.
+
+    Attributes:
+        looks: random gaits, with an empty core, and as many with any.
+        kept: of the best of either, which are turned, and among which kinds are sought.
+        kinds: that get a search of their own.
+        population: of these searches.
+        rounds: generations of each round of these; the better half of the kinds goes on to the next.
+        leads: parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best.
+        headings: near that of the best that are tried.
+        refined: population of the searches that lead, and of the last two.
+        generations: of each of these.
+    """
+
+    looks: int = 192
+    kept: int = 32
+    kinds: int = 4
+    population: int = 12
+    rounds: tuple[int, ...] = (2, 2, 4)
+    leads: tuple[float, ...] = (0.0, 2 / 3)
+    headings: int = 16
+    refined: int = 16
+    generations: int = 20
+
+    def __post_init__(self) -> None:
+        for name, low in (("looks", 2), ("kept", 1), ("kinds", 1), ("population", 2), ("headings", 2), ("refined", 2),
+                          ("generations", 0)):  # fmt: skip
+            check_whole(name, getattr(self, name), low)
+        if not self.rounds:
+            raise ValueError("rounds: none given; give the generations of at least one")
+        for generations in self.rounds:
+            check_whole("rounds", generations, 0)
+        for part in self.leads:
+            check_number("leads", part, 0.0, 1.0)
+
+    @property
+    def evaluations(self) -> int:
+        """Gaits that are judged in all of it, if there are so many kinds."""
+        left, found = self.kinds, 2 * self.looks + 4 * self.kept + self.headings  # who is kept is judged twice more
+        found += left * self.population  # the starts of their searches
+        for more in self.rounds:
+            found += left * self.population * more
+            left = (left + 1) // 2
+        return found + (len(self.leads) + 2) * (1 + self.refined * (self.generations + 1))
+
+
+class NothingFound(Exception):
+    """Every gait of a step failed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A search that the program made.
+
+    Attributes:
+        name: of its folder.
+        problem: what was searched.
+        history: of the run.
+        spent: by it [robot-steps].
+    """
+
+    name: str
+    problem: GaitProblem
+    history: History
+    spent: float
+
+    @property
+    def last(self) -> Generation:
+        """Its last generation."""
+        return self.history.generations[-1]
+
+    @property
+    def score(self) -> float:
+        """The best; minus infinity if all failed."""
+        return -math.inf if self.last.best is None else self.last.best
+
+    @property
+    def speeds(self) -> dict[str, float]:
+        """Of the best [body lengths/s], on the terrains that it was tried on, by name."""
+        found: dict[str, float] = {}
+        for terrain in self.problem.terrains:
+            speed = (self.last.best_details or {}).get(f"speed_{terrain.name}")
+            if speed is None or (self.problem.ladder and any(one <= self.problem.ahead for one in found.values())):
+                break
+            found[terrain.name] = float(speed)
+        return found
+
+    @property
+    def design(self) -> GaitDesign:
+        """The best gait, as long as it was judged; raises ``NothingFound`` if all failed."""
+        if self.last.best_point is None:
+            raise NothingFound
+        return self.problem.design(self.problem.space.from_dict(self.last.best_point))
+
+
+@dataclass(eq=False)
+class Program:
+    """The program for one seed.
+
+    Attributes:
+        folder: takes a run folder of every search; what is there is not computed again.
+        plan: how much is done.
+        seed: of all searches.
+        slope: to be climbed in the end [degrees].
+        progress: called with the fraction done, which is estimated from the number of gaits.
+        where: geometry, precision, device and threads of the simulations.
+        steps: made so far, by name, in the order in which they began.
+    """
+
+    folder: Path
+    plan: Plan
+    seed: int
+    slope: float
+    progress: Progress = None
+    where: Mapping[str, Any] = field(default_factory=dict)
+    steps: dict[str, Step] = field(default_factory=dict)
+
+    def run(self) -> tuple[Step, ...]:
+        """All of it: the last three steps. What is best in full may be of each; none if every gait of a step failed."""
+        try:
+            facing = self._face(self._lead(self._halve(self._kinds()).design))
+            finish = self._refine("finish", (1.0,), facing.design)
+            return facing, finish, self._refine("firm", (1.0,), finish.design, CYCLE, FIRM_SIGMA)
+        except NothingFound:
+            return ()
+
+    def _kinds(self) -> list[GaitDesign]:
+        """Of random gaits, turned, the best of each kind."""
+        points = {"population": self.plan.kept, "starts": self.plan.looks, "seed": self.seed}
+        found: list[GaitDesign] = []
+        for name, pressure in (("look-empty", 0.0), ("look-any", None)):
+            problem = replace(self._on((0.0,), LOOK), orientation=MIDDLE, pressure=pressure)
+            step = self._search(name, problem, points, 0)
+            if best := read_result(step.history, step.problem):
+                found += [problem.design(point) for point in best.points]
+        return self._turn(found)
+
+    def _turn(self, designs: Sequence[GaitDesign]) -> list[GaitDesign]:
+        """Designs with headings where they go on flat ground; of each kind the best on the ladder."""
+        problem = replace(self._on(RUNGS, GRADED), ladder=True)
+        settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
+        where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
+        known = kept(
+            ResultsFolder(self.folder / "turn", "turn", settings), "turn",
+            lambda: turned(problem, designs, {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}),
+        )  # fmt: skip
+        self._note(Step("turn", problem, history_of(problem, known, self.folder / "turn"), float(known["spent"])))
+        facing = [problem.design(point) for point in known["points"]]
+        chosen = best_of_kinds(facing, known["scores"], self.plan.kinds, problem.body)
+        return [facing[number] for number in chosen]
+
+    def _halve(self, designs: Sequence[GaitDesign]) -> Step:
+        """The best of searches near each design, of which the worse halves end early."""
+        left, generations = list(enumerate(designs)), 0
+        ladder = replace(self._on(RUNGS, GRADED), ladder=True)
+        if not left:
+            raise NothingFound
+        for more in self.plan.rounds:
+            generations += more
+            found = [
+                (self._near(f"kind-{n + 1}", ladder, design, "genetic", self.plan.population, generations), (n, design))
+                for n, design in left
+            ]
+            found.sort(key=lambda pair: -pair[0].score)
+            left = [pair[1] for pair in found[: (len(found) + 1) // 2]]
+        return found[0][0]
+
+    def _lead(self, design: GaitDesign) -> GaitDesign:
+        """Searches by the mean of an easier slope and the steepest, one from the other's best."""
+        for number, part in enumerate(self.plan.leads):
+            design = self._refine(f"lead-{number + 1}", (part, 1.0), design).design
+        return design
+
+    def _face(self, design: GaitDesign) -> Step:
+        """A gait with the best of some headings near its own, in full on the steepest slope."""
+        gait = self._on((1.0,), GRADED).in_full()
+        full = gait.design(gait.space.from_dict(start_values(gait, design)))
+        problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
+        return self._near("heading", problem, full, "genetic", self.plan.headings, 0)
+
+    def _refine(
+        self, name: str, rungs: Sequence[float], start: GaitDesign, options: Mapping[str, Any] = GRADED,
+        sigma: float = SIGMA,
+    ) -> Step:  # fmt: skip
+        """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
+        problem = self._on(rungs, options)
+        return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=sigma)
+
+    def _near(
+        self, name: str, problem: GaitProblem, start: GaitDesign, method: str, population: int, generations: int,
+        **settings: Any,
+    ) -> Step:  # fmt: skip
+        """A search near a gait; with the numbers of another search it would try the same directions."""
+        stream = np.random.SeedSequence([self.seed, zlib.crc32(name.encode())]).generate_state(1)
+        settings |= {"population": population, "start": start_values(problem, start), "seed": int(stream[0])}
+        return self._search(name, problem, settings, generations, method)
+
+    def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
+        return GaitProblem(tuple(self._terrain(rung) for rung in rungs), **options, **self.where)
+
+    def _terrain(self, rung: float) -> Terrain:
+        return Terrain(rung * self.slope)
+
+    def _search(
+        self, name: str, problem: GaitProblem, settings: Mapping[str, Any], generations: int, method: str = "genetic"
+    ) -> Step:
+        """A search up to a generation, which may have been made before."""
+        folder, count = self.folder / name, generations + 1
+        history = search_within(problem, method, settings, folder, math.inf, None, generations)
+        # A run that was begun before may have come further: what counts is what it had found then.
+        history = replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
+        return self._note(Step(name, problem, history, sum(read_spent(folder)[:count])))
+
+    def _note(self, step: Step) -> Step:
+        """Remember a step, or that it has come further."""
+        self.steps[step.name] = step
+        if self.progress:
+            self.progress(min(sum(s.last.evaluations for s in self.steps.values()) / self.plan.evaluations, 1.0))
+        return step

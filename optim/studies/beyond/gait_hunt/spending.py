@@ -1,0 +1,123 @@
+"""Searches that end when they have spent what they may, in time steps of simulated robots."""
+
+import contextlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.problem import Evaluation
+from optim.problems.inflatable.problem import GaitProblem
+from optim.runs import open_run, run_search
+from optim.runs.history import History, read_history
+from optim.runs.requests import Request, judge
+from optim.search import build_method, default_settings
+from taichi_sim.base.files import read_text, write_text
+
+# A gradient takes as long as so many simulations without, for robots that fill vectors; see docs/performance.md.
+GRADIENT_COST = 7.5
+PUBLISHED_COST = 200_720  # robot-steps of a published evaluation at half of the largest pressure
+ENDLESS = 1_000_000  # generations
+SPENT = "spent.json"
+
+
+class BudgetSpent(Exception):
+    """A search would spend more than it may."""
+
+
+def search_within(
+    problem: GaitProblem,
+    method: str,
+    settings: Mapping[str, Any],
+    folder: Path,
+    budget: float,
+    progress: Callable[[float], None] | None = None,
+    generations: int = ENDLESS,
+) -> History:
+    """Run a search, or go on with the one in the folder, until it has spent its budget, or made its generations.
+
+    A generation of which it is clear before that the budget does not last is not begun, but the first always is. One
+    that turns out to cost more is completed; :func:`paid` leaves it away.
+
+    Args:
+        problem: what to search.
+        method: its name in ``METHODS``.
+        settings: of the method, its seed among them.
+        folder: of the run; beside its files ``spent.json``, what every generation has cost.
+        budget: in robot-steps, see :func:`cost`.
+        progress: called with the part of the budget that is spent.
+        generations: number of the last one, if the budget lasts.
+
+    Raises:
+        ValueError: in one line, for a budget or a folder that is not allowed, or one that lacks what has been spent.
+    """
+    if not budget > 0:
+        raise ValueError(f"budget: {budget:g} robot-steps are not allowed; give more than 0")
+    known = default_settings(method) | dict(settings)
+    config = {"problem": problem.describe(), "method": {"name": method, **known}, "generations": ENDLESS}
+    with open_run(folder, config, resume=True) as run:
+        spent = read_spent(folder)
+
+        def evaluate(request: Request) -> Evaluation:
+            _check_known(folder, spent, run.lines)
+            del spent[run.lines :]  # of a generation that was cut off
+            if spent and sum(spent) + least_cost(problem, request) > budget:
+                raise BudgetSpent
+            found = judge(problem, request)
+            spent.append(cost(problem, request, found))
+            write_text(folder / SPENT, json.dumps(spent) + "\n")
+            if progress:
+                progress(min(sum(spent) / budget, 1.0))
+            return found
+
+        with contextlib.suppress(BudgetSpent):
+            run_search(problem, build_method(method, problem.space, known), run, generations, evaluate=evaluate)
+    history = read_history(folder)
+    _check_known(folder, spent, len(history.generations))
+    return history
+
+
+def _check_known(folder: Path, spent: Sequence[float], generations: int) -> None:
+    if len(spent) < generations:
+        raise ValueError(f"{folder / SPENT}: tells the cost of {len(spent)} of {generations} generations; restore it")
+
+
+def paid(history: History, spent: Sequence[float], budget: float) -> History:
+    """The generations of a run that ended within a budget; the first counts in any case."""
+    count = max(1, int(np.searchsorted(np.cumsum(spent), budget, side="right")))
+    return replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
+
+
+def read_spent(folder: Path) -> list[float]:
+    """What the generations of a run have cost, the last perhaps of one that was cut off; nothing of a new run.
+
+    Raises:
+        ValueError: in one line, for a damaged file.
+    """
+    path = folder / SPENT
+    if not path.exists():
+        return []
+    try:
+        spent = json.loads(read_text(path))
+    except ValueError:
+        spent = None
+    if not isinstance(spent, list) or not all(isinstance(each, int | float) and each >= 0 for each in spent):
+        raise ValueError(f"{path}: is damaged; it must be a list of robot-steps, one of each generation")
+    return spent
+
+
+def least_cost(problem: GaitProblem, request: Request) -> float:
+    """What a request costs, see :func:`cost`, if no gait gets ahead."""
+    count = len(request.points)
+    speeds = {condition.name: np.full(count, -np.inf) for condition in problem.conditions}
+    return cost(problem, request, Evaluation(np.zeros(count), details=speeds))
+
+
+def cost(problem: GaitProblem, request: Request, judged: Evaluation) -> float:
+    """Time steps of all robots that judged a request; a gradient counts as ``GRADIENT_COST`` simulations."""
+    relaxed = request.wants != "points"
+    each = problem.robot_steps(request.points, judged, relaxed=relaxed, sharpness=request.sharpness)
+    return float(each.sum()) * (GRADIENT_COST if request.wants == "gradients" else 1.0)

@@ -1,0 +1,260 @@
+"""Which search finds a gait that climbs 15 degrees, without knowledge of one: five seeds each, at equal cost.
+
+The dissertation's search did not find inching on the hill, "likely due to a lack of gradient between control policies"
+(Powers 2021, ch. 5, "Discussion"). All searches may change orientation, shape and control. A run ends when it has
+spent as many robot-steps as the published search takes for so many evaluations; a generation that ended beyond does not
+count. When all have ended, the last few designs that each found best are played in full, with noise, under both
+conditions of ``robots.inflatable.robustness``, and the best of them is what the run has found.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.figures import COLOURS, PAGE, figure, letter
+from optim.experiments.jobs import beside
+from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.tables import write_table
+from optim.hints import nearest
+from optim.measures.statistics import mean_interval
+from optim.problems.inflatable.problem import GaitProblem
+from optim.runs.history import History
+from optim.studies.beyond.gait_hunt.checks import check_settings
+from optim.studies.beyond.gait_hunt.comparison import differences, table_of_differences
+from optim.studies.beyond.gait_hunt.finalists import kept_finalists, write_gaits
+from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, columns_of
+from optim.studies.beyond.gait_hunt.searches import SEARCHES
+from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
+from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.inflatable.robustness import LEAST_HARD_SPEED
+from robots.world import Terrain
+from taichi_sim.base.files import write_text
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hunt:
+    """How large the study is.
+
+    Attributes:
+        evaluations: published evaluations that a run may cost.
+        seeds: of the runs of each search.
+        searches: names in ``SEARCHES``.
+        slope: of the hill [degrees].
+        geometry: of the robot, by name.
+        finalists: designs of a run that are played in full.
+        runs: with noise, of each of them under either condition.
+    """
+
+    evaluations: float
+    seeds: tuple[int, ...]
+    searches: tuple[str, ...] = tuple(SEARCHES)
+    slope: float = 15.0
+    geometry: str = "published"
+    finalists: int = 4
+    runs: int = 4
+
+    def __post_init__(self) -> None:
+        if not 0 < self.evaluations < math.inf:
+            raise ValueError(f"evaluations: {self.evaluations!r} is not allowed; give a number above 0")
+        if not self.searches or len(set(self.searches)) < len(self.searches):
+            raise ValueError(f"searches: {', '.join(self.searches) or 'none'} given; give at least one, and none twice")
+        for name in self.searches:
+            if name not in SEARCHES:
+                known = ", ".join(SEARCHES)
+                raise ValueError(f"searches: {name!r} is unknown; choose of {known}{nearest(name, SEARCHES)}")
+        check_settings(self.seeds, self.slope, self.geometry, self.finalists, self.runs)
+
+    @property
+    def budget(self) -> float:
+        """Robot-steps of a run."""
+        return self.evaluations * PUBLISHED_COST
+
+
+SCALES: Mapping[Budget, Hunt] = {
+    "small": Hunt(20, (0, 1), ("hill-climb", "genetic", "gradient", "ladder"), geometry="small", finalists=2, runs=2),
+    "medium": Hunt(160, (0, 1, 2, 3, 4), finalists=2, runs=3),
+    "full": Hunt(300, (0, 1, 2, 3, 4)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a run has found.
+
+    Attributes:
+        search: its name.
+        seed: of the run.
+        history: of the run.
+        spent: by each generation [robot-steps], shape (G,).
+        best: the best of its finalists; None before they are judged, and if all failed.
+    """
+
+    search: str
+    seed: int
+    history: History
+    spent: Floats
+    best: Finalist | None = None
+
+
+def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+    """Write runs, ``summary.json``, ``table.md``, ``table.csv``, ``hunt.png``, and each run's best gait.
+
+    Args:
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        jobs: runs that go on at the same time, each in a process of its own.
+        where: precision, device and threads of the simulations.
+    """
+    check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"), "gait-hunt")
+    searches = settings.searches
+    parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
+    beside([(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
+           jobs, where, part_of(progress, 0, 10, 9))  # fmt: skip
+    judged = [folder / "runs" / f"{name}.json" for name in searches]
+    for number, (name, seed) in enumerate(parts):
+        share = part_of(progress, 9 * number, 10 * len(parts), 9)
+        found[name, seed] = _search(folder, settings, name, seed, where, share)
+        if name == searches[-1] and jobs == 1 and not any(path.exists() for path in judged):
+            report(folder, settings, list(found.values()))  # what there is so far is of use
+    for number, (name, path) in enumerate(zip(searches, judged, strict=True)):
+        of = [(name, seed) for seed in settings.seeds]
+        finalists = kept_finalists(
+            path, [found[part].history for part in of], _problem(settings, name, where), Terrain(settings.slope),
+            settings.finalists, settings.runs,
+            part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
+            geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
+        )  # fmt: skip
+        found |= {part: replace(found[part], best=best_of(known)) for part, known in zip(of, finalists, strict=True)}
+        report(folder, settings, list(found.values()))
+    if progress:
+        progress(1.0)
+
+
+def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
+    return SEARCHES[name].problem_on(Terrain(hunt.slope), geometry=hunt.geometry, **where)
+
+
+def _search(
+    folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress
+) -> Found:  # fmt: skip
+    """One run; its finalists come later."""
+    path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, where)
+    settings = {**SEARCHES[name].settings, "seed": seed}
+    history = search_within(problem, SEARCHES[name].method, settings, path, hunt.budget, progress)
+    spent = read_spent(path)
+    history = paid(history, spent, hunt.budget)
+    return Found(name, seed, history, np.array(spent[: len(history.generations)]))
+
+
+def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
+    """Write what some runs have found."""
+    rows = [_row(one) for one in found]
+    write_table(folder / "table.csv", list(rows[0]), [list(row.values()) for row in rows])
+    groups = {name: [one for one in found if one.search == name] for name in hunt.searches}
+    summary = {name: _group(group) for name, group in groups.items() if group}
+    starts = {name: [one.history.generations[0].mean for one in group] for name, group in groups.items()}
+    apart = differences({name: _speeds(group) for name, group in groups.items()}, starts)
+    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, "searches": summary,
+                                         "differences": apart, "runs": rows})  # fmt: skip
+    labels = {name: row["label"] for name, row in summary.items()}
+    write_text(folder / "table.md", _table(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
+    write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
+    _draw({name: group for name, group in groups.items() if group}, folder / "hunt.png")
+
+
+def _row(one: Found) -> dict[str, Any]:
+    """A run in a line."""
+    last = one.history.generations[-1]
+    return {
+        "search": one.search,
+        "seed": one.seed,
+        "evaluations": last.evaluations,
+        "robot_steps": float(one.spent.sum()),
+        "wall_s": float(np.nansum(one.history.seconds)),
+        "score": last.best,
+        **columns_of(one.best),
+    }
+
+
+def _speeds(group: Sequence[Found]) -> Floats:
+    """Of what the runs have found; NaN where that is nothing."""
+    return np.array([one.best.speed if one.best else np.nan for one in group])
+
+
+def _group(group: Sequence[Found]) -> dict[str, Any]:
+    """Runs of a search: mean speed of what they have found with its 95 % interval by Student's t, and the best."""
+    known = [one.best for one in group if one.best]
+    speeds, hard = (np.array([getattr(best, name) for best in known]) for name in ("speed", "hard_speed"))
+    low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
+    return {
+        "label": SEARCHES[group[0].search].label,
+        "runs": len(group),
+        "judged": len(known),
+        "evaluations": int(np.median([one.history.generations[-1].evaluations for one in group])),
+        "robot_steps": float(np.median([one.spent.sum() for one in group])),
+        "speed": float(speeds.mean()) if len(speeds) else None,
+        "low": low,
+        "high": high,
+        "best": float(speeds.max()) if len(speeds) else None,
+        "hard_speed": float(hard.mean()) if len(hard) else None,
+        "staying": int((hard >= LEAST_HARD_SPEED).sum()) if known else None,
+    }
+
+
+def _table(summary: dict[str, dict[str, Any]]) -> str:
+    """The same in Markdown; evaluations and robot-steps are medians of the runs, speeds those of runs with a gait."""
+    lines = [
+        "| search | evaluations | million robot-steps | runs | speed, mean | interval | best | harder | these, stay |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for row in summary.values():
+        values = {name: "" if row[name] is None else f"{row[name]:.4f}" for name in _SPEEDS}
+        interval = f"{values['low']} to {values['high']}" if values["low"] else ""
+        staying = "" if row["staying"] is None else row["staying"]
+        runs = str(row["runs"]) if row["judged"] in (0, row["runs"]) else f"{row['judged']} of {row['runs']}"
+        lines.append(
+            f"| {row['label']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {runs} | {values['speed']} "
+            f"| {interval} | {values['best']} | {values['hard_speed']} | {staying} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+_SPEEDS = ("speed", "low", "high", "best", "hard_speed")
+LINEAR = 0.01  # speeds up to which the figure's axis is linear [BL/s]
+
+
+def _draw(groups: dict[str, list[Found]], path: Path) -> None:
+    """Best scores over what was spent, each by its search's own rule, and what the runs have found in the end."""
+    with figure(path, PAGE, 3.0, ncols=2) as (_, panels):
+        over, end = panels[0]
+        for (name, group), colour in zip(groups.items(), COLOURS, strict=False):
+            for one in group:
+                scores = np.array([g.best for g in one.history.generations], float)
+                style = "--" if SEARCHES[name].rungs else "-"  # scores of ladders count easier slopes
+                over.step(np.cumsum(one.spent)[: len(scores)] / 1e6, scores, where="post", color=colour,
+                          linewidth=0.8, linestyle=style)  # fmt: skip
+            place = list(groups).index(name)
+            known = [one.best for one in group if one.best]
+            for value, marker in (("speed", "o"), ("hard_speed", "x")):
+                end.plot([getattr(best, value) for best in known], [place] * len(known), marker, color=colour,
+                         markersize=5, fillstyle="none")  # fmt: skip
+        over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
+        end.axvline(0.0, color="0.7", linewidth=0.6)
+        # What slides down may be tens of times as fast as what climbs.
+        end.set_xscale("symlog", linthresh=LINEAR, linscale=2)
+        ticks = (-1, -0.1, -0.01, 0, 0.01)
+        end.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        end.xaxis.minorticks_off()
+        end.set(yticks=range(len(groups)), yticklabels=[SEARCHES[name].label for name in groups],
+                xlabel="speed in full, o usual, x harder [BL/s]")  # fmt: skip
+        for label, colour in zip(end.get_yticklabels(), COLOURS, strict=False):
+            label.set_color(colour)  # they are the legend of both panels
+        end.invert_yaxis()
+        letter(panels)

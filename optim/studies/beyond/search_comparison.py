@@ -1,0 +1,129 @@
+"""Gradients beside gradient-free searches: evaluations until one point solves all environments.
+
+Bodies and controllers of Braitenberg vehicles together (six variables), and controllers of the baseline body (two).
+Gradient ascent starts at the best of ten random points and follows Adam; the gradient of each environment is clipped to
+length 1, and those that are solved add nothing. A gradient counts as one evaluation; its cost is that and as many more
+as there are variables, the price of forward mode. CMA-ES begins in the middle of the ranges, where a vehicle hardly
+moves, and beside that at random. The settings were chosen on other seeds.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.comparison import compare, describe_times, ranked
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
+from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.tables import write_table
+from optim.experiments.trials import Trials, kept_trials
+from optim.plots.curves import draw_share_solved
+from optim.studies.chapter4 import co_optimisation
+from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
+from robots.braitenberg import BASELINE
+from taichi_sim.base.results_folder import ResultsFolder
+
+PROBLEMS: dict[str, tuple[str, dict[str, Any], int]] = {
+    "co_design": ("body and controller", {}, 6),
+    "baseline": ("baseline body", {"body": BASELINE}, 2),
+}
+LABELS = {
+    "random": "random",
+    "borg": "Borg",
+    "cma": "CMA-ES",
+    "cma_random": "CMA-ES, random mean",
+    "gradient": "gradient (Adam)",
+}
+PAIRS = (
+    *(("gradient", other) for other in LABELS if other != "gradient"),
+    ("cma_random", "random"),
+    ("borg", "random"),
+)
+
+SCALES: Mapping[Budget, CoOptimisation] = co_optimisation.SCALES
+
+
+def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Methods and their settings for so many variables, beside their defaults."""
+    usual = {"population": 4 + math.floor(3 * math.log(variables))}  # of CMA-ES
+    return {
+        "random": ("random", {"climbers": 10}),  # ten points at a time, for speed
+        "borg": ("borg", BORG),
+        "cma": ("cma", usual),
+        "cma_random": ("cma", {**usual, "random_mean": True}),
+        "gradient": ("gradient", {"climbers": 1, "candidates": 10, "learning_rate": 0.1}),
+    }
+
+
+def search(
+    settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None
+) -> dict[str, dict[str, Trials]]:
+    """Trials by problem and method, those that the folder has among them."""
+    found: dict[str, dict[str, Trials]] = {}
+    parts, done = len(PROBLEMS) * len(LABELS), 0
+    for name, (_, given, variables) in PROBLEMS.items():
+        found[name] = {}
+        for label, (method, own) in searches(variables).items():
+            problem = settings.problem("environments" if method == "borg" else "total", **given)
+            report = part_of(progress, done, parts)
+            trial = problem, method, own, settings.seeds, settings.budget
+            found[name][label] = kept_trials(folder, f"{name}_{label}", *trial, until_solved=True, progress=report)
+            done += 1
+    return found
+
+
+def report(settings: CoOptimisation, found: dict[str, dict[str, Trials]], out: Path) -> dict[str, Any]:
+    """Write raw times as CSV, draw them, and return their numbers."""
+    environments = len(settings.task.starts)
+    summary: dict[str, Any] = {"evaluations": {}, "cost": {}, "tests": {}}
+    times: dict[str, dict[str, dict[str, NDArray[np.int64]]]] = {"evaluations": {}, "cost": {}}
+    for name, methods in found.items():
+        for kind, counts in times.items():
+            counts[name] = {
+                method: trials.first(environments) if kind == "evaluations" else trials.cost(environments)
+                for method, trials in methods.items()
+            }
+            each = {m: describe_times(values, settings.budget) for m, values in counts[name].items()}
+            if kind == "cost":  # trials that failed cost more than the budget of evaluations
+                each = {m: {k: v for k, v in row.items() if not k.startswith("mean")} for m, row in each.items()}
+            summary[kind][name] = each
+        ranks = {m: ranked(values, settings.budget) for m, values in times["evaluations"][name].items()}
+        summary["tests"][name] = compare(ranks, PAIRS, "less")
+    rows = [
+        (name, method, seed, *(int(times[kind][name][method][n]) for kind in times))
+        for name, methods in found.items()
+        for method in methods
+        for n, seed in enumerate(settings.seeds)
+    ]
+    write_table(out / "evaluations-until-all-solved.csv", ("problem", "method", "seed", "evaluations", "cost"), rows)
+    _draw(times, settings.budget, out / "search-comparison.png")
+    return summary
+
+
+def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int, path: Path) -> None:
+    """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
+    with figure(path, PAGE, 2.8, ncols=len(PROBLEMS), sharey=True) as (drawn, panels):
+        for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
+            for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
+                for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
+                    values = times[kind][name][method]
+                    shown = label if kind == "evaluations" else f"{label}, by cost"
+                    draw_share_solved(axes, values[values > 0], len(values), budget, linestyle=style, color=colour,
+                                      label=shown)  # fmt: skip
+            axes.set_title(title)
+        panels[0, 0].set_ylabel("share of trials with all solved")
+        legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
+        letter(panels)
+
+
+def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
+    """Write ``summary.json``, raw data as CSV and a figure.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
+    methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
+    results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})
+    write_json(folder / "summary.json", report(settings, search(settings, results, progress), folder))

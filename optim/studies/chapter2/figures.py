@@ -1,0 +1,136 @@
+"""Pictures of the study of interference: beneficial mutations, curves over generations, paths of champions.
+
+Source: dissertation, chapter 2, figures "raw", "best" and "trace".
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.figures import COLOURS, PAGE, figure, save_arrays
+from optim.experiments.tables import write_table
+from optim.measures.statistics import mean_band
+from optim.plots.curves import draw_band
+from optim.studies.chapter2.champions import Champions, typical
+from optim.studies.chapter2.settings import ROBOTS, Floats, Interference, Treatment
+
+MOST_POINTS = 20_000  # of a panel; more are as dense
+SHADES = ("#e8f3e8", "#f7ecec")  # better in both environments; better in one and worse in the other
+
+
+def _layout(treatments: Sequence[Treatment]) -> tuple[list[str], list[str]]:
+    """Rows and columns of panels."""
+    rows = list(dict.fromkeys(treatment.row for treatment in treatments))
+    return rows, [robot for robot in ROBOTS if any(treatment.robot == robot for treatment in treatments)]
+
+
+def _name(panels: "np.ndarray[Any, Any]", rows: Sequence[str], columns: Sequence[str]) -> None:
+    """Robots above the columns, ways to combine environments beside the rows."""
+    for axes, robot in zip(panels[0], columns, strict=True):
+        axes.set_title(robot)
+    for axes, row in zip(panels[:, -1], rows, strict=True):
+        axes.annotate(row, (1.04, 0.5), xycoords="axes fraction", rotation=-90, va="center")
+
+
+def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]], path: Path) -> None:
+    """Beneficial mutations in two environments, a panel each treatment, coloured by generation; numbers as ``.npz``."""
+    rows, columns = _layout(list(mutations))
+    every = np.concatenate([changes for changes, _ in mutations.values()])
+    reach = 1.05 * max(1.0, np.abs(every).max(initial=0.0))
+    latest = max(1, *(int(born.max(initial=0)) for _, born in mutations.values()))
+    with figure(path, 0.9 + 1.75 * len(columns), 0.5 + 1.65 * len(rows), nrows=len(rows), ncols=len(columns),
+                sharex=True, sharey=True) as (drawn, panels):  # fmt: skip
+        points: Any = None
+        for treatment, (changes, born) in mutations.items():
+            axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
+            axes.fill_between([0, reach], 0, reach, color=SHADES[0], lw=0)
+            axes.fill_between([-reach, 0], 0, reach, color=SHADES[1], lw=0)
+            axes.fill_between([0, reach], -reach, 0, color=SHADES[1], lw=0)
+            axes.plot([-reach, reach], [-reach, reach], color="0.75", lw=0.5, zorder=1)
+            axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+            chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
+            points = axes.scatter(*changes[chosen].T, c=born[chosen], s=3, lw=0, vmin=0, vmax=latest,
+                                  cmap="viridis", rasterized=True, zorder=2)  # fmt: skip
+        _name(panels, rows, columns)
+        drawn.supxlabel("nearer to the light in the first environment [m]", fontsize=8)
+        drawn.supylabel("in the second [m]", fontsize=8)
+        drawn.colorbar(points, ax=panels, label="generation", fraction=0.03, aspect=40)
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    for treatment, (changes, born) in mutations.items():
+        arrays |= {f"{treatment.robot}_{treatment.row}_{name}": values
+                   for name, values in (("change", changes), ("generation", born))}  # fmt: skip
+    save_arrays(path.with_suffix(".npz"), arrays)
+
+
+def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
+    """Worst distance and fitness over generations: means of runs with 95 % bands; a column each robot."""
+    rows, columns = _layout(list(curves))
+    with figure(path, PAGE, 1.0 + 1.25 * (1 + len(rows)), nrows=1 + len(rows), ncols=len(columns), sharex=True,
+                sharey="row") as (_, panels):  # fmt: skip
+        for treatment, values in curves.items():
+            row, column = rows.index(treatment.row), columns.index(treatment.robot)
+            for n, axes in enumerate((panels[0, column], panels[1 + row, column])):
+                low, high = mean_band(values[..., n])
+                colour, generations = COLOURS[row % len(COLOURS)], np.arange(values.shape[1])
+                mean = values[..., n].mean(axis=0)
+                draw_band(axes, generations, mean, low, high, colour=colour, label=treatment.row)
+        panels[0, 0].set_ylabel("worst distance [m]")
+        panels[0, 0].set_ylim(bottom=0)
+        for axes, name in zip(panels[1:, 0], rows, strict=True):
+            axes.set_ylabel(f"best fitness, {name}")
+            _scale_by_decades(axes)
+        for axes, robot in zip(panels[0], columns, strict=True):
+            axes.set_title(robot)
+        for axes in panels[-1]:
+            axes.set_xlabel("generation")
+        panels[0, -1].legend()
+
+
+def _scale_by_decades(axes: Any) -> None:
+    """A logarithmic scale whose few labels are plain numbers, also within a decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5) if high > 4 * low else "all"))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference, path: Path) -> None:
+    """Paths of a typical champion of each treatment, from above, with the lights; numbers as CSV.
+
+    Typical is the champion with the median worst distance (the better of two).
+    """
+    from matplotlib.ticker import MultipleLocator
+
+    rows, columns = _layout(list(champions))
+    data: list[tuple[Any, ...]] = []
+    colours = dict(zip(ROBOTS, ("#D55E00", "#009E73", "#0072B2"), strict=True))
+    chosen = {treatment: typical(seen) for treatment, seen in champions.items()}
+    every = np.concatenate([settings.lights, *(seen.paths[chosen[t]].reshape(-1, 2) for t, seen in champions.items())])
+    low, high = np.nanmin(every, axis=0) - 1, np.nanmax(every, axis=0) + 1
+    width, height = high - low
+    size = 6.2 / len(columns)  # in
+    with figure(path, PAGE, 0.6 + (size * height / width + 0.15) * len(rows), nrows=len(rows), ncols=len(columns),
+                sharex=True, sharey=True) as (drawn, panels):  # fmt: skip
+        for treatment, seen in champions.items():
+            axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
+            run = chosen[treatment]
+            for n, ((x, y), line) in enumerate(zip(settings.lights, seen.paths[run], strict=True)):
+                axes.plot(x, y, "*", color="#E69F00", ms=10, mec="0.3", mew=0.4, zorder=3)
+                axes.plot(*line.T, color=colours[treatment.robot], lw=0.8, ls=("-", "--", "-.", ":")[n % 4])
+                axes.plot(*line[-1], "o", color=colours[treatment.robot], ms=3)
+                moments = zip(seen.times.tolist(), *line.T.tolist(), seen.light[run, n].tolist(), strict=True)
+                data += [(treatment.row, treatment.robot, run, n, *moment) for moment in moments]
+            axes.plot(0, 0, "s", color="black", ms=3, zorder=3)
+            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+            axes.yaxis.set_major_locator(MultipleLocator(5))
+        _name(panels, rows, columns)
+        drawn.supxlabel("x [m]", fontsize=8)
+        drawn.supylabel("y [m]", fontsize=8)
+    header = ("fitness", "robot", "run", "environment", "time", "x", "y", "light")
+    write_table(path.with_suffix(".csv.gz"), header, data)

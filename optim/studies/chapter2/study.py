@@ -1,0 +1,122 @@
+"""Catastrophic interference in legged, wheeled and whegged robots: chapter 2 of the dissertation.
+
+Nine treatments, three robots times three ways to combine environments, are trained by parallel hill climbers; tables M1
+to M4, tests and pictures say which of them suffer when what helps in one environment harms in another.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.studies.chapter2.alone import Alone, train_alone
+from optim.studies.chapter2.champions import champions_of, write_champions
+from optim.studies.chapter2.curves import all_mutations, write_curves
+from optim.studies.chapter2.evolution import Run, evolve
+from optim.studies.chapter2.likeness import likeness, write_likeness
+from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
+from optim.studies.chapter2.tables import measure, write_tables
+
+TABLES = (
+    "tables.md",
+    "tables.csv",
+    "runs.csv",
+    "tests.csv",
+    "curves.csv",
+    "likeness.md",
+    "likeness.csv",
+    "summary.json",
+    "champions",
+)
+PICTURES = ("curves.png", "traces.png")
+PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
+DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much a study does.
+
+    Attributes:
+        population: climbers of a run.
+        runs: of each treatment.
+        generations: of each run.
+        alone: the same of training on each light alone.
+    """
+
+    population: int
+    runs: int
+    generations: int
+    alone: Alone
+
+
+SCALES: Mapping[Budget, Effort] = {
+    "small": Effort(20, 3, 40, Alone(2, 40)),
+    "full": Effort(100, 30, 3000, Alone(5, 400)),  # as published
+}
+
+
+def train(
+    settings: Interference,
+    chosen: Sequence[Treatment],
+    runs: int,
+    generations: int,
+    out: Path,
+    *,
+    figures: bool = False,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """Train treatments and write tables, and pictures if asked for; resumable.
+
+    Returns:
+        What ``summary.json`` holds. For other arguments and errors see :func:`evolve`.
+    """
+    drawn = [path.with_suffix(suffix).name for path in map(Path, (*PICTURES, *PICTURES_OF_TWO)) for suffix in DRAWN]
+    check_folder(out, (*TABLES, *drawn, "runs", "alone", "alone.csv"))
+    found = evolve(settings, chosen, runs, generations, out / "runs", threads, progress)
+    about = {**asdict(settings), "runs": runs, "generations": generations}
+    summary = write_tables(found, out, about)
+    champions = champions_of(settings, found, threads)
+    write_champions(champions, out / "champions")
+    summary["likeness"] = write_likeness(likeness(champions, settings, threads), out)
+    write_json(out / "summary.json", summary)
+    curves = write_curves(found, out / "curves.csv")
+    if figures:
+        from optim.studies.chapter2.figures import draw_curves, draw_traces
+
+        draw_curves(curves, out / "curves.png")
+        draw_traces(champions, settings, out / "traces.png")
+        if len(settings.lights) == 2:
+            _draw_changes(found, out)
+    return summary
+
+
+def files_of(settings: Interference, figures: bool) -> list[str]:
+    """Names of what :func:`train` writes, beside raw results."""
+    two = PICTURES_OF_TWO if len(settings.lights) == 2 else ()
+    return [*TABLES, *((*PICTURES, *two) if figures else ())]
+
+
+def _draw_changes(found: Mapping[Run, Arrays], out: Path) -> None:
+    from optim.studies.chapter2.figures import draw_changes
+
+    draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
+    draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
+
+
+def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
+    """The nine treatments in two and in four environments, and each robot on each light alone.
+
+    Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``; for the arguments see
+    :class:`optim.studies.catalogue.Item`.
+    """
+    check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
+    interference = Interference(population=settings.population)
+    for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
+        train(replace(interference, lights=LIGHTS[environments]), treatments(), settings.runs, settings.generations,
+              folder / name, figures=True, progress=part_of(progress, n, 3))  # fmt: skip
+    alone = train_alone(replace(interference, lights=LIGHTS[4]), tuple(ROBOTS), settings.alone, folder,
+                        progress=part_of(progress, 2, 3))  # fmt: skip
+    write_json(folder / "summary.json", {"alone": alone})

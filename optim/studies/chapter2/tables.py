@@ -1,0 +1,190 @@
+"""Tables M1 to M4 of the study of interference, beside the published ones.
+
+Source: dissertation, chapter 2, "Results": the four tables of means; Mann-Whitney tests between all cells of a row and
+all of a column, 18 of nine treatments, Bonferroni's correction. Standard deviations and the means of four environments
+are those of the experiment's own records.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.results import write_json
+from optim.experiments.tables import write_table
+from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
+from optim.measures.statistics import bonferroni, effect, mean_band
+from optim.studies.chapter2.evolution import Run
+from optim.studies.chapter2.settings import Arrays, Treatment
+from taichi_sim.base.files import write_text
+
+Floats = NDArray[np.float64]
+Cells = Mapping[Treatment, Floats]
+SIGNIFICANT = 0.05
+
+MEASURES: Mapping[str, str] = MappingProxyType(
+    {
+        "M1": "worst distance of the champion [m]",
+        "M2": "angle of beneficial mutations from the diagonal [degrees]",
+        "M3": "length of beneficial mutations [m]",
+        "M4": "beneficial mutations that are better in every environment [%]",
+    }
+)
+DEFINITIONS = MappingProxyType({"defined": measure_run, "computed": measure_run_as_computed})
+
+
+def _grid(*numbers: float) -> dict[tuple[str, str], float]:
+    """Numbers of the nine treatments, row by row."""
+    places = [(row, robot) for row in ("sum", "product", "min") for robot in ("legged", "wheeled", "whegged")]
+    return dict(zip(places, numbers, strict=True))
+
+
+PUBLISHED: Mapping[tuple[int, str], Mapping[tuple[str, str], float]] = MappingProxyType(
+    {
+        (2, "M1"): _grid(8.181, 8.386, 5.915, 6.530, 3.593, 1.234, 5.827, 3.575, 1.296),
+        (2, "M2"): _grid(71.035, 73.362, 72.640, 66.292, 71.090, 66.895, 57.843, 58.226, 48.844),
+        (2, "M3"): _grid(1.734, 3.209, 4.971, 1.889, 3.372, 5.341, 1.164, 2.411, 2.001),
+        (2, "M4"): _grid(25.655, 22.903, 30.824, 22.973, 22.167, 26.981, 49.519, 48.674, 54.332),
+        (4, "M1"): _grid(9.77, 10.72, 11.07, 9.52, 9.13, 6.76, 8.02, 7.95, 6.15),
+    }
+)
+PUBLISHED_DEVIATION = {(2, "M1"): _grid(1.55, 2.44, 2.29, 1.20, 1.62, 0.54, 0.68, 1.07, 0.45)}
+
+
+def measure(found: Mapping[Run, Arrays], definition: str = "defined") -> dict[Run, RunMeasures]:
+    """M1 to M4 of each run, as defined or as computed."""
+    if definition == "computed":
+        with np.errstate(divide="ignore"):
+            apparent = {run: state["light"] ** -0.5 for run, state in found.items()}
+        return {run: measure_run_as_computed(state["climber"], state["distance"], apparent[run])
+                for run, state in found.items()}  # fmt: skip
+    return {run: measure_run(state["climber"], state["distance"]) for run, state in found.items()}
+
+
+def cells_of(measured: Mapping[Run, RunMeasures]) -> dict[str, dict[Treatment, Floats]]:
+    """By measure and treatment, the numbers of its runs, without those of runs that have none."""
+    rows: dict[Treatment, list[tuple[float, ...]]] = {}
+    for (treatment, _), m in measured.items():
+        rows.setdefault(treatment, []).append((m.worst, m.angle, m.length, 100 * m.share))
+    return {
+        name: {treatment: column[np.isfinite(column)] for treatment, column in columns.items()}
+        for n, name in enumerate(MEASURES)
+        if (columns := {treatment: np.array(values)[:, n] for treatment, values in rows.items()})
+    }
+
+
+def compare_cells(cells: Cells) -> list[dict[str, Any]]:
+    """Two-sided Mann-Whitney tests of all pairs in a row or column, corrected for their number.
+
+    Treatments with less than two values are left out.
+    """
+    pairs = [(a, b) for a, b in combinations(cells, 2) if (a.row == b.row) != (a.robot == b.robot)]
+    known = [(a, b) for a, b in pairs if min(len(cells[a]), len(cells[b])) > 1]
+    effects = [effect(cells[a], cells[b]) for a, b in known]
+    corrected = bonferroni([each.p for each in effects])
+    return [
+        {
+            "first": [a.row, a.robot], "second": [b.row, b.robot], "difference": each.difference,
+            "interval": [each.low, each.high], "A12": each.superiority, "p": each.p, "p_bonferroni": p,
+            "significant": p < SIGNIFICANT,
+        }
+        for (a, b), each, p in zip(known, effects, corrected, strict=True)
+    ]  # fmt: skip
+
+
+def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]]:
+    """A row for each treatment: number of runs, mean, standard deviation, 95 % bootstrap interval, published values."""
+    rows = []
+    for treatment, values in cells.items():
+        place = treatment.row, treatment.robot
+        low, high = mean_band(values) if len(values) > 1 else (None, None)
+        rows.append({
+            "measure": name, "fitness": treatment.row, "robot": treatment.robot, "runs": len(values),
+            "mean": float(values.mean()) if len(values) else None,
+            "deviation": float(values.std(ddof=1)) if len(values) > 1 else None,
+            "low": None if low is None else float(low), "high": None if high is None else float(high),
+            "published": PUBLISHED.get((environments, name), {}).get(place),
+            "published_deviation": PUBLISHED_DEVIATION.get((environments, name), {}).get(place),
+        })  # fmt: skip
+    return rows
+
+
+def write_tables(found: Mapping[Run, Arrays], out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last.
+
+    Args:
+        found: of every treatment and run, what its climbers kept.
+        out: folder.
+        about: the study, to stand in the summary.
+    """
+    environments = next(iter(found.values()))["distance"].shape[1]
+    summary: dict[str, Any] = {**about, "definitions": {}}
+    runs, text = [], []
+    for definition in DEFINITIONS:
+        measured = measure(found, definition)
+        cells = cells_of(measured)
+        summary["definitions"][definition] = {
+            "cells": [row for name in MEASURES for row in summarise(cells[name], name, environments)],
+            "tests": {name: compare_cells(cells[name]) for name in MEASURES},
+        }
+        runs += [(definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
+                 for (t, run), m in measured.items()]  # fmt: skip
+        text += list(_readable(summary["definitions"][definition], definition))
+    rows = [(definition, *row.values()) for definition, part in summary["definitions"].items() for row in part["cells"]]
+    write_table(out / "tables.csv", ("definition", *next(iter(summary["definitions"].values()))["cells"][0]), rows)
+    header = ("definition", "fitness", "robot", "run", "champion", *MEASURES, "changes")
+    write_table(out / "runs.csv", header, runs)
+    write_table(out / "tests.csv", TEST_COLUMNS, _test_rows(summary["definitions"]))
+    write_text(out / "tables.md", "\n".join(text) + "\n")
+    write_json(out / "summary.json", summary)
+    return summary
+
+
+TEST_COLUMNS = ("definition", "measure", "first", "second", "difference", "low", "high", "A12", "p", "p_bonferroni")
+
+
+def _test_rows(definitions: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
+    for definition, part in definitions.items():
+        for name, tests in part["tests"].items():
+            for t in tests:
+                yield (definition, name, " ".join(t["first"]), " ".join(t["second"]), t["difference"], *t["interval"],
+                       t["A12"], t["p"], t["p_bonferroni"])  # fmt: skip
+
+
+def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
+    """Tables as Markdown: mean, deviation, interval, published mean; and which neighbours differ."""
+    yield f"# As {definition}\n"
+    for name, title in MEASURES.items():
+        rows = [row for row in part["cells"] if row["measure"] == name]
+        robots, fitness = (list(dict.fromkeys(row[key] for row in rows)) for key in ("robot", "fitness"))
+        cells = {(row["fitness"], row["robot"]): row for row in rows}
+        yield f"## {name}: {title}\n"
+        yield "Mean ± standard deviation, [95 % interval], published mean.\n"
+        yield f"| {name} | " + " | ".join(robots) + " |"
+        yield "| --- |" + " --- |" * len(robots)
+        for way in fitness:
+            yield f"| {way} | " + " | ".join(_cell(cells.get((way, robot))) for robot in robots) + " |"
+        marked = [t for t in part["tests"][name] if t["significant"]]
+        yield f"\nOf {len(part['tests'][name])} pairs, {len(marked)} differ at the 0.05 level (Bonferroni)" + (
+            ": " + "; ".join(_mark(t["first"], t["second"]) for t in marked) + ".\n" if marked else ".\n"
+        )
+
+
+def _cell(row: Mapping[str, Any] | None) -> str:
+    if row is None or row["mean"] is None:
+        return "–"
+    text = f"{row['mean']:.2f}"
+    if row["deviation"] is not None:
+        text += f" ± {row['deviation']:.2f} [{row['low']:.2f}, {row['high']:.2f}]"
+    return text if row["published"] is None else f"{text}, published {row['published']:.2f}"
+
+
+def _mark(first: Sequence[str], second: Sequence[str]) -> str:
+    """Two cells that differ: robots of a row by ↔, rows of a robot by ↕, as in the published tables."""
+    if first[0] == second[0]:
+        return f"{first[0]}: {first[1]} ↔ {second[1]}"
+    return f"{first[1]}: {first[0]} ↕ {second[0]}"

@@ -1,0 +1,61 @@
+"""The sweep of chapters 3 and 4, its metrics and its pictures."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from optim.experiments.results import Budget, Progress
+from optim.studies.chapter3.sensor_placement_figures import save_figures
+from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
+from optim.studies.chapter4.training import sample_designs
+from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from taichi_sim.base.results_folder import ResultsFolder
+
+NOTABLE = (162, 6553)  # the best body and the baseline, always among those swept
+
+
+@dataclass(frozen=True)
+class SensorPlacement:
+    """Settings.
+
+    Attributes:
+        sample: bodies drawn from the published grid, beside those in ``NOTABLE``.
+        sweep: settings of the sweep.
+    """
+
+    sample: int = DESIGNS
+    sweep: Sweep = field(default_factory=Sweep)
+
+    def __post_init__(self) -> None:
+        _ = self.designs  # refuses a sample that there is not
+
+    @property
+    def designs(self) -> list[int]:
+        """Numbers of the bodies, ascending."""
+        return sorted({*NOTABLE, *sample_designs(self.sample)})
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on."""
+        return {**asdict(self.sweep), "bodies": len(self.designs)}
+
+
+SCALES: Mapping[Budget, SensorPlacement] = {
+    "small": SensorPlacement(98, Sweep(weights=41)),
+    "full": SensorPlacement(),
+}
+
+
+def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sweep_folder: Path | None = None) -> None:
+    """Write ``table.csv`` and pictures.
+
+    Args:
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        sweep_folder: takes the overlaps; one beside the results if None.
+    """
+    ResultsFolder(folder, "sensor-placement", settings.describe())
+    designs, overlaps = settings.designs, sweep_folder or folder / "overlaps"
+    overlaps_of([VehicleBody.published(design) for design in designs], settings.sweep, overlaps, progress=progress)
+    table = read_sweep_table(overlaps).rows(designs)
+    table.write(folder / "table.csv")
+    save_figures(table, overlaps, folder)

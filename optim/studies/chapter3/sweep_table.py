@@ -1,0 +1,127 @@
+"""The table of a sweep: for every body, how many controllers solve all environments, and how many any.
+
+Source: dissertation, chapters 3 and 4; the metrics are those of ``optim.measures.overlap``, from counts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.experiments.tables import read_table, write_table
+from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
+from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
+
+COLUMNS = ("design", "all", "any")
+Whole = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTable:
+    """What a sweep says of bodies of the published grid, ascending by number, each array of shape (D,).
+
+    Attributes:
+        designs: numbers of the bodies.
+        solving_all: controllers that succeed in all environments.
+        solving_any: controllers that succeed in at least one.
+        settings: of the sweep.
+    """
+
+    designs: Whole
+    solving_all: Whole
+    solving_any: Whole
+    settings: Sweep
+
+    @classmethod
+    def of(cls, designs: ArrayLike, overlaps: NDArray[Any], settings: Sweep, environments: int = 4) -> "SweepTable":
+        """The table of overlap matrices, shape (D, n, n)."""
+        every, some = (np.count_nonzero(overlaps >= n, axis=(1, 2)) for n in (environments, 1))
+        return cls(np.asarray(designs, np.int64), np.asarray(every), np.asarray(some), settings)
+
+    @property
+    def learnability(self) -> Floats:
+        """M_L, the share of all controllers that solve every environment."""
+        return np.asarray(self.solving_all / self.settings.weights**2)
+
+    @property
+    def interference(self) -> Floats:
+        """M_CI, their share of those that solve any environment; 0 if none does."""
+        return np.asarray(self.solving_all / np.maximum(self.solving_any, 1))
+
+    @property
+    def metrics(self) -> dict[str, Floats]:
+        """Both, by their names in the papers."""
+        return {"M_L": self.learnability, "M_CI": self.interference}
+
+    def rows(self, designs: ArrayLike) -> "SweepTable":
+        """The part of some bodies.
+
+        Raises:
+            ValueError: in one line, if some are missing.
+        """
+        wanted = np.asarray(designs, np.int64)
+        missing = np.setdiff1d(wanted, self.designs)
+        if missing.size:
+            raise ValueError(f"sweep: {missing.size} of {wanted.size} bodies are missing, design {missing[0]} first")
+        at = np.searchsorted(self.designs, wanted)
+        return SweepTable(wanted, self.solving_all[at], self.solving_any[at], self.settings)
+
+    def write(self, path: Path) -> None:
+        """Write design, all, any, M_L and M_CI as CSV."""
+        columns = (self.designs, self.solving_all, self.solving_any, *self.metrics.values())
+        write_table(path, (*COLUMNS, *self.metrics), zip(*(column.tolist() for column in columns), strict=True))
+
+
+def read_sweep_table(path: Path) -> SweepTable:
+    """The table of a sweep's folder, of all bodies that are there, or of a CSV file with design, all, any first.
+
+    Such a file, which may be compressed (``.csv.gz``), is of the sweep in whose folder it lies, or else of the
+    published one with 121 x 121 controllers.
+
+    Raises:
+        ValueError: in one line, for anything else; also for a table with M_L of another number of controllers.
+    """
+    if path.is_dir():
+        settings, bodies = read_sweep(path)
+        numbered = {body.design: body for body in bodies if body.design is not None}
+        if not numbered:
+            raise ValueError(f"{path}: holds no body of the published grid yet")
+        return SweepTable.of(list(numbered), overlaps_of(list(numbered.values()), settings, path), settings)
+    settings = read_sweep_settings(path.parent) if holds_sweep(path.parent) else Sweep()
+    header, rows = read_table(path)
+    try:
+        numbers = np.array([list(map(int, row[: len(COLUMNS)])) for row in rows], np.int64).reshape(-1, len(COLUMNS))
+    except ValueError:
+        numbers = np.zeros((0, len(COLUMNS)), np.int64)
+    designs, every, some = numbers.T
+    whole = (every >= 0) & (some >= every) & (some <= settings.weights**2) & (designs >= 1) & (designs <= DESIGNS)
+    if tuple(header[: len(COLUMNS)]) != COLUMNS or not len(numbers) or not whole.all() or (np.diff(designs) <= 0).any():
+        raise ValueError(f"{path}: is not the table of a sweep, with columns {','.join(COLUMNS)}, ascending by design")
+    table = SweepTable(designs, every, some, settings)
+    if not _has_metrics(table, header, rows):
+        raise ValueError(
+            f"{path}: its M_L is not of {settings.weights} x {settings.weights} controllers; give the sweep's folder"
+        )
+    return table
+
+
+def _has_metrics(table: SweepTable, header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether M_L, where a file has it, is that of the table."""
+    if "M_L" not in header:
+        return True
+    try:
+        given = [float(row[header.index("M_L")]) for row in rows]
+    except (ValueError, IndexError):
+        return False
+    return np.allclose(given, table.learnability, rtol=1e-9, atol=0.0)
+
+
+def overlaps_of(bodies: Sequence[VehicleBody], settings: Sweep, folder: Path | None, **options: Any) -> NDArray[Any]:
+    """Overlap matrices of a sweep of these settings, see :func:`robots.braitenberg.sweep`."""
+    given = asdict(settings)
+    renamed = {"r": given.pop("radius"), "dt": given.pop("time_step")}
+    return sweep(bodies, **given, **renamed, out=folder, **options)

@@ -1,0 +1,1 @@
+"""Chapter 4 of the dissertation: training, co-optimisation, homeostasis, and the reality gap."""

@@ -1,0 +1,210 @@
+"""Whether homeostasis as an objective helps: co-optimisation with and without it, at the same budget and seeds.
+
+Source: dissertation, chapter 6, which proposes it as a proxy of learnability. Beside the two searches stands a third
+way that costs no search: of everything that the search without it evaluated, report the most homeostatic solution.
+Judged are the reported solution's homeostasis by full signals, the metrics of its body by a sweep of its own, and how
+well the solution stands perturbations. Until the first solution both searches are the same by construction, so the
+objective cannot change how soon it comes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.comparison import compare, describe_times
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
+from optim.experiments.results import Arrays, Budget, Progress, kept, part_of, write_json
+from optim.experiments.tables import write_table
+from optim.experiments.trials import NOTHING, Trials, kept_trials
+from optim.measures import interference, learnability
+from optim.search.method import check_whole
+from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
+from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
+from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
+from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+from robots.braitenberg import VehicleBody, sweep
+from taichi_sim.base.results_folder import ResultsFolder
+
+BOX = 0.0005  # side of the boxes of homeostasis; solutions of the best body lie some of them apart
+LABELS = {"without": "not asked for", "selected": "chosen afterwards", "with": "as an objective"}
+PAIRS = (("with", "without"), ("selected", "without"), ("with", "selected"))
+OUTCOMES = {
+    "raw": "DTW distance [1/m$^2$]",
+    "normalised": "DTW distance, normalised",
+    "M_L": "learnability $M_L$",
+    "M_CI": "resistance $M_{CI}$",
+    "survival": "survival of perturbations",
+}
+
+
+@dataclass(frozen=True)
+class HomeostasisObjective:
+    """Settings.
+
+    Attributes:
+        searches: runs, budget, seeds and task of both searches.
+        samples: of a trace in the searches, at most.
+        weights: values of each weight in the sweeps of reported bodies.
+        draws: of every random perturbation.
+    """
+
+    searches: CoOptimisation = CoOptimisation()  # noqa: RUF009 (immutable)
+    samples: int = 1000
+    weights: int = 61
+    draws: int = 10
+
+    def __post_init__(self) -> None:
+        for name, low in {"samples": 1, "weights": 2, "draws": 1}.items():
+            check_whole(name, getattr(self, name), low)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on."""
+        numbers = {name: getattr(self, name) for name in ("samples", "weights", "draws")}
+        return {**self.searches.describe(), **numbers, "borg": BORG, "box": BOX}
+
+
+SCALES: Mapping[Budget, HomeostasisObjective] = {
+    "small": HomeostasisObjective(CoOptimisation(runs=3, budget=100), weights=15, draws=2),
+    "full": HomeostasisObjective(),
+}
+
+
+def search(settings: HomeostasisObjective, folder: ResultsFolder | None, progress: Progress) -> dict[str, Trials]:
+    """Trials of both searches."""
+    vehicle, own = settings.searches.problem(), settings.searches
+    sides = [BORG["epsilons"]] * len(vehicle.objective_names)
+    arms: dict[str, tuple[Any, Any]] = {
+        "without": (vehicle, BORG),
+        "with": (HomeostasisProblem(vehicle, settings.samples), {**BORG, "epsilons": [*sides, BOX]}),
+    }
+    return {
+        arm: kept_trials(folder, arm, problem, "borg", borg, own.seeds, own.budget, progress=part_of(progress, n, 2))
+        for n, (arm, (problem, borg)) in enumerate(arms.items())
+    }
+
+
+def reported(settings: HomeostasisObjective, found: dict[str, Trials], folder: ResultsFolder | None) -> dict[str, Any]:
+    """Points that each way reports, shape (R, D); NaN in the rows of trials that solved nothing.
+
+    With the objective and with selection it is the most homeostatic solution that was evaluated, by decimated signals,
+    without them the member of the archive with the largest sum.
+    """
+    goal = len(settings.searches.task.starts)
+    without, with_it = found["without"], found["with"]
+    last = without.reported(BORG["epsilons"])[:, -1]
+    rows = np.arange(len(last))
+    last = np.where((last != NOTHING) & (without.solved[rows, last] == goal), last, NOTHING)
+    similar = kept(folder, "similarity_without", partial(_similarity, settings, without))["homeostasis"]
+    chosen = {
+        "without": _points(without, last),
+        "selected": _points(without, _largest(similar, without.solved == goal)),
+        "with": _points(with_it, _largest(with_it.objectives[..., -1], with_it.solved == goal)),
+    }
+    return {name: chosen[name] for name in LABELS}
+
+
+def _similarity(settings: HomeostasisObjective, trials: Trials) -> Arrays:
+    """The objective of every point that solves all environments; NaN elsewhere."""
+    task, solved = settings.searches.task, trials.solved == len(settings.searches.task.starts)
+    values = np.full(solved.shape, np.nan)
+    if solved.any():
+        sites, controllers = settings.searches.problem().split(trials.points[solved])
+        every = decimation(task, settings.samples)
+        values[solved] = -sensor_distances(sites, controllers[:, 0], task, every, settings.searches.threads)[0]
+    return {"homeostasis": values}
+
+
+def _largest(values: NDArray[np.float64], allowed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Where each row has its largest value among those allowed; -1 without one."""
+    shown = np.where(allowed & np.isfinite(values), values, -np.inf)
+    return np.where(np.isfinite(shown).any(axis=1), shown.argmax(axis=1), NOTHING)
+
+
+def _points(trials: Trials, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
+    points = trials.points[np.arange(trials.runs), np.maximum(chosen, 0)]
+    return np.where((chosen == NOTHING)[:, None], np.nan, points)
+
+
+def judge(settings: HomeostasisObjective, points: NDArray[np.float64], sweep_folder: Path | None) -> Arrays:
+    """What is thought of reported points, by the names in ``OUTCOMES``, shape (R,); NaN where there is none."""
+    own, there = settings.searches, ~np.isnan(points).any(axis=1)
+    arrays = {name: np.full(len(points), np.nan) for name in OUTCOMES}
+    if not there.any():
+        return arrays
+    sites, controllers = own.problem().split(points[there])
+    distances = sensor_distances(sites, controllers[:, 0], own.task, threads=own.threads)
+    arrays["raw"][there], arrays["normalised"][there] = distances
+    bodies = [VehicleBody(tuple(map(tuple, places))) for places in sites.tolist()]
+    task = own.task.radius, own.task.time_step, own.task.steps
+    overlaps = sweep(bodies, settings.weights, *task, out=sweep_folder, threads=own.threads)
+    arrays["M_L"][there], arrays["M_CI"][there] = learnability(overlaps), interference(overlaps)
+    each = (sites, controllers[:, 0], own.task)
+    shares = [survival(*each, p, settings.draws, own.seed, own.threads) for p in PERTURBATIONS]
+    arrays["survival"][there] = np.mean(shares, axis=0)
+    return arrays
+
+
+def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
+    """Write ``summary.json``, ``reported.csv`` and a figure.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
+    results = ResultsFolder(folder, "homeostasis-objective", settings.describe())
+    found = search(settings, results, part_of(progress, 0, 2))
+    outcomes: dict[str, Arrays] = {}
+    for n, (way, points) in enumerate(reported(settings, found, results).items()):
+        arrays = kept(results, f"judged_{way}", partial(judge, settings, points, folder / "sweep"))
+        outcomes[way] = {**arrays, "points": points}
+        if progress:
+            progress(0.5 + 0.5 * (n + 1) / len(LABELS))
+    write_json(folder / "summary.json", report(settings, found, outcomes))
+    names, seeds = settings.searches.problem().space.names, settings.searches.seeds
+    rows = [
+        (way, seed, *(float(arrays[name][n]) for name in OUTCOMES), *arrays["points"][n].tolist())
+        for way, arrays in outcomes.items()
+        for n, seed in enumerate(seeds)
+    ]
+    write_table(folder / "reported.csv", ("way", "seed", *OUTCOMES, *names), rows)
+    draw(outcomes, folder / "homeostasis-objective.png")
+
+
+def report(settings: HomeostasisObjective, found: dict[str, Trials], outcomes: dict[str, Arrays]) -> dict[str, Any]:
+    """Evaluations until success, and quartiles and two-sided tests of every outcome."""
+    own, goal = settings.searches, len(settings.searches.task.starts)
+    times = {arm: trials.first(goal) for arm, trials in found.items()}
+    summary: dict[str, Any] = {
+        "evaluations_until_all_solved": {arm: describe_times(t, own.budget) for arm, t in times.items()},
+        "outcomes": {}, "tests": {},
+    }  # fmt: skip
+    for name in OUTCOMES:
+        samples = {way: arrays[name][np.isfinite(arrays[name])] for way, arrays in outcomes.items()}
+        summary["outcomes"][name] = {
+            way: {"n": len(values), "quartiles": np.percentile(values, [25, 50, 75]).tolist() if len(values) else None}
+            for way, values in samples.items()
+        }
+        pairs = [pair for pair in PAIRS if all(len(samples[way]) > 1 for way in pair)]
+        summary["tests"][name] = compare(samples, pairs, "two-sided")
+    return summary
+
+
+def draw(outcomes: dict[str, Arrays], path: Path) -> None:
+    """Every outcome of every trial, with medians, a panel each."""
+    with figure(path, PAGE, 2.2, ncols=len(OUTCOMES)) as (drawn, panels):
+        for axes, (name, label) in zip(panels.flat, OUTCOMES.items(), strict=True):
+            for place, ((way, arrays), colour) in enumerate(zip(outcomes.items(), COLOURS, strict=False)):
+                values = arrays[name][np.isfinite(arrays[name])]
+                spread = np.linspace(-0.25, 0.25, len(values))
+                axes.plot(place + spread, values, ".", color=colour, markersize=3, alpha=0.7, label=LABELS[way])
+                if len(values):
+                    axes.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=colour)
+            axes.set(ylabel=label, xticks=[])
+        for axes, name in zip(panels.flat, ("raw", "normalised"), strict=False):
+            if any(np.isfinite(arrays[name]).any() for arrays in outcomes.values()):
+                logarithmic(axes, "y")
+        legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
+        letter(panels)

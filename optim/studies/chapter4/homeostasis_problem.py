@@ -1,0 +1,62 @@
+"""Co-optimisation that is also asked to be homeostatic, once it solves everything.
+
+Source: dissertation, chapter 6, which proposes the similarity of sensor signals between environments as an objective.
+Controllers that never see the light have the most similar signals of all; so similarity counts only among those that
+solve all environments, and any of these is better in it than all others.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.problem import Evaluation
+from optim.problems.braitenberg import VehicleProblem
+from optim.search.method import check_whole
+from optim.space import Space
+from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+
+UNSOLVED = -1.0  # below every similarity
+
+
+@dataclass(frozen=True, eq=False)
+class HomeostasisProblem:
+    """The objectives of a vehicle problem, and one more: homeostasis.
+
+    It is -d / (1 + d), between -1 and 0, of the mean warping distance d of light signals [1/m^2] that are decimated
+    to ``samples``, for points that solve all environments, else -1.
+
+    Attributes:
+        vehicle: the problem without it, with an objective for each environment.
+        samples: of a trace, at most, beside the start.
+    """
+
+    vehicle: VehicleProblem
+    samples: int = 1000
+
+    def __post_init__(self) -> None:
+        check_whole("samples", self.samples, 1)
+
+    @property
+    def space(self) -> Space:
+        """That of the vehicle."""
+        return self.vehicle.space
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points; details as of the vehicle."""
+        judged = self.vehicle.evaluate(points)
+        task = self.vehicle.task
+        homeostasis = np.full(len(judged.objectives), UNSOLVED)
+        solved = np.flatnonzero(~judged.failed & (judged.details["solved"] == len(task.starts)))
+        if len(solved):
+            sites, controllers = self.vehicle.split(np.atleast_2d(np.asarray(points, float))[solved])
+            every = decimation(task, self.samples)
+            distance, _ = sensor_distances(sites, controllers[:, 0], task, every, self.vehicle.threads)
+            homeostasis[solved] = np.nan_to_num(-distance / (1 + distance), nan=UNSOLVED)
+        return replace(judged, objectives=np.column_stack([judged.objectives, homeostasis]))
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """The same without gradients, as nothing is binary; a one-line ValueError with them."""
+        if gradients:
+            raise ValueError("gradients: not allowed with several objectives; ask for points")
+        return self.evaluate(points)

@@ -1,0 +1,178 @@
+"""Training: how many evaluations search methods need to tune a controller, in each of many bodies.
+
+Source: dissertation, chapter 4, "Training": the weights w1 and w2 of a body are tuned by the sum of the smallest
+distances from the light, by four methods, five times each, with at most 500 evaluations, until one controller solves
+all four environments. The methods have the settings of that experiment, see ``optim.search.published``. It looked at
+its best point after every step of a method; here every point is looked at, in the order asked for.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.lockstep import run_in_lockstep
+from optim.experiments.results import Progress, part_of
+from optim.problem import Evaluation
+from optim.problems.braitenberg import VehicleProblem
+from optim.search import build_method
+from optim.search.method import check_whole
+from optim.search.published import BLACK_BOX_OPTIM
+from optim.space import Vector
+from optim.studies.chapter4.training_table import TrainingTable
+from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
+from taichi_sim.base.results_folder import ResultsFolder
+
+TRAINERS = tuple(BLACK_BOX_OPTIM)
+BODIES_PER_FILE = 25  # a file each half a minute or so
+_Outcome = tuple[NDArray[np.int64], NDArray[np.bool_]]  # of a body: evaluations and successes, shape (R,) each
+
+
+@dataclass(frozen=True)
+class Training:
+    """Settings of the study.
+
+    Attributes:
+        repetitions: R, runs of each method in each body.
+        budget: evaluations of a run.
+        seed: of all random numbers.
+        task: environments, radius of success and time.
+        precision: ``"f64"`` or ``"f32"``.
+    """
+
+    repetitions: int = 5
+    budget: int = 500
+    seed: int = 1
+    task: VehicleTask = PUBLISHED
+    precision: str = "f64"
+
+    def __post_init__(self) -> None:
+        for name, low in {"repetitions": 1, "budget": 1, "seed": 0}.items():
+            check_whole(name, getattr(self, name), low)
+        if self.precision not in ("f32", "f64"):
+            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
+
+    def problem(self, threads: int | None = None) -> VehicleProblem:
+        """What judges controllers, together with the places of their sensors."""
+        return VehicleProblem(task=self.task, precision=self.precision, threads=threads)
+
+    def describe(self) -> dict[str, Any]:
+        """All that outcomes depend on, but for body and method."""
+        numbers = {name: getattr(self, name) for name in ("repetitions", "budget", "seed")}
+        methods = {name: dict(settings) for name, settings in BLACK_BOX_OPTIM.items()}
+        return {**numbers, "methods": methods, "problem": self.problem().describe()}
+
+
+def sample_designs(count: int, seed: int = 1) -> list[int]:
+    """Numbers of bodies drawn from the published grid without replacement, ascending; larger samples contain smaller.
+
+    Raises:
+        ValueError: in one line, for less than 1 or more than there are.
+    """
+    check_whole("sample", count, 1)
+    if count > DESIGNS:
+        raise ValueError(f"sample: {count} is not allowed; give at most {DESIGNS}")
+    return sorted((np.random.default_rng(seed).permutation(DESIGNS)[:count] + 1).tolist())
+
+
+def train(
+    designs: Iterable[int],
+    methods: Sequence[str] = TRAINERS,
+    settings: Training = Training(),
+    *,
+    threads: int | None = None,
+    out: Path | None = None,
+    progress: Progress = None,
+) -> TrainingTable:
+    """Tune controllers of bodies by search methods, and count evaluations until success.
+
+    Args:
+        designs: numbers of bodies of the published grid, from 1 to 6561.
+        methods: names in ``TRAINERS``.
+        settings: of the study.
+        threads: CPU threads, all available if None; changes no result.
+        out: folder that takes the outcomes as they come. A study of the same settings that finds it goes on from there,
+            also with other bodies and methods; killed at any moment, it loses half a minute of work or so.
+        progress: called with the fraction done.
+
+    Returns:
+        Outcomes of all runs. A run's depends on its body, method, repetition and the settings only.
+
+    Raises:
+        ValueError: in one line, for bodies and methods that are not there, none of them, or a folder of other settings.
+    """
+    bodies = {design: VehicleBody.published(design) for design in sorted(set(designs))}
+    methods = tuple(dict.fromkeys(methods))
+    for name, given in {"designs": bodies, "methods": methods}.items():
+        if not given:
+            raise ValueError(f"{name}: none given; give at least one")
+    for method in methods:
+        if method not in TRAINERS:
+            raise ValueError(f"methods: {method!r} is unknown; choose some of {', '.join(TRAINERS)}")
+    folder = ResultsFolder(out, "training", settings.describe()) if out else None
+    known = {method: _load(folder, method) if folder else {} for method in methods}
+    missing = [(method, [design for design in bodies if design not in known[method]]) for method in methods]
+    chunks = [(m, todo[n : n + BODIES_PER_FILE]) for m, todo in missing for n in range(0, len(todo), BODIES_PER_FILE)]
+    done, total = len(methods) * len(bodies) - sum(len(chunk) for _, chunk in chunks), len(methods) * len(bodies)
+    for method, chunk in chunks:
+        report = part_of(progress, done, total, len(chunk))
+        fresh = _run(method, {design: bodies[design] for design in chunk}, settings, threads, report)
+        known[method] |= fresh
+        done += len(chunk)
+        if folder:
+            _add(folder, method, fresh)
+    outcomes = [[known[method][design] for design in bodies] for method in methods]
+    evaluations, solved = (np.array([[pair[n] for pair in row] for row in outcomes]) for n in (0, 1))
+    return TrainingTable(methods, np.array(list(bodies)), evaluations, solved)
+
+
+def _run(
+    method: str,
+    bodies: dict[int, VehicleBody],
+    settings: Training,
+    threads: int | None,
+    progress: Progress,
+) -> dict[int, _Outcome]:
+    """All repetitions of a method in some bodies, side by side."""
+    problem, weights = settings.problem(threads), VehicleProblem(body=BASELINE).space
+    runs = [(design, repetition) for design in bodies for repetition in range(settings.repetitions)]
+    searches = [
+        build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": _seed(settings.seed, *run)}) for run in runs
+    ]
+    places = np.array([np.ravel(bodies[design].sensors) for design, _ in runs])
+    evaluations, solved = np.zeros(len(runs), np.int64), np.zeros(len(runs), bool)
+
+    def judge(owners: NDArray[np.intp], points: Vector, _: str) -> Evaluation:
+        return problem.evaluate(np.hstack([places[owners], points]))
+
+    def observe(run: int, points: Vector, evaluation: Evaluation) -> bool:
+        successes = np.flatnonzero(evaluation.details["solved"] == len(settings.task.starts))
+        solved[run] = successes.size > 0
+        evaluations[run] += successes[0] + 1 if successes.size else len(points)
+        return bool(solved[run])
+
+    run_in_lockstep(searches, judge, observe, settings.budget, progress)
+    shape = len(bodies), settings.repetitions
+    return dict(zip(bodies, zip(evaluations.reshape(shape), solved.reshape(shape), strict=True), strict=True))
+
+
+def _seed(*stream: int) -> int:
+    """The seed of a run, of the study's, body and repetition: methods have the same, as they begin alike."""
+    return int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0]) >> 1  # seeds are below 2^63
+
+
+def _load(folder: ResultsFolder, method: str) -> dict[int, _Outcome]:
+    known: dict[int, _Outcome] = {}
+    for arrays in folder.load(f"runs-{method}"):
+        pairs = zip(arrays["evaluations"], arrays["solved"], strict=True)
+        known |= dict(zip(arrays["designs"].tolist(), pairs, strict=True))
+    return known
+
+
+def _add(folder: ResultsFolder, method: str, fresh: dict[int, _Outcome]) -> None:
+    designs = np.array(list(fresh))
+    evaluations, solved = (np.array(column) for column in zip(*fresh.values(), strict=True))
+    folder.add(f"runs-{method}", designs.tobytes(), designs=designs, evaluations=evaluations, solved=solved)

@@ -1,0 +1,74 @@
+"""Whether the metrics of bodies predict how many evaluations trainers need in them (chapter 4)."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.studies.chapter3.sensor_placement import correlation_of_metrics
+from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
+from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
+from optim.studies.chapter4.training_figures import save_training
+from optim.studies.chapter4.training_table import metric_correlations
+from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from taichi_sim.base.results_folder import ResultsFolder
+
+
+@dataclass(frozen=True)
+class TrainingInBodies:
+    """Settings.
+
+    Attributes:
+        bodies: how many, drawn from the published grid.
+        weights: values of each weight in the sweep that gives their metrics.
+        training: repetitions, budget and seed of the trainers.
+    """
+
+    bodies: int = DESIGNS
+    weights: int = 121
+    training: Training = Training()  # noqa: RUF009 (immutable)
+
+    def __post_init__(self) -> None:
+        _ = self.designs, self.sweep  # refuse numbers that are not allowed
+
+    @property
+    def designs(self) -> list[int]:
+        """Numbers of the bodies, ascending."""
+        return sample_designs(self.bodies)
+
+    @property
+    def sweep(self) -> Sweep:
+        """Settings of the sweep."""
+        return Sweep(weights=self.weights)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on."""
+        return {**self.training.describe(), "bodies": self.bodies, "weights": self.weights}
+
+
+SCALES: Mapping[Budget, TrainingInBodies] = {
+    "small": TrainingInBodies(20, 41, Training(repetitions=2)),
+    "full": TrainingInBodies(),
+}
+
+
+def study(
+    folder: Path, settings: TrainingInBodies, progress: Progress = None, sweep_folder: Path | None = None
+) -> None:
+    """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``.
+
+    Args:
+        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        sweep_folder: of a sweep of these bodies, or that takes it; one beside the results if None.
+    """
+    ResultsFolder(folder, "training", settings.describe())
+    designs, swept = settings.designs, sweep_folder or folder / "overlaps"
+    bodies = [VehicleBody.published(design) for design in designs]
+    overlaps_of(bodies, settings.sweep, swept, progress=part_of(progress, 0, 2))
+    sweep = read_sweep_table(swept).rows(designs)
+    table = train(designs, TRAINERS, settings.training, out=folder / "runs", progress=part_of(progress, 1, 2))
+    table.write(folder / "runs.csv")
+    found = [asdict(one) for one in metric_correlations(table, sweep)]
+    write_json(folder / "summary.json", {"correlations": found, "metrics": asdict(correlation_of_metrics(sweep))})
+    save_training(table, sweep, folder / "training.png")

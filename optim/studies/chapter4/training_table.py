@@ -1,0 +1,104 @@
+"""How many evaluations trainers needed in each body, and how that goes with what a sweep says of the body.
+
+Source: dissertation, chapter 4, "Training" and figure "neurips_evolution_correlation".
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.tables import read_table, write_table
+from optim.measures.statistics import Correlation, pearson
+from optim.studies.chapter3.sweep_table import SweepTable
+
+COLUMNS = ("design", "method", "repetition", "evaluations", "solved")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingTable:
+    """Outcomes of runs: M methods, each R times in each of D bodies.
+
+    Attributes:
+        methods: names, shape (M,).
+        designs: numbers of the bodies, ascending, shape (D,).
+        evaluations: until one controller solved all environments; of a run that found none, all it had; shape
+            (M, D, R).
+        solved: whether one was found, shape (M, D, R).
+    """
+
+    methods: tuple[str, ...]
+    designs: NDArray[np.int64]
+    evaluations: NDArray[np.int64]
+    solved: NDArray[np.bool_]
+
+    def write(self, path: Path) -> None:
+        """Write a row for each run as CSV, compressed if its name ends in ``.gz``."""
+        rows = (
+            (design, method, r + 1, int(self.evaluations[m, d, r]), int(self.solved[m, d, r]))
+            for m, method in enumerate(self.methods)
+            for d, design in enumerate(self.designs.tolist())
+            for r in range(self.evaluations.shape[2])
+        )
+        write_table(path, COLUMNS, rows)
+
+
+def read_training_table(path: Path) -> TrainingTable:
+    """What :meth:`TrainingTable.write` wrote.
+
+    Raises:
+        ValueError: in one line, for any other file.
+    """
+    header, rows = read_table(path)
+    try:
+        if tuple(header) != COLUMNS:
+            raise ValueError
+        methods = tuple(dict.fromkeys(row[1] for row in rows))
+        designs, numbers = np.unique([int(row[0]) for row in rows]), np.array([row[2:] for row in rows], np.int64)
+        repetitions = int(numbers[:, 0].max())
+        shape = len(methods), len(designs), repetitions
+        table = TrainingTable(methods, designs, numbers[:, 1].reshape(shape), numbers[:, 2].reshape(shape) == 1)
+    except (ValueError, IndexError):
+        raise ValueError(f"{path}: is not a table of training, with columns {','.join(COLUMNS)}") from None
+    return table
+
+
+@dataclass(frozen=True)
+class MetricCorrelation:
+    """How the evaluations that a method needs go with a metric of the body.
+
+    Attributes:
+        method: its name.
+        metric: ``"M_L"`` or ``"M_CI"``.
+        over: ``"runs"``, each of them, those in one body not independent; or ``"bodies"``, the means of their runs,
+            as published.
+        found: Pearson's correlation, its p two-sided.
+    """
+
+    method: str
+    metric: str
+    over: Literal["runs", "bodies"]
+    found: Correlation
+
+
+def metric_correlations(table: TrainingTable, sweep: SweepTable) -> list[MetricCorrelation]:
+    """Correlations of all methods with both metrics, over runs and bodies.
+
+    Args:
+        table: outcomes of runs.
+        sweep: of these bodies, and maybe others.
+
+    Raises:
+        ValueError: in one line, if the sweep lacks bodies.
+    """
+    found = []
+    for method, evaluations in zip(table.methods, table.evaluations, strict=True):
+        for metric, values in sweep.rows(table.designs).metrics.items():
+            every = np.repeat(values, evaluations.shape[1])
+            runs = pearson(every, evaluations.ravel(), "two-sided")
+            bodies = pearson(values, evaluations.mean(axis=1), "two-sided")
+            found.append(MetricCorrelation(method, metric, "runs", runs))
+            found.append(MetricCorrelation(method, metric, "bodies", bodies))
+    return found

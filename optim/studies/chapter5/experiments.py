@@ -1,0 +1,216 @@
+"""The searches of chapter 5: for a gait on flat ground and up a hill, with more and with less free to change.
+
+Source: Powers 2021 dissertation, ch. 5, "Optimization" and "Summary of experiments".
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.experiments.results import Progress, part_of
+from optim.problems.inflatable.problem import GaitProblem
+from optim.runs import open_run, run_search
+from optim.runs.environment import environment
+from optim.runs.history import read_history, read_result
+from optim.search import HillClimb
+from optim.search.method import check_whole
+from optim.studies.chapter5.costs import Costs
+from robots.inflatable.cores import highest_pressure
+from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign
+from robots.world import STEEPEST, Terrain
+from taichi_sim.base.checks import choice, number
+
+Floats = NDArray[np.float64]
+PARTS = ("orientation", "shape", "control")
+FLAT, HILL = "flat", "hill"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One search.
+
+    Attributes:
+        name: also of its run folder.
+        row: of the table, where it is a line.
+        place: ``"flat"`` or ``"hill"``.
+        free: what may change; what may not is as in ``fixed``.
+        fixed: a design.
+        start: values with which every climber starts; else they are random.
+    """
+
+    name: str
+    row: str
+    place: str
+    free: tuple[str, ...]
+    fixed: InflatableDesign
+    start: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+
+# As published, what is not free is as in rolling on flat ground and as in inching on the hill. Whether shape has to
+# change was asked by rolling on the hill: by the text with shape and orientation fixed, as it ran with all free and
+# only the start as in rolling.
+EXPERIMENTS = (
+    *(
+        Experiment(f"{'-'.join(free)}-{place}", ", ".join(free), place, free, gait)
+        for free in (PARTS, PARTS[1:], PARTS[2:])
+        for place, gait in ((FLAT, ROLLING), (HILL, INCHING))
+    ),
+    Experiment("rolling-on-the-hill-by-the-text", "rolling on the hill, by the text", HILL, ("control",), ROLLING),
+    Experiment(
+        "rolling-on-the-hill-as-run", "rolling on the hill, as run", HILL, PARTS, ROLLING,
+        {"orientation": ROLLING.orientation, "pressure": highest_pressure(ROLLING.pressure)},
+    ),
+)  # fmt: skip
+ROWS = tuple(dict.fromkeys(experiment.row for experiment in EXPERIMENTS))
+PAIRED = tuple(row for row in ROWS if {e.place for e in EXPERIMENTS if e.row == row} == {FLAT, HILL})
+
+
+@dataclass(frozen=True)
+class ShapeChange:
+    """Settings of the searches and of what follows them.
+
+    Attributes:
+        climbers: of each experiment.
+        generations: after the random starts; may be raised later.
+        slope: of the hill [degrees].
+        seed: of all random numbers.
+        geometry: name of the robot's, see ``NAMED_GEOMETRIES``.
+        repeats: how often the columns of a gait are played.
+        copies: of gaits made by hand and of each experiment's best design, with noise on their starts, in f64.
+        others: best designs of each experiment that are simulated on the other terrain.
+    """
+
+    climbers: int = 60
+    generations: int = 200
+    slope: float = 15.0
+    seed: int = 1
+    geometry: str = "published"
+    repeats: int = 2
+    copies: int = 8
+    others: int = 16
+
+    def __post_init__(self) -> None:
+        for name, low in (("climbers", 2), ("generations", 0), ("seed", 0), ("repeats", 1), ("copies", 1),
+                          ("others", 1)):  # fmt: skip
+            check_whole(name, getattr(self, name), low)
+        object.__setattr__(self, "slope", number("slope", self.slope, 0.1, STEEPEST, "degrees"))
+        choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
+
+    def terrain(self, place: str) -> Terrain:
+        """Of a place, ``"flat"`` or ``"hill"``."""
+        return Terrain() if place == FLAT else Terrain(self.slope)
+
+    def problem(self, experiment: Experiment, threads: int | None = None) -> GaitProblem:
+        """What an experiment searches."""
+        free, fixed = experiment.free, experiment.fixed
+        return GaitProblem(
+            (self.terrain(experiment.place),),
+            None if "orientation" in free else fixed.orientation,
+            None if "shape" in free else fixed.pressure,
+            repeats=self.repeats,
+            geometry=self.geometry,
+            threads=threads,
+        )
+
+    def method(self, experiment: Experiment) -> dict[str, Any]:
+        """The settings of an experiment's hill climbers."""
+        started = {"start": dict(experiment.start)} if experiment.start else {}
+        return {"climbers": self.climbers, "seed": self.seed, **started}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What an experiment has found so far.
+
+    Attributes:
+        scores: speeds of the climbers' best designs after every generation [body lengths/s], shape (G + 1, C); NaN
+            while all of a climber's designs have failed.
+        designs: the climbers' best, C.
+        evaluations: made.
+    """
+
+    scores: Floats
+    designs: tuple[InflatableDesign, ...]
+    evaluations: int
+
+    @property
+    def final(self) -> Floats:
+        """Speeds of the best designs of the climbers that have any, shape (at most C,)."""
+        last = self.scores[-1]
+        return last[~np.isnan(last)]
+
+    def best(self, count: int) -> list[int]:
+        """The climbers with the fastest designs, the fastest first; those without any are left out."""
+        order = np.argsort(-np.nan_to_num(self.scores[-1], nan=-np.inf), kind="stable")
+        return [int(climber) for climber in order if not np.isnan(self.scores[-1, climber])][:count]
+
+
+def search(
+    settings: ShapeChange,
+    folder: Path,
+    costs: Costs,
+    after_round: Callable[[], object],
+    threads: int | None = None,
+    progress: Progress = None,
+) -> None:
+    """Run all experiments, a generation of each in turn; each is a run folder of its own, that ``codesign`` knows.
+
+    A study that is interrupted has something of each experiment, and a kill loses at most one generation.
+
+    Args:
+        settings: of the experiments.
+        folder: takes the run folders.
+        costs: takes what each generation costs.
+        after_round: called whenever every experiment has come as far as the others.
+        threads: CPU threads; no result depends on them.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: in one line, for run folders of other settings, in use, or that went further.
+    """
+    with ExitStack() as stack:
+        runs = {e.name: stack.enter_context(_open(settings, e, folder, threads)) for e in EXPERIMENTS}
+        reached = dict.fromkeys(runs, -1)
+        turns = len(EXPERIMENTS) * (settings.generations + 1)
+        for generation in range(settings.generations + 1):
+            before = dict(reached)
+            for number, experiment in enumerate(EXPERIMENTS):
+                if reached[experiment.name] >= generation:
+                    continue
+                done = generation * len(EXPERIMENTS) + number
+                report = part_of(progress, done, turns)
+                problem = dataclasses.replace(settings.problem(experiment, threads), progress=report)
+                method = HillClimb(problem.space, **settings.method(experiment))
+                run = runs[experiment.name]
+                with costs.of(experiment.name):
+                    reached[experiment.name] = run_search(problem, method, run, generation).generation
+            if reached != before:
+                after_round()
+
+
+def _open(settings: ShapeChange, experiment: Experiment, folder: Path, threads: int | None) -> Any:
+    """The run folder of an experiment, new or as it was left."""
+    problem = settings.problem(experiment)
+    method = {"name": "hill-climb", **settings.method(experiment)}
+    about = environment(device=problem.device, precision=problem.precision, seed=settings.seed, threads=threads)
+    config = {"problem": problem.describe(), "method": method, "generations": settings.generations}
+    return open_run(folder / experiment.name, config, resume=True, environment=about)
+
+
+def read(settings: ShapeChange, folder: Path) -> dict[str, Found]:
+    """What the experiments in a folder have found so far, by name; those without a complete generation are left out."""
+    found = {}
+    for experiment in EXPERIMENTS:
+        history, problem = read_history(folder / experiment.name), settings.problem(experiment)
+        if (result := read_result(history, problem)) is None:
+            continue
+        scores = np.array([generation.scores for generation in history.generations], float)
+        designs = tuple(d for d in map(problem.design, result.points) if isinstance(d, InflatableDesign))
+        found[experiment.name] = Found(scores, designs, history.generations[-1].evaluations)
+    return found

@@ -1,0 +1,144 @@
+"""How inching on flat ground depends on the friction of sliding and of gripping feet.
+
+Source: Powers 2021 dissertation, ch. 5, figure "friction", d (the difference of the two) and e (their mean).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
+from optim.experiments.results import Budget, Progress, write_summary
+from optim.studies.chapter5.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
+from optim.studies.chapter5.published import FRICTION
+from robots.inflatable.robot import INCHING
+from robots.world import Terrain
+from taichi_sim.base.results_folder import ResultsFolder
+
+KIND = "friction-sweeps"
+TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, with some room
+HEADER = ("sweep", "low", "high", "mean", "deviation", "lowest", "highest", "copies", "diverged", "published",
+          "deviation_from_published")  # fmt: skip
+AXES: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
+    "difference": ("difference of friction, gripping - sliding", lambda low, high: high - low),
+    "mean": ("mean friction of gripping and sliding", lambda low, high: (low + high) / 2),
+}
+
+
+@dataclass(frozen=True)
+class FrictionSweeps:
+    """Settings.
+
+    Attributes:
+        robot: that inches.
+        points: of each sweep: friction of sliding and of gripping feet, and the published speed [body lengths/s].
+            Each replaces the robot's own everywhere: skin, seams and feet; bladders have a third of the higher one.
+    """
+
+    robot: Robot = field(default_factory=Robot)
+    points: Mapping[str, Sequence[tuple[float, float, float]]] = field(default_factory=lambda: FRICTION)
+
+    def __post_init__(self) -> None:
+        for name, points in self.points.items():
+            if name not in AXES:
+                raise ValueError(f"points: sweep {name!r} is unknown; choose of {', '.join(AXES)}")
+            if not points:
+                raise ValueError(f"points: sweep {name} has none; give at least one")
+
+    @property
+    def cases(self) -> list[Case]:
+        """Inching with the friction of every point, sweep by sweep."""
+        return [
+            Case(INCHING, Terrain(high_friction=high, low_friction=low))
+            for points in self.points.values()
+            for low, high, _ in points
+        ]
+
+
+SCALES: Mapping[Budget, FrictionSweeps] = {
+    "small": FrictionSweeps(Robot(copies=2)),
+    "full": FrictionSweeps(),
+}
+
+
+def study(
+    folder: Path, settings: FrictionSweeps, progress: Progress = None, threads: int | None = None
+) -> dict[str, Any]:
+    """Write a table and a figure of both sweeps, and all numbers.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
+    cases = settings.cases
+    about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
+    speeds = speeds_in_parts(settings.robot, cases, ResultsFolder(folder, KIND, about), threads, progress)
+    rows = rows_of(settings, speeds)
+    summary = {"largest_deviation": largest_deviation(rows), "tolerance": TOLERANCE, "rows": rows}
+    write_summary(folder, "friction", HEADER, summary, page(rows))
+    draw(rows, speeds, folder / "friction.png")
+    return summary
+
+
+def rows_of(settings: FrictionSweeps, speeds: Floats) -> list[dict[str, Any]]:
+    """A row for each point, of speeds of shape (points, copies)."""
+    points = [(name, *point) for name, points in settings.points.items() for point in points]
+    rows = []
+    for (sweep, low, high, published), copies in zip(points, speeds, strict=True):
+        found = spread(copies)
+        away = None if found["mean"] is None else found["mean"] - published
+        rows.append({"sweep": sweep, "low": low, "high": high, **found, "published": published,
+                     "deviation_from_published": away})  # fmt: skip
+    return rows
+
+
+def largest_deviation(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """The point farthest from the published speed; None where every copy diverged."""
+    known = [row for row in rows if row["deviation_from_published"] is not None]
+    if not known:
+        return None
+    row = max(known, key=lambda row: abs(row["deviation_from_published"]))
+    within = sum(abs(each["deviation_from_published"]) <= TOLERANCE for each in known)
+    away = row["deviation_from_published"]
+    return {"low": row["low"], "high": row["high"], "difference": away, "within": within, "of": len(rows)}
+
+
+def page(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The table as Markdown."""
+    lines = [
+        "Inching on flat ground [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.",
+        "",
+        "| sweep | sliding | gripping | speed | published | difference |",
+        "| --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for row in rows:
+        away = row["deviation_from_published"]
+        lines.append(f"| {row['sweep']} | {row['low']:g} | {row['high']:g} | {shown(row)} | {row['published']:.4f} | "
+                     f"{'–' if away is None else f'{round(away, 4) + 0.0:+.4f}'} |")  # fmt: skip
+    if worst := largest_deviation(rows):
+        lines += ["", f"Largest difference: {worst['difference']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
+                  f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}."]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
+    """Speeds against the difference and the mean of the two frictions, copies as points, beside the published ones."""
+    with figure(path, PAGE, 2.8, ncols=len(AXES), sharey=True) as (drawn, panels):
+        for axes, (sweep, (label, place)) in zip(panels.flat, AXES.items(), strict=True):
+            found = [(row, copies) for row, copies in zip(rows, speeds, strict=True) if row["sweep"] == sweep]
+            if sweep == "mean":  # the published figure has the robot's own friction, the base of both, in both
+                base = [pair for pair in zip(rows, speeds, strict=True) if pair[0]["sweep"] == "difference"]
+                found = base[:1] + found
+            x = [place(row["low"], row["high"]) for row, _ in found]
+            axes.axhline(0.0, color="0.8", linewidth=0.6, zorder=0)
+            means = np.array([row["mean"] for row, _ in found], float)
+            ours = axes.plot(x, means, marker="o", markersize=3.5, color=COLOURS[0], label="here, mean of copies")
+            for each, (_, copies) in zip(x, found, strict=True):
+                dots = axes.plot([each] * len(copies), copies, ".", markersize=2.5, color=COLOURS[4], label="each copy")
+            theirs = axes.plot(x, [row["published"] for row, _ in found], marker="s", markersize=3.5, linestyle="--",
+                               markerfacecolor="none", color=COLOURS[1], label="published")  # fmt: skip
+            axes.set_xlabel(label)
+        panels[0, 0].set_ylabel("speed of inching [BL/s]")
+        letter(panels)
+        legend_above(drawn, [*ours, *dots, *theirs])

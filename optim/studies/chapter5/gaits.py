@@ -1,0 +1,137 @@
+"""Gaits on terrains, each played by several copies of the robot: contact makes long runs chaotic.
+
+Where the copies agree, their mean is the speed of the gait; where they spread, contact decides between outcomes, and
+any single run, a published one too, is one draw of them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.experiments.results import Progress, kept_in_turn
+from optim.search.method import check_whole
+from robots.inflatable import robot as inflatable
+from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
+from robots.inflatable.robustness import NOISE
+from robots.inflatable.schedule import GaitSchedule
+from robots.world import Terrain
+from taichi_sim.base.checks import number
+from taichi_sim.base.results_folder import ResultsFolder
+
+Floats = NDArray[np.float64]
+MOST_COPIES = 1000
+BATCH = 16  # robots of a part of a study at least, if there are any more: they fill the lanes of two threads in f64
+
+
+@dataclass(frozen=True)
+class Case:
+    """A gait on a terrain."""
+
+    design: InflatableDesign
+    terrain: Terrain
+
+    def describe(self) -> dict[str, Any]:
+        """All of it; fits JSON."""
+        schedule = self.design.schedule
+        return {
+            "pressure": self.design.pressure,
+            "orientation": self.design.orientation,
+            "schedule": schedule.to_text(),
+            "repeats": schedule.repeats,
+            "terrain": {name: value for name, value in asdict(self.terrain).items() if value is not None},
+        }
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What plays the gaits, and how it is simulated.
+
+    Attributes:
+        geometry: shape and materials.
+        actuation: rates, timing and friction.
+        precision: ``"f32"`` or ``"f64"``.
+        copies: of each gait.
+        noise: standard deviation of the noise on the start positions [m].
+        seed: of the noise.
+    """
+
+    geometry: InflatableGeometry = PUBLISHED
+    actuation: InflatableActuation = ACTUATION
+    precision: str = "f64"
+    copies: int = 8
+    noise: float = NOISE
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_whole("copies", self.copies, 1, MOST_COPIES)
+        check_whole("seed", self.seed, 0)
+        number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
+
+    def describe(self) -> dict[str, Any]:
+        """All of it; fits JSON."""
+        return asdict(self)
+
+    def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:
+        """Play all cases as one batch.
+
+        Returns:
+            Speeds by the published convention [body lengths/s], shape (cases, copies); NaN of copies that diverged.
+        """
+        return np.asarray(self.play(cases, threads, progress).speed, float).reshape(len(cases), self.copies)
+
+    def play(
+        self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None
+    ) -> inflatable.InflatableResult:  # fmt: skip
+        """All cases as one batch, the copies of each beside each other."""
+        each = [case for case in cases for _ in range(self.copies)]
+        return inflatable.simulate(
+            [case.design for case in each], [case.terrain for case in each], geometry=self.geometry,
+            actuation=self.actuation, precision=self.precision, perturbation=self.noise, seed=self.seed,
+            threads=threads, progress=progress,
+        )  # fmt: skip
+
+
+def speeds_in_parts(
+    robot: Robot, cases: Sequence[Case], folder: ResultsFolder, threads: int | None = None, progress: Progress = None
+) -> Floats:
+    """As ``Robot.speeds``, in batches whose results are kept in a folder: a kill loses at most one of them."""
+    size = -(-BATCH // robot.copies)
+    batches = [cases[first : first + size] for first in range(0, len(cases), size)]
+    parts = [(f"speeds_{n}", partial(robot.speeds, batch, threads)) for n, batch in enumerate(batches)]
+    return np.concatenate(kept_in_turn(folder, "speeds", parts, progress))
+
+
+def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:
+    """The same design, its columns played so often."""
+    return replace(design, schedule=GaitSchedule(design.schedule.bits, repeats))
+
+
+def spread(speeds: ArrayLike) -> dict[str, float | int | None]:
+    """Mean, standard deviation and range of copies, shape (copies,), and how many of them diverged.
+
+    What too few are left to tell is None.
+    """
+    speeds = np.asarray(speeds, float)
+    valid = speeds[~np.isnan(speeds)]
+    return {
+        "mean": float(valid.mean()) if valid.size else None,
+        "deviation": float(valid.std(ddof=1)) if valid.size > 1 else None,
+        "lowest": float(valid.min()) if valid.size else None,
+        "highest": float(valid.max()) if valid.size else None,
+        "copies": int(speeds.size),
+        "diverged": int(speeds.size - valid.size),
+    }
+
+
+def shown(speeds: Mapping[str, float | int | None]) -> str:
+    """A :func:`spread` as text, such as ``0.0603 ± 0.0002``."""
+    if speeds["mean"] is None:
+        return "all diverged"
+    text = f"{speeds['mean']:.4f}"
+    if speeds["deviation"] is not None:
+        text += f" ± {speeds['deviation']:.4f}"
+    return f"{text} ({speeds['diverged']} of {speeds['copies']} diverged)" if speeds["diverged"] else text

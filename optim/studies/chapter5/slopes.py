@@ -1,0 +1,165 @@
+"""At which slope a flat robot that inches overtakes a round one that rolls.
+
+Source: Powers 2021 dissertation, ch. 5, "Transferring to a physical robot": a transition regime in which the ideal
+shape and gait switch; its hardware rolled up to about 9 degrees and inched up to about 14.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
+from optim.experiments.results import Budget, Progress, write_summary
+from optim.measures.statistics import bootstrap_means
+from optim.plots import draw_band
+from optim.studies.chapter5.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
+from robots.inflatable.robot import INCHING, ROLLING
+from robots.world import Terrain
+from taichi_sim.base.results_folder import ResultsFolder
+
+KIND = "slope-sweep"
+GAITS = {"rolling": ROLLING, "inching": INCHING}
+LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their range
+HEADER = ("slope", "gait", "mean", "deviation", "lowest", "highest", "copies", "diverged")
+
+
+@dataclass(frozen=True)
+class SlopeSweep:
+    """Settings.
+
+    Attributes:
+        slopes: ascending, at least two [degrees].
+        robot: that rolls and inches.
+    """
+
+    slopes: tuple[float, ...] = tuple(map(float, range(16)))
+    robot: Robot = field(default_factory=Robot)
+
+    def __post_init__(self) -> None:
+        slopes = [Terrain(slope).slope for slope in self.slopes]
+        if len(slopes) < 2 or np.any(np.diff(slopes) <= 0):
+            raise ValueError(f"slopes: {self.slopes} are not allowed; give at least two, ascending")
+        object.__setattr__(self, "slopes", tuple(slopes))
+
+
+SCALES: Mapping[Budget, SlopeSweep] = {
+    "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), Robot(copies=2)),
+    "medium": SlopeSweep(robot=Robot(copies=2)),
+    "full": SlopeSweep(),
+}
+
+
+def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
+    """Write a table, a figure, the transition and all numbers.
+
+    For the arguments see :class:`optim.studies.catalogue.Item`.
+    """
+    parts = ResultsFolder(folder, KIND, {"slopes": settings.slopes, "robot": settings.robot.describe()})
+    cases = [Case(design, Terrain(slope)) for slope in settings.slopes for design in GAITS.values()]
+    found = speeds_in_parts(settings.robot, cases, parts, threads, progress)
+    speeds = found.reshape(len(settings.slopes), len(GAITS), settings.robot.copies)
+    rows = [
+        {"slope": slope, "gait": gait, **spread(copies)}
+        for slope, both in zip(settings.slopes, speeds, strict=True)
+        for gait, copies in zip(GAITS, both, strict=True)
+    ]
+    place = transition(settings.slopes, speeds[:, 0], speeds[:, 1])
+    unknown = [slope for slope, told in zip(settings.slopes, told_at(speeds), strict=True) if not told]
+    summary = {"transition": place, "unknown": unknown, "rows": rows}
+    write_summary(folder, "slopes", HEADER, summary, page(settings, summary))
+    draw(settings.slopes, speeds, place, folder / "slopes.png")
+    return summary
+
+
+def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) -> dict[str, Any] | None:
+    """The slope from which on inching is faster, by the means of the copies, linear between slopes.
+
+    Slopes at which all copies of a gait diverged are left out.
+
+    Args:
+        slopes: ascending, shape (S,) [degrees].
+        rolling: speeds, shape (S, copies); NaN of copies that diverged.
+        inching: likewise.
+
+    Returns:
+        ``slope``, the 95 % bootstrap interval ``low`` to ``high`` over the copies that are there at every slope, the
+        slopes ``between`` which it was interpolated, and the share of resamples that ``cross``; without an interval
+        and a share where fewer than ``LEAST_COPIES`` are. None if inching does not overtake.
+    """
+    both = np.stack([np.asarray(rolling, float), np.asarray(inching, float)], axis=1)
+    told = told_at(both)
+    known_slopes, both = np.asarray(slopes, float)[told], both[told]
+    means = np.nanmean(both, axis=2)
+    if (found := crossing(known_slopes, means[:, 0] - means[:, 1])) is None:
+        return None
+    place, *between = found
+    ahead = both[:, 0] - both[:, 1]
+    ahead = ahead[:, ~np.isnan(ahead).any(axis=0)]
+    if ahead.shape[1] < LEAST_COPIES:
+        return {"slope": place, "low": None, "high": None, "between": between, "cross": None}
+    resampled = [crossing(known_slopes, each) for each in bootstrap_means(ahead.T)]
+    known = np.array([each[0] for each in resampled if each is not None])
+    low, high = np.percentile(known, [2.5, 97.5]).tolist() if known.size else (None, None)
+    return {"slope": place, "low": low, "high": high, "between": between, "cross": known.size / len(resampled)}
+
+
+def told_at(speeds: Floats) -> NDArray[np.bool_]:
+    """At which slopes a copy of every gait is left, shape (S,), of speeds of shape (S, gaits, copies)."""
+    return np.all(~np.isnan(speeds).all(axis=2), axis=1)
+
+
+def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, float, float] | None:
+    """Where a difference, shape (S,), that is positive first becomes negative, and the slopes before and after.
+
+    None if it never does.
+    """
+    negative = np.flatnonzero(ahead < 0)
+    if not negative.size or negative[0] == 0:
+        return None
+    n = int(negative[0])
+    share = ahead[n - 1] / (ahead[n - 1] - ahead[n])
+    return float(slopes[n - 1] + share * (slopes[n] - slopes[n - 1])), float(slopes[n - 1]), float(slopes[n])
+
+
+def page(settings: SlopeSweep, summary: dict[str, Any]) -> str:
+    """The table as Markdown."""
+    lines = ["Speeds uphill [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.", "",
+             f"| slope [degrees] | {' | '.join(GAITS)} |", f"| ---: |{' ---: |' * len(GAITS)}"]  # fmt: skip
+    for slope in settings.slopes:
+        here = [shown(row) for row in summary["rows"] if row["slope"] == slope]
+        lines.append(f"| {slope:g} | {' | '.join(here)} |")
+    return "\n".join([*lines, "", _sentence(summary["transition"], summary["unknown"])]) + "\n"
+
+
+def _sentence(found: dict[str, Any] | None, unknown: Sequence[float]) -> str:
+    at = ", ".join(f"{slope:g}" for slope in unknown)
+    left_out = f" Left out: {at} degrees, where all copies of a gait diverged." if unknown else ""
+    if found is None:
+        return f"Inching does not overtake rolling between these slopes.{left_out}"
+    low, high = found["between"]
+    interval = "" if found["low"] is None else f" [{found['low']:.2f}, {found['high']:.2f}]"
+    place = f"Inching overtakes rolling at {found['slope']:.2f} degrees{interval}"
+    return f"{place}, interpolated between {low:g} and {high:g}.{left_out}"
+
+
+def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, path: Path) -> None:
+    """Speeds of both gaits against the slope: mean, range of the copies, and the transition."""
+    with figure(path, COLUMN, 2.8) as (drawn, panels):
+        axes = panels[0, 0]
+        axes.axhline(0.0, color="0.8", linewidth=0.6, zorder=0)
+        for number, gait in enumerate(GAITS):
+            copies = np.ma.masked_invalid(speeds[:, number])
+            low, high, mean = (getattr(copies, name)(axis=1).filled(np.nan) for name in ("min", "max", "mean"))
+            draw_band(axes, slopes, mean, low, high, colour=COLOURS[number], label=gait)
+            axes.plot(slopes, mean, "o", markersize=2.5, color=COLOURS[number])
+        if found:
+            axes.axvline(found["slope"], color="0.4", linestyle=":", linewidth=0.9,
+                         label=f"transition, {found['slope']:.1f} degrees")  # fmt: skip
+            if found["low"] is not None:
+                axes.axvspan(found["low"], found["high"], color="0.6", alpha=0.25, linewidth=0)
+        axes.set(xlabel="slope [degrees]", ylabel="speed uphill [BL/s]")
+        legend_above(drawn, axes.get_legend_handles_labels()[0])

@@ -1,0 +1,222 @@
+"""How fast the lattice is on this machine: rates of the published robot, and how far it is from the limits.
+
+Every figure is measured several times in short pieces; the best piece is the machine undisturbed, the median what one
+gets. Speeds of shared machines drift, so claims are ratios within one run: to a reference program (``--prototype``, any
+program whose last line of output reads "f32: 36000 robot-steps ..."), and to the measured peak of the same core.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from robots.bench import braitenberg as vehicle_bench
+from robots.bench import quadruped as rigid_bench
+from robots.inflatable.program import build_program
+from robots.inflatable.robot import INCHING, PUBLISHED
+from robots.world import Terrain
+from taichi_sim import runtime
+from taichi_sim.autodiff.lanes import NATIVE_WIDTH
+from taichi_sim.lattice import LatticeEngine, LatticeProgram
+from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
+
+COLUMN = 11_670  # steps of a moving column of the published gaits
+GRADIENT_MEMORY = 2e9  # B
+WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
+
+
+class Batch:
+    """A batch of the published robot at the published inching gait, advanced piece by piece."""
+
+    def __init__(self, batch: int, precision: str, threads: int, width: int | None = None) -> None:
+        """Set the batch up and note the seconds that the first step takes, compilation included."""
+        self.batch, self._done = batch, 0
+        self._program = build_program([INCHING] * batch, Terrain())
+        runtime.start("cpu", precision, threads)
+        self.engine = LatticeEngine(
+            PUBLISHED.body,
+            batch,
+            time_step=PUBLISHED.time_step,
+            floor=True,
+            precision=precision,
+            threads=threads,
+            width=width,
+        )
+        started = time.perf_counter()
+        self.advance(1)
+        self.first_step = time.perf_counter() - started
+
+    def advance(self, steps: int) -> None:
+        """Run so many further steps of the gait."""
+        result = self.engine.run(self._piece(steps))
+        if (result.status != "ok").any():
+            raise RuntimeError("the benchmark's robots diverged")
+
+    def differentiate(self, steps: int) -> float:
+        """Run so many further steps and go back through them; the bytes that this takes."""
+        tape = self.engine.record(self._piece(steps), memory=GRADIENT_MEMORY)
+        tape.pull_back(positions=np.ones_like(tape.result.positions))
+        return tape.memory
+
+    def _piece(self, steps: int) -> LatticeProgram:
+        """The next steps of the gait; the pose is recorded at their end."""
+        events = self._program.events
+        piece = events[(events["step"] >= self._done) & (events["step"] < self._done + steps)].copy()
+        piece["step"] -= self._done
+        self._done += steps
+        return LatticeProgram(np.full(self.batch, steps), piece, np.full((self.batch, 1), steps))
+
+
+def rates(clock: Callable[[], float], batches: list[Batch], steps: int, pieces: int) -> list[tuple[float, float]]:
+    """Robot-steps per second (best piece, median piece) of every batch; their pieces alternate."""
+    for batch in batches:
+        batch.advance(max(WARM_UP - 1, 0))
+    seconds = np.empty((pieces, len(batches)))
+    for row in seconds:
+        for column, batch in enumerate(batches):
+            started = clock()
+            batch.advance(steps)
+            row[column] = clock() - started
+    work = np.array([batch.batch * steps for batch in batches])
+    return [(float(w / s.min()), float(w / np.median(s))) for w, s in zip(work, seconds.T, strict=True)]
+
+
+def prototype_rate(path: Path, precision: str) -> float:
+    """What a reference program reports: the first number after "f32:" or "f64:" on its last line."""
+    run = subprocess.run(
+        [sys.executable, path.name, precision], cwd=path.parent, capture_output=True, text=True, check=True
+    )
+    found = re.search(rf"{precision}: *([0-9.]+)[^\n]*\s*$", run.stdout)
+    if not found:
+        raise ValueError(f"prototype: {path} prints no number after {precision}: on its last line")
+    return float(found[1])
+
+
+def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:
+    """All figures of one precision."""
+    lanes, pieces, steps = NATIVE_WIDTH[precision], 4, 250 if quick else 1000
+    before = prototype_rate(prototype, precision) if prototype else None
+    full = Batch(lanes, precision, 1, lanes)
+    found: dict[str, Any] = {"first_step_s": full.first_step, "kilobytes_per_robot": full.engine.bytes_per_robot / 1e3}
+    peak = measure_peak(precision)
+    ((best, median),) = rates(time.process_time, [full], steps, pieces)
+    found["robot_steps_per_core_second"] = {"best": best, "median": median}
+    voxels = PUBLISHED.body.voxel_count
+    found["million_voxel_steps_per_core_second"] = best * voxels / 1e6
+    found["part_of_peak"] = best * voxels * FLOPS_PER_VOXEL_STEP / peak
+    if prototype and before:
+        after = prototype_rate(prototype, precision)
+        found["prototype"] = {"before": before, "after": after}
+        found["ratio_to_prototype"] = median / ((before + after) / 2)
+    single = Batch(1, precision, 1, 1)
+    ((best, median),) = rates(time.process_time, [single], 2 * steps, pieces)
+    found["single_robot_steps_per_second"] = {"best": best, "median": median}
+    found["gradient"] = gradient_cost(precision, 400 if quick else COLUMN)
+    if runtime.available_threads() > 1:
+        found["two_threads"] = {
+            name: _two_threads(batch, precision, width, steps, pieces)
+            for name, batch, width in ((f"{2 * lanes} robots", 2 * lanes, lanes), ("2 robots", 2, 1))
+        }
+    return found
+
+
+def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
+    """CPU time of gradients over so many steps, all computed again counted, in forward runs of one robot in scalars."""
+    found: dict[str, Any] = {"steps": steps}
+    forward = Batch(1, precision, 1, 1)
+    forward.advance(WARM_UP)
+    scalar, _ = _timed(forward.advance, steps)
+    for name, robots in (("one_robot", 1), ("lanes", NATIVE_WIDTH[precision])):
+        batch = Batch(robots, precision, 1, robots)
+        batch.differentiate(50)  # compiles
+        batch.advance(WARM_UP - 51)
+        gone, _ = _timed(batch.advance, steps)
+        again = Batch(robots, precision, 1, robots)
+        again.advance(WARM_UP - 1)
+        seconds, memory = _timed(again.differentiate, steps)
+        found[name] = {
+            "robots": robots,
+            "in_its_own_forward_runs": seconds / gone,
+            "in_scalar_forward_runs": seconds / scalar / robots,
+            "megabytes": memory / 1e6,
+        }
+    return found
+
+
+def _timed(work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
+    """CPU time of some steps, and what came of them."""
+    begun = time.process_time()
+    result = work(steps)
+    return time.process_time() - begun, result
+
+
+def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int) -> float:
+    """Speed of two threads over that of one, wall clock, pieces in turns."""
+    speeds = []
+    for threads in (1, 2):
+        piece = Batch(batch, precision, threads, width)
+        speeds.append(rates(time.perf_counter, [piece], steps, pieces)[0][0])
+    return speeds[1] / speeds[0]
+
+
+def main(args: Namespace) -> dict[str, Any]:
+    """Measure and print tables (to stderr with ``--json``); returns the figures."""
+    out = sys.stderr if args.json else sys.stdout
+    figures: dict[str, Any] = {"cpu": _cpu_name(), "cores": os.cpu_count()}
+    if args.robot in ("all", "inflatable"):
+        print(f"{figures['cpu']}, {figures['cores']} cores; published robot, 1428 voxels, full physics", file=out)
+        figures |= _inflatable(args, out)
+    if args.robot in ("all", "vehicle"):
+        print(f"{figures['cpu']}, {figures['cores']} cores; vehicle, all controllers of design 162", file=out)
+        figures["vehicle"] = vehicle_bench.measure(args.quick, args.vehicle_prototype)
+        print("\n".join(vehicle_bench.lines(figures["vehicle"])), file=out)
+    if args.robot in ("all", "rigid"):
+        print(f"{figures['cpu']}, {figures['cores']} cores; quadrupeds, random controllers", file=out)
+        figures["rigid"] = rigid_bench.measure(args.quick, args.rigid_prototype)
+        print("\n".join(rigid_bench.lines(figures["rigid"])), file=out)
+    return figures
+
+
+def _inflatable(args: Namespace, out: TextIO) -> dict[str, Any]:
+    """Measure the lattice; print and return the figures of each precision."""
+    precisions = [args.precision] if args.precision else ["f32", "f64"]
+    figures: dict[str, Any] = {}
+    for precision in precisions:
+        f = figures[precision] = measure(precision, args.quick, args.prototype)
+        batch = f["robot_steps_per_core_second"]
+        lanes = NATIVE_WIDTH[precision]
+        lines = [
+            f"{lanes} robots, one core    {batch['median']:>8.0f} robot-steps/s (best {batch['best']:.0f})",
+            f"voxels, best piece       {f['million_voxel_steps_per_core_second']:>8.1f} million voxel-steps/s",
+            f"of the core's peak       {f['part_of_peak']:>8.0%} ({FLOPS_PER_VOXEL_STEP} flop a voxel-step)",
+            f"one robot, one core      {f['single_robot_steps_per_second']['median']:>8.0f} steps/s "
+            f"(best {f['single_robot_steps_per_second']['best']:.0f})",
+            f"first step, compiling    {f['first_step_s']:>8.1f} s",
+            f"memory per robot         {f['kilobytes_per_robot']:>8.0f} KB",
+        ]
+        if "ratio_to_prototype" in f:
+            lines.insert(1, f"ratio to the prototype   {f['ratio_to_prototype']:>8.2f}")
+        lines += [
+            f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot "
+            f"({g['in_its_own_forward_runs']:.1f} of its own kind; {f['gradient']['steps']} steps, "
+            f"{g['megabytes']:.0f} MB)"
+            for g in (f["gradient"]["one_robot"], f["gradient"]["lanes"])
+        ]
+        lines += [f"two threads, {name:<12}{ratio:>8.2f} times one" for name, ratio in f.get("two_threads", {}).items()]
+        print("\n".join(f"{precision}  {line}" for line in lines), file=out)
+    return figures
+
+
+def _cpu_name() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return "unknown processor"

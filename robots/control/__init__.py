@@ -1,0 +1,1 @@
+"""What drives robots: networks of neurons, patterns, cyclic programs."""

@@ -1,0 +1,162 @@
+"""Programs that repeat a cycle: every channel follows straight pieces through given values, over and over.
+
+A sine through 16 pieces is off by at most 1 - cos(pi / 16) = 1.9 % of its amplitude, between its nodes.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robots.inflatable.program import weights
+from robots.inflatable.rest_sizes import rest_sizes, thermal_growth
+from robots.inflatable.robot import Frames
+from robots.world import Terrain
+from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
+from taichi_sim.lattice.faces import half_extents
+from taichi_sim.lattice.program import EVENT
+
+Floats = NDArray[np.float64]
+SEGMENTS = 16  # straight pieces of a cycle
+STARTS = 2  # snapshots before those for frames: the ends of the first and of the last cycle
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """When what happens.
+
+    Attributes:
+        frequency: cycles per second [Hz].
+        settling: time on the floor before they begin [s].
+        cycles: that count; another one comes before them, so that falling over does not.
+        time_step: dt [s], of which a whole number makes a segment: see :meth:`fit`.
+    """
+
+    frequency: float
+    settling: float
+    cycles: int
+    time_step: float
+
+    @staticmethod
+    def fit(frequency: float, largest: float) -> float:
+        """The largest dt [s] up to ``largest`` of which a whole number makes a segment of the cycle."""
+        segment = 1.0 / (frequency * SEGMENTS)
+        return segment / math.ceil(segment / largest)
+
+    @property
+    def begin(self) -> int:
+        """Steps before the first cycle."""
+        return round(self.settling / self.time_step)
+
+    @property
+    def segment(self) -> int:
+        """Steps of a straight piece."""
+        return round(1.0 / (self.frequency * SEGMENTS * self.time_step))
+
+    @property
+    def end(self) -> int:
+        """Steps of the whole program."""
+        return self.begin + (self.cycles + 1) * SEGMENTS * self.segment
+
+    @property
+    def duration(self) -> float:
+        """Of the cycles that count [s]."""
+        return self.cycles / self.frequency
+
+
+@dataclass(frozen=True, eq=False)
+class CyclicProgram:
+    """A program, and where its cycles are among its events.
+
+    Attributes:
+        program: snapshot 0 is the end of the first cycle, snapshot 1 the end of the last; frames follow.
+        cycle: when what happens.
+        shape: robots B and channels C.
+    """
+
+    program: LatticeProgram
+    cycle: Cycle
+    shape: tuple[int, int]
+
+    def pull_back(self, values: ArrayLike, rates: ArrayLike) -> Floats:
+        """Derivatives of a cost by the values at the nodes, shape (B, C, 16), from those by all events, (E,) each."""
+        count, (robots, channels) = (self.cycle.cycles + 1) * SEGMENTS, self.shape
+        value, rate = (np.asarray(given, float) for given in (values, rates))
+        by_value, by_rate = (given[-count * robots * channels :].reshape(-1, robots, channels)
+                             for given in (value, rate))  # fmt: skip
+        slopes = by_rate / self.cycle.segment
+        nodes = (by_value - slopes).reshape(-1, SEGMENTS, robots, channels).sum(axis=0)
+        nodes += np.roll(slopes.reshape(-1, SEGMENTS, robots, channels).sum(axis=0), 1, axis=0)
+        if self.cycle.begin:
+            ramp = rate[: -count * robots * channels][-robots * channels :].reshape(robots, channels)
+            nodes[0] += ramp / self.cycle.begin
+        return np.moveaxis(nodes, 0, -1)
+
+
+def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
+    """What a terrain does to all regions of a robot that heads somewhere [degrees]: weight, a fluid's resistance."""
+    pull = weights(terrain, np.array(heading))[1]
+    found = {Quantity.ACCELERATION + axis: float(part) for axis, part in enumerate(pull)}  # type: ignore[arg-type]
+    if terrain.is_fluid:
+        found |= {Quantity.RESISTANCE + part: value for part, value in enumerate(terrain.resistance)}
+    return found
+
+
+def build_cyclic_program(
+    regions: ArrayLike, quantities: ArrayLike, rest: ArrayLike, swing: Floats, cycle: Cycle,
+    around: Mapping[int, float], region_count: int, record_every: int | None = None,
+) -> CyclicProgram:  # fmt: skip
+    """The program of B robots. While they settle, channels go straight from rest to where the cycle begins.
+
+    Args:
+        regions: of the C channels, shape (C,).
+        quantities: of the channels, see ``Quantity``, shape (C,).
+        rest: their values before anything moves, broadcast to shape (B, C).
+        swing: what the cycle adds to them at its nodes, shape (B, C, 16).
+        cycle: when what happens.
+        around: values of quantities that all regions feel all the time, see :func:`surroundings`.
+        region_count: of the body.
+        record_every: steps between frames, from the start of the first cycle on; None for no frames.
+    """
+    robots, channels, _ = swing.shape
+    begin, segment, end = cycle.begin, cycle.segment, cycle.end
+    pull = np.empty((robots, region_count, len(around)), EVENT)
+    pull["robot"], pull["region"] = np.arange(robots)[:, None, None], np.arange(region_count)[:, None]
+    pull["quantity"], pull["step"] = list(around), 0
+    pull["value"], pull["rate"] = list(around.values()), 0.0
+    ramp = _driven((1, robots, channels), regions, quantities)
+    ramp["step"], ramp["value"], ramp["rate"] = 0, rest, swing[..., 0] / max(begin, 1)
+    swung = np.moveaxis(swing, -1, 0)
+    rate = (np.roll(swung, -1, axis=0) - swung) / segment
+    count = (cycle.cycles + 1) * SEGMENTS
+    cycles = _driven((count, robots, channels), regions, quantities)
+    cycles["step"] = (begin + np.arange(count) * segment)[:, None, None]
+    cycles["value"] = np.asarray(rest) + np.tile(swung, (cycle.cycles + 1, 1, 1))
+    cycles["rate"] = np.tile(rate, (cycle.cycles + 1, 1, 1))
+    parts = [pull, ramp, cycles] if begin else [pull, cycles]
+    marks = [begin + SEGMENTS * segment, end, *(range(begin, end + 1, record_every) if record_every else ())]
+    program = LatticeProgram(
+        np.full(robots, end), np.concatenate([part.ravel() for part in parts]), np.tile(marks, (robots, 1))
+    )
+    return CyclicProgram(program, cycle, (robots, channels))
+
+
+def _driven(shape: tuple[int, int, int], regions: ArrayLike, quantities: ArrayLike) -> NDArray[np.void]:
+    """Events of channels, shape (events, B, C), that lack steps and values."""
+    events = np.empty(shape, EVENT)
+    events["robot"], events["region"], events["quantity"] = np.arange(shape[1])[:, None], regions, quantities
+    return events
+
+
+def recorded_frames(
+    body: LatticeBody, run: LatticeResult, program: LatticeProgram, robot: int, interval: float
+) -> Frames:
+    """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
+    sizes = rest_sizes(body, program) * thermal_growth(body, program)
+    extents = half_extents(body, run.strains, sizes)
+    positions, orientations, shown, rest = (
+        np.swapaxes(a[robot : robot + 1, STARTS:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
+    )
+    return Frames(positions, orientations, np.arange(len(positions)) * interval, shown, rest)

@@ -1,0 +1,163 @@
+"""Compositional pattern-producing networks: patterns in space and time as a composition of simple functions.
+
+Source: Stanley, "Compositional pattern producing networks: a novel abstraction of development", Genetic Programming
+and Evolvable Machines 8, 131-162, 2007. (differs: the wiring is fixed and does not grow; a gene for each hidden node
+chooses its function, so that networks are points of a space of fixed size.)
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_sim.base.checks import whole_number
+
+Array = NDArray[np.float64]
+
+WEIGHT_LIMIT = 3.0  # weights lie between this and its negative
+
+# What a hidden node may do with the sum of what it hears, by the number of its gene. The Gaussian and the absolute
+# value make symmetry, the sine repetition, the others gradients and edges (Stanley 2007, sec. 3).
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
+    "linear": lambda u: u,
+    "tanh": np.tanh,
+    "step": lambda u: np.where(u > 0, 1.0, -1.0),
+    "absolute": np.abs,
+    "gaussian": lambda u: 2 * np.exp(-u * u) - 1,
+    "sine": lambda u: np.sin(np.pi * u),
+}
+
+
+@dataclass(frozen=True)
+class PatternWiring:
+    """Who listens to whom: each hidden node to all inputs, each output to all hidden nodes; every node has a bias.
+
+    Hidden nodes do not listen to each other: fitted to the published gaits, networks in which they did found them
+    less often, with more weights.
+
+    Attributes:
+        inputs: names of the I coordinates, whose values are usually from -1 to 1.
+        outputs: names of the O things that come out.
+        hidden: number H of hidden nodes.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    hidden: int = 6
+
+    def __post_init__(self) -> None:
+        whole_number("hidden", self.hidden, 1)
+        for field in ("inputs", "outputs"):
+            names = getattr(self, field)
+            if not names or len(set(names)) < len(names):
+                raise ValueError(f"{field}: {names!r} is not allowed; give at least one name, and none twice")
+
+    @property
+    def weight_names(self) -> tuple[str, ...]:
+        """``weight_NODE_SOURCE`` of every weight, node by node: hidden nodes first, of each the bias last."""
+        nodes = self._hidden_names
+        into_hidden = [f"weight_{node}_{source}" for node in nodes for source in (*self.inputs, "bias")]
+        into_outputs = [f"weight_{node}_{source}" for node in self.outputs for source in (*nodes, "bias")]
+        return (*into_hidden, *into_outputs)
+
+    @property
+    def activation_names(self) -> tuple[str, ...]:
+        """Name of the gene of each hidden node: which of ``ACTIVATIONS``, counted from 0."""
+        return tuple(f"activation_{node}" for node in self._hidden_names)
+
+    @property
+    def _hidden_names(self) -> list[str]:
+        return [f"hidden{number + 1}" for number in range(self.hidden)]
+
+
+@dataclass(frozen=True, eq=False)
+class PatternNetwork:
+    """A network: coordinates in, patterns out.
+
+    Attributes:
+        hidden: weights of what the hidden nodes hear, the bias last, shape (H, I + 1).
+        activations: names in ``ACTIVATIONS`` of the hidden nodes' functions, H of them.
+        output: weights of what the outputs hear, the bias last, shape (O, H + 1).
+
+    Example:
+        >>> wiring = PatternWiring(inputs=("x",), outputs=("height",), hidden=1)
+        >>> wiring.weight_names
+        ('weight_hidden1_x', 'weight_hidden1_bias', 'weight_height_hidden1', 'weight_height_bias')
+        >>> PatternNetwork.from_vector(wiring, [2.0, 0.0, 1.0, 0.5], [3])([[-1.0], [0.0], [0.5]]).ravel()
+        array([2.5, 0.5, 1.5])
+    """
+
+    hidden: Array
+    activations: Sequence[str]
+    output: Array
+
+    def __post_init__(self) -> None:
+        for field in ("hidden", "output"):
+            weights = np.array(getattr(self, field), float)
+            if weights.ndim != 2 or not np.isfinite(weights).all():
+                raise ValueError(f"{field}: shape {weights.shape}; give finite weights of shape (nodes, sources + 1)")
+            weights.setflags(write=False)
+            object.__setattr__(self, field, weights)
+        object.__setattr__(self, "activations", tuple(self.activations))
+        if unknown := [name for name in self.activations if name not in ACTIVATIONS]:
+            raise ValueError(f"activations: {unknown[0]!r} is unknown; choose of {', '.join(ACTIVATIONS)}")
+        if not len(self.hidden) == len(self.activations) == self.output.shape[1] - 1:
+            raise ValueError(
+                f"activations: {len(self.activations)} for {len(self.hidden)} hidden nodes, of which the outputs hear "
+                f"{self.output.shape[1] - 1}; the three must be equal"
+            )
+
+    @classmethod
+    def from_vector(cls, wiring: PatternWiring, weights: ArrayLike, activations: ArrayLike) -> Self:
+        """The network of a genome.
+
+        Args:
+            wiring: its nodes.
+            weights: in the order of ``wiring.weight_names``, from -``WEIGHT_LIMIT`` to ``WEIGHT_LIMIT``.
+            activations: in the order of ``wiring.activation_names``, whole numbers, see ``ACTIVATIONS``.
+
+        Raises:
+            ValueError: in one line, for another number of genes, or values that are not allowed.
+        """
+        values = _genes("weights", weights, wiring.weight_names, -WEIGHT_LIMIT, WEIGHT_LIMIT, False)
+        genes = _genes("activations", activations, wiring.activation_names, 0, len(ACTIVATIONS) - 1, True)
+        border = wiring.hidden * (len(wiring.inputs) + 1)
+        functions = list(ACTIVATIONS)
+        return cls(
+            values[:border].reshape(wiring.hidden, -1),
+            [functions[int(gene)] for gene in genes],
+            values[border:].reshape(len(wiring.outputs), -1),
+        )
+
+    def __call__(self, coordinates: ArrayLike) -> Array:
+        """The outputs, shape (C, O), at C places, shape (C, I).
+
+        Raises:
+            ValueError: in one line, for coordinates of another shape, or that are not finite.
+        """
+        places, inputs = np.asarray(coordinates, float), self.hidden.shape[1] - 1
+        if places.ndim != 2 or places.shape[1] != inputs or not np.isfinite(places).all():
+            raise ValueError(f"coordinates: shape {places.shape}; give finite numbers of shape (places, {inputs})")
+        heard = _affine(places, self.hidden)
+        functions = [ACTIVATIONS[name] for name in self.activations]
+        said = np.stack([function(u) for function, u in zip(functions, heard.T, strict=True)], axis=1)
+        return _affine(said, self.output)
+
+
+def _affine(values: Array, weights: Array) -> Array:
+    """Weighted sums and bias, shape (C, nodes); summed in this order, whatever the number of places."""
+    return (values[:, None, :] * weights[:, :-1]).sum(axis=2) + weights[:, -1]
+
+
+def _genes(field: str, given: ArrayLike, names: Sequence[str], low: float, high: float, whole: bool) -> Array:
+    """Genes as numbers, checked one by one."""
+    values = np.asarray(given, float)
+    if values.shape != (len(names),):
+        raise ValueError(f"{field}: shape {values.shape} is not allowed; give ({len(names)},)")
+    for name, value in zip(names, values.tolist(), strict=True):
+        if not low <= value <= high or (whole and value % 1):
+            kind = "a whole number" if whole else "a number"
+            raise ValueError(f"{name}: {value:g} is not allowed; give {kind} from {low:g} to {high:g}")
+    return values

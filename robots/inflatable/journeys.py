@@ -1,0 +1,228 @@
+"""One robot over several terrains: gaits and changes of shape one after the other, without putting it back.
+
+A leg begins as the one before ended: where the robot is, how it lies, how thick its bladders are. The ground changes
+between legs. Headings are those of the start: a leg of heading 90 degrees goes along the y axis of the world, whatever
+the robot did before; so does the slope.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from robots.inflatable.actuation import ACTUATION, Column, InflatableActuation
+from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
+from robots.inflatable.cores import InflatedCores, Pressure, highest_pressure, kilopascals
+from robots.inflatable.gaits import GaitDesign, as_graded
+from robots.inflatable.program import immerse, initialise, stand_on, weights, write_column
+from robots.inflatable.relaxed_motion import play_relaxed
+from robots.inflatable.relaxed_schedule import RelaxedDesign
+from robots.inflatable.rest_sizes import rest_sizes
+from robots.inflatable.robot import Frames, scattered, travel_directions
+from robots.world import Terrain
+from taichi_sim.autodiff.dual import Array, Dual, value_of
+from taichi_sim.base.checks import number, whole_number
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, ProgramBuilder
+from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A part of a journey.
+
+    Attributes:
+        design: what the robot does: a gait, or a change of shape (``transition``). Its pressure is that with
+            which the leg begins.
+        terrain: where.
+        name: in reports.
+    """
+
+    design: GaitDesign
+    terrain: Terrain
+    name: str = ""
+
+    @property
+    def last_pressure(self) -> Pressure:
+        """Of the cores, with which the leg ends [Pa]."""
+        core = as_graded(self.design).schedule.pressure
+        return self.design.pressure if core is None else float(core[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class JourneyResult:
+    """What the robots of a journey of L legs did; NaN where a status is not "ok".
+
+    Attributes:
+        distances: along the heading of each leg, positive uphill [m], shape (R, L).
+        steps: time steps of each leg, shape (L,).
+        status: "ok" or "diverged", shape (R,).
+        positions: of the voxels when the journey begins and each leg ends [m], shape (R, L + 1, V, 3).
+        orientations: likewise, quaternions (w, x, y, z), shape (R, L + 1, V, 4).
+        frames: recorded poses, or None.
+        body: the lattice.
+        body_length: unit of speeds [m].
+        time_step: dt [s].
+    """
+
+    distances: Array
+    steps: np.ndarray
+    status: np.ndarray
+    positions: Array
+    orientations: Array
+    frames: Frames | None
+    body: LatticeBody
+    body_length: float
+    time_step: float
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Of the legs, by the time that they take [body lengths/s], shape (R, L)."""
+        return self.distances / (self.body_length * self.steps * self.time_step)
+
+
+def simulate_journey(
+    legs: Sequence[Leg],
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    runs: int = 1,
+    precision: str = "f64",
+    device: str = "cpu",
+    threads: int | None = None,
+    record_every: int | None = None,
+    perturbation: float = 0.0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> JourneyResult:
+    """Have a robot do some legs one after the other.
+
+    Args:
+        legs: each begins with the core pressure with which the one before ends; the first begins initialised.
+        geometry: see ``robots.inflatable.simulate``; so are the others that are not named here.
+        actuation: see there.
+        runs: R robots that do the same; they differ by their perturbation.
+        precision: see there.
+        device: see there.
+        threads: see there.
+        record_every: record the poses every so many time steps from the end of the initialisation on.
+        perturbation: see there.
+        seed: see there.
+        progress: see there.
+
+    Raises:
+        ValueError: in one line, for what is not allowed.
+    """
+    _check(legs)
+    runs = whole_number("runs", runs, 1)
+    perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
+    record_every = None if record_every is None else whole_number("record_every", record_every, 1)
+    program, steps = build_journey(legs, runs, actuation, geometry, record_every)
+    body = geometry.body
+    engine = LatticeEngine(
+        body, runs, time_step=geometry.time_step, **legs[0].terrain.medium,
+        device=device, precision=precision, threads=threads,
+    )  # fmt: skip
+    if perturbation > 0:
+        engine.set_positions(scattered(body, perturbation, whole_number("seed", seed, 0), range(runs)))
+    run = engine.run(program, progress)
+    first = len(legs) + 1
+    sizes = rest_sizes(body, program)
+    extents = half_extents(body, run.strains, sizes)
+    middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
+    headings = travel_directions(np.array([leg.design.orientation for leg in legs]))
+    distances = (np.diff(middle[..., :2], axis=1) * headings).sum(axis=-1)
+    frames = None
+    if record_every:
+        shown = (np.moveaxis(a[:, first:], 0, 1) for a in (run.positions, run.orientations, extents, sizes))
+        positions, orientations, sides, rest = shown
+        times = np.arange(len(positions)) * record_every * geometry.time_step
+        frames = Frames(positions, orientations, times, sides, rest)
+    return JourneyResult(
+        np.where((run.status == "ok")[:, None], distances, np.nan), steps, run.status, run.positions[:, :first],
+        run.orientations[:, :first], frames, body, geometry.body_length, geometry.time_step,
+    )  # fmt: skip
+
+
+def _check(legs: Sequence[Leg]) -> None:
+    """Refuse what cannot follow each other."""
+    if not legs:
+        raise ValueError("legs: none given; give at least one")
+    if len({leg.terrain.is_fluid for leg in legs}) > 1:
+        raise ValueError("legs: ground and a fluid are not allowed in one journey; give one for either")
+    for place, (before, leg) in enumerate(pairwise(legs), 2):
+        if leg.design.pressure != before.last_pressure:
+            raise ValueError(
+                f"legs: leg {place} begins with {kilopascals(leg.design.pressure)}, but the one before ends with"
+                f" {kilopascals(before.last_pressure)}; put a change of shape between them"
+            )
+
+
+def build_journey(
+    legs: Sequence[Leg],
+    runs: int,
+    actuation: InflatableActuation,
+    geometry: InflatableGeometry,
+    record_every: int | None,
+) -> tuple[LatticeProgram, np.ndarray]:
+    """The program of so many robots, and the steps of the legs, shape (L,).
+
+    Snapshots are the end of the initialisation and of every leg, then the recorded poses.
+    """
+    builder = ProgramBuilder(runs)
+    begin = actuation.initial_steps(highest_pressure(legs[0].design.pressure))
+    for robot in range(runs):
+        edges = _write(_Plain(builder), robot, legs, begin, actuation, geometry)
+    recorded = range(begin, edges[-1] + 1, record_every) if record_every else ()
+    marks = np.array([[*edges, *recorded]] * runs)
+    return builder.build([edges[-1]] * runs, marks), np.diff(edges)
+
+
+def _write(
+    builder: "_Plain", robot: int, legs: Sequence[Leg], begin: int, actuation: InflatableActuation,
+    geometry: InflatableGeometry,
+) -> list[int]:  # fmt: skip
+    """The events of one robot, and the steps at which the journey begins and the legs end."""
+    edges, levels = [begin], np.full(BLADDER_COUNT, actuation.deflated)
+    inflation = np.zeros(BLADDER_COUNT)
+    for leg in legs:
+        design, driven = as_graded(leg.design), actuation.on(leg.terrain)
+        own = weights(leg.terrain, design.orientation)
+        cores = InflatedCores.of(design.pressure, geometry)
+        if len(edges) == 1:
+            initialise(builder, robot, cores, own, begin, driven)
+            immerse(builder, leg.terrain, regions=cores.everywhere, robots=robot)
+        else:
+            stand_on(builder, robot, cores, own[1], 1.0 - inflation, edges[-1], driven)
+        columns, steps = _columns(design, levels, driven)
+        for column in columns:
+            write_column(builder, robot, cores, own[1], column, edges[-1] + column.start,
+                         column is columns[0] and len(edges) == 1, driven)  # fmt: skip
+        levels, inflation = value_of(columns[-1].ends), value_of(columns[-1].inflation)
+        edges.append(edges[-1] + steps)
+    return edges
+
+
+def _columns(design: RelaxedDesign, levels: Array, actuation: InflatableActuation) -> tuple[list[Column], int]:
+    """The columns of a leg, which begins with bladders of some thickness, and its steps."""
+    gait = design.schedule
+    inflation, grip = _fixed(gait.inflation), _fixed(gait.grip)
+    core = None if gait.pressure is None else _fixed(gait.pressure)
+    return play_relaxed(inflation, grip, core, _fixed(np.array(design.pressure)), gait, actuation, levels)
+
+
+def _fixed(values: Array) -> Dual:
+    """Numbers without derivatives."""
+    return Dual(np.asarray(values, float), np.zeros((*np.shape(values), 0)))
+
+
+class _Plain:
+    """A ``ProgramBuilder`` that takes numbers with derivatives, and drops these."""
+
+    def __init__(self, builder: ProgramBuilder) -> None:
+        self._builder = builder
+
+    def set(self, quantity: int, value: object, *, rate: object = 0.0, **where: object) -> None:
+        """See ``ProgramBuilder.set``."""
+        self._builder.set(quantity, value_of(value), rate=value_of(rate), **where)  # type: ignore[arg-type]

@@ -1,0 +1,59 @@
+"""How far the feet of the inflatable robot slip under load, as far as they are told to grip.
+
+A gait that inches or rolls pushes off feet that stay where they are; one that slides for its living does not. With
+Coulomb's law a foot that grips either sticks or slides, so slip is a property of the gait, not of a spring.
+"""
+
+import numpy as np
+
+from robots.inflatable.body import FOOT_REGIONS, kinds_of
+from robots.inflatable.gaits import GaitDesign, played
+from robots.inflatable.robot import ACTUATION, InflatableActuation, InflatableResult
+from robots.inflatable.schedule import BLADDERS, FEET
+from taichi_sim.autodiff.dual import Array
+
+
+def slip_under_load(
+    result: InflatableResult, design: GaitDesign, actuation: InflatableActuation = ACTUATION, robot: int = 0
+) -> Array:
+    """The way that each foot slips, as far as it grips and as its load feels it [m], shape (2,).
+
+    Between two frames a foot slips by the mean way of its voxels in the plane, each weighted by its load: the depth
+    at which it is in the floor, to which the floor's force is proportional. Voxels that are not on the floor at both
+    frames do not count. A foot told half of its grip counts half. While the robot settles both feet grip.
+
+    Args:
+        result: with frames; slip shorter than the way between two frames and back is not seen.
+        design: what was simulated.
+        actuation: how it was driven.
+        robot: place in the batch.
+
+    Raises:
+        ValueError: in one line, for a result without frames.
+    """
+    if result.frames is None:
+        raise ValueError("frames: nothing was recorded; simulate with record_every")
+    frames, body = result.frames, result.body
+    kept = np.isfinite(frames.positions[:, robot, 0, 0])
+    places, sizes = frames.positions[kept, robot], frames.sizes[kept, robot]
+    depth = np.maximum(sizes.mean(axis=-1) / 2 - body.voxel_size / 2 - places[..., 2], 0.0)
+    load = np.where((depth[1:] > 0) & (depth[:-1] > 0), (depth[1:] + depth[:-1]) / 2, 0.0)
+    way = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=-1)
+    gripping = _gripping(design, actuation, frames.times[kept] / result.time_step)
+    slip = np.zeros(FEET)
+    for foot, region in enumerate(FOOT_REGIONS):
+        mine = kinds_of(np.asarray(body.regions)) == region
+        borne = load[:, mine].sum(axis=1)
+        mean = np.divide((load * way)[:, mine].sum(axis=1), borne, out=np.zeros_like(borne), where=borne > 0)
+        slip[foot] = mean @ gripping[:, foot]
+    return slip
+
+
+def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Array) -> Array:
+    """How much each foot grips all the time between two frames, from 0 to 1, shape (F - 1, 2)."""
+    gait = played(design, actuation)
+    grips = np.ones((len(steps) - 1, FEET))
+    for begin, end, told in zip(gait.edges[:-1], gait.settles, gait.levels[BLADDERS:].T, strict=True):
+        moving = (steps[1:] > begin) & (steps[:-1] < end)
+        grips[moving] = np.minimum(grips[moving], told)
+    return grips

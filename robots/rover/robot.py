@@ -1,0 +1,246 @@
+"""A vehicle on two driven wheels and a castor, steered by two light sensors, as an articulated body on the ground.
+
+Source: dissertation, chapter 3, "The empirical model"; the defaults are the published base parameters, found by a
+search of its authors. The vehicle drives along its own y; x is to its right. Lights are points of light here: that the
+published ones are balls, which stop the vehicle, does not matter, as it succeeds before it touches them.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.braitenberg import VehicleBody
+from taichi_sim.base.checks import number, whole_number
+from taichi_sim.rigid import (
+    Body,
+    Box,
+    Hinge,
+    Motor,
+    Network,
+    RigidEngine,
+    RigidResult,
+    Senses,
+    Sphere,
+    Tree,
+    Weld,
+    World,
+)
+
+Floats = NDArray[np.float64]
+Site = tuple[float, float]
+Sites = tuple[Site, Site]
+
+CANONICAL: Sites = ((-0.5, 0.5), (0.5, 0.5))  # at the front, left and right
+BEST: Sites = ((-0.125, -0.5), (0.375, 0.5))  # the best that the published sweep found, by both metrics
+
+WIDTH = 1.0  # m, of the square body
+WHEEL_SETBACK = 0.025  # m, of the wheels behind the body's centre
+LIGHTS = ((4.0, 4.0), (-4.0, 4.0), (-4.0, -4.0), (4.0, -4.0))  # m, places of the light in the environments
+LIGHT_RADIUS, LIGHT_HEIGHT = 0.2, 0.201  # m
+STEPS = 2500
+TIME_STEP, GRAVITY, SLIP = 0.05, -1.0, 0.01  # s, m/s^2, m/(N s)
+ROUNDING = 2.0**-10  # m, added to the distance of success in the published experiment (spacing of half precision at 1)
+
+
+@dataclass(frozen=True)
+class Rover:
+    """A two-wheel vehicle's body.
+
+    Attributes:
+        sensors: places of the light sensors on the body, x to the right and y ahead of its centre [m]. The first
+            drives the right wheel, the second the left one.
+        body_mass: of the box [kg].
+        wheel_mass: of each wheel [kg].
+        castor_mass: of the ball in front that rolls along [kg].
+        wheel_radius: of wheels and castor [m]; the box is half as thick.
+        speed: of motors: each holds half of speed times the rate it is commanded, if its torque suffices [1].
+        command_range: rate that a neuron of one commands [rad/s].
+        torque: largest of each motor [N m].
+        sensor_radius: of the balls that the sensors are [m].
+        sensor_mass: [kg].
+        sensor_height: of their centres above the tops of the wheels [m].
+
+    Raises:
+        ValueError: in one line, for numbers that are not allowed, or sites beside the body.
+    """
+
+    sensors: Sites = CANONICAL
+    body_mass: float = 999.973
+    wheel_mass: float = 117.519
+    castor_mass: float = 0.00666004
+    wheel_radius: float = 0.260017
+    speed: float = 2.59115 * math.pi
+    command_range: float = 2.59255 * math.pi
+    torque: float = 1.95026 * math.pi
+    sensor_radius: float = 0.05
+    sensor_mass: float = 1.0
+    sensor_height: float = 0.05
+
+    def __post_init__(self) -> None:
+        try:
+            sound = len(self.sensors) == 2 and all(len(site) == 2 for site in self.sensors)
+        except TypeError:
+            sound = False
+        if not sound:
+            raise ValueError(f"sensors: {self.sensors!r} is not allowed; give two places (x, y)")
+        half = WIDTH / 2
+        sites = tuple(tuple(number("sensors", x, -half, half, "m, on the body") for x in s) for s in self.sensors)
+        object.__setattr__(self, "sensors", sites)
+        for name in ("body_mass", "wheel_mass", "castor_mass", "wheel_radius", "sensor_radius", "sensor_mass"):
+            number(name, getattr(self, name), 1e-6)
+        for name in ("speed", "command_range", "torque", "sensor_height"):
+            number(name, getattr(self, name), 0)
+
+    @classmethod
+    def published(cls, design: int) -> Self:
+        """The base body with sensors as those of ``VehicleBody.published``, which drives along its x."""
+        (x1, y1), (x2, y2) = VehicleBody.published(design).sensors
+        return cls(((0.0 - y1, x1), (0.0 - y2, x2)))
+
+    @property
+    def vehicle(self) -> VehicleBody:
+        """The theoretical model's body with the same sensors."""
+        return VehicleBody(tuple((y, 0.0 - x) for x, y in self.sensors))
+
+    @property
+    def mirrored(self) -> Self:
+        """Left and right exchanged, of places and of sensors."""
+        (x1, y1), (x2, y2) = self.sensors
+        return replace(self, sensors=((0.0 - x2, y2), (0.0 - x1, y1)))
+
+    @property
+    def success_distance(self) -> float:
+        """Distance of centres, seen from above, from which on a light counts as reached [m]."""
+        return WIDTH / 2 + self.wheel_radius + LIGHT_RADIUS + ROUNDING
+
+    @property
+    def rate(self) -> float:
+        """Of a wheel at full command, if its motor's torque sufficed [rad/s]."""
+        return 0.5 * self.speed * self.command_range
+
+    def tree(self) -> Tree:
+        """The vehicle as an articulated body: the box carries wheels, castor and sensors."""
+        radius, half = self.wheel_radius, WIDTH / 2
+        ball, drive = Sphere(radius), Motor.velocity(self.rate, self.torque)
+        bodies = [Body("body", (0, 0, radius), self.body_mass, [Box((WIDTH, WIDTH, radius / 2))])]
+        joints = list[Hinge | Weld]()
+        for command, (name, x) in enumerate({"left wheel": -half, "right wheel": half}.items()):
+            place = (x, -WHEEL_SETBACK, radius)
+            bodies.append(Body(name, place, self.wheel_mass, [ball]))
+            joints.append(Hinge("body", name, place, (-1, 0, 0), drive, command))  # a positive rate drives ahead
+        place = (0, half, radius)
+        bodies.append(Body("castor", place, self.castor_mass, [ball]))
+        joints.append(Hinge("body", "castor", place, (1, 0, 0)))
+        inertia = Sphere(self.sensor_radius).inertia(self.sensor_mass)
+        for name, site in zip(_SENSORS, self.sensors, strict=True):  # without shapes: they touch nothing
+            above = (*site, 2 * radius + self.sensor_height)
+            bodies.append(Body(name, above, self.sensor_mass, inertia=inertia))
+            joints.append(Weld("body", name))
+        return Tree(bodies, joints)
+
+
+_SENSORS = ("sensor 1", "sensor 2")
+SENSES = Senses(light=[(name, (0, 0, 0)) for name in _SENSORS])
+
+
+@dataclass(frozen=True, eq=False)
+class RoverResult:
+    """What N vehicles did in E environments.
+
+    Attributes:
+        closest: smallest distance from the light at any look, seen from above, (N, E) [m]; NaN if diverged.
+        success: whether that is small enough, (N, E).
+        position: of the body at the end, (N, E, 3) [m].
+        status: ``"ok"`` or ``"diverged"``, (N, E).
+        rollouts: everything about the N E rollouts, environments changing fastest.
+    """
+
+    closest: Floats
+    success: NDArray[np.bool_]
+    position: Floats
+    status: NDArray[np.str_]
+    rollouts: RigidResult
+
+
+def controllers(weights: object) -> Floats:
+    """Networks of crossed wires, (N, 2, 2): sensor 1 drives the right wheel by w1, sensor 2 the left one by w2.
+
+    Args:
+        weights: w1 and w2 of each, (N, 2); or those of one, (2,).
+
+    Raises:
+        ValueError: in one line, for other shapes or numbers that are not finite.
+    """
+    try:
+        found = np.atleast_2d(np.asarray(weights, float))
+    except (TypeError, ValueError):
+        found = np.empty((0, 0))
+    if found.ndim != 2 or found.shape[1] != 2 or len(found) == 0:
+        raise ValueError(f"weights: shape {found.shape} is not allowed; give (N, 2): w1, w2")
+    if not np.isfinite(found).all():
+        raise ValueError("weights: numbers that are not finite are not allowed")
+    crossed = np.zeros((len(found), 2, 2))
+    crossed[:, [0, 1], [1, 0]] = found
+    return crossed
+
+
+def engine(rovers: Rover | Sequence[Rover], **settings: Any) -> RigidEngine:
+    """An engine for vehicles in the world of the published experiment; settings as of ``RigidEngine``.
+
+    Raises:
+        ValueError: in one line, for no vehicle.
+    """
+    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
+    if not several:
+        raise ValueError("rovers: an empty list is not allowed; give at least one")
+    world = World(TIME_STEP, GRAVITY, SLIP, integration="velocity")
+    return RigidEngine([each.tree() for each in several], world, SENSES, Network(memory=0.0), **settings)
+
+
+def simulate(
+    rovers: Rover | Sequence[Rover],
+    weights: object,
+    lights: Sequence[Sequence[float]] = LIGHTS,
+    *,
+    steps: int = STEPS,
+    record_every: int | None = None,
+    **settings: Any,
+) -> RoverResult:
+    """Run controllers in vehicles, each in all environments.
+
+    Args:
+        rovers: one body for all controllers, or one for each.
+        weights: w1 and w2, (N, 2).
+        lights: places of the light in the environments, (E, 2) [m].
+        steps: looks at the light, each before a time step; steps - 1 time steps are run.
+        record_every: record every so many time steps.
+        **settings: precision, device, threads, width of ``RigidEngine``.
+
+    Raises:
+        ValueError: in one line, for what is not allowed.
+    """
+    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
+    given = controllers(weights)
+    places = np.array([[number("light", x) for x in place] for place in lights], float)
+    if places.ndim != 2 or places.shape[1] != 2:
+        raise ValueError(f"lights: shape {places.shape} is not allowed; give (E, 2)")
+    if len(several) not in (1, len(given)):
+        raise ValueError(f"rovers: {len(several)} are not allowed; give one, or one for each of {len(given)}")
+    count, environments = len(given), len(places)
+    bodies = several if len(several) == 1 else [each for each in several for _ in range(environments)]
+    sources = np.column_stack([np.tile(places, (count, 1)), np.full(count * environments, LIGHT_HEIGHT)])
+    found = engine(bodies, **settings).run(
+        whole_number("steps", steps, 1) - 1,
+        weights=np.repeat(given, environments, 0),
+        lights=sources,
+        record_every=record_every,
+    )
+    shape = (count, environments)
+    closest = found.closest.reshape(shape)
+    enough = np.array([each.success_distance for each in several])[:, None]
+    return RoverResult(closest, closest <= enough, found.position.reshape(*shape, 3), found.status.reshape(shape),
+                       found)  # fmt: skip

@@ -1,0 +1,138 @@
+"""What a robot moves on, or swims in."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self, TypedDict
+
+from taichi_sim.base.checks import number
+
+STEEPEST = 45.0  # degrees, either way
+WATER_DENSITY = 1000.0  # kg/m^3
+PRESSURE_DRAG, FRICTION_DRAG = 1.2, 0.02  # of a flat plate broadside on (Hoerner 1965, ch. III), and along its side
+FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
+
+
+class Medium(TypedDict):
+    """What is around a robot, as arguments of a ``LatticeEngine``."""
+
+    floor: bool
+    fluid: bool
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A plane, level or tilted, with the friction of the robot's own materials unless overridden; or a fluid at rest.
+
+    In a fluid there is no ground, and the robot has its density: it neither sinks nor rises. The fluid resists outer
+    faces as ``taichi_sim.lattice.laws.fluid`` says.
+
+    Attributes:
+        slope: [degrees], positive is uphill, -45 to 45.
+        high_friction: Coulomb coefficient that replaces the robot's 2.0 (skin, gripping feet); None keeps it.
+        low_friction: Coulomb coefficient that replaces the robot's 1e-4 (sliding feet); None keeps it.
+        fluid_density: of the fluid around the robot [kg/m^3]; None is no fluid.
+        pressure_drag: coefficient of faces that the fluid meets; None is 1.2.
+        friction_drag: coefficient of faces that it flows along; None is 0.02.
+    """
+
+    slope: float = 0.0
+    high_friction: float | None = None
+    low_friction: float | None = None
+    fluid_density: float | None = None
+    pressure_drag: float | None = None
+    friction_drag: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "slope", number("slope", self.slope, -STEEPEST, STEEPEST, "degrees"))
+        for field in ("high_friction", "low_friction", *FLUID_FIELDS):
+            if (value := getattr(self, field)) is not None:
+                object.__setattr__(self, field, number(field, value, 0.0))
+        low, high = self.low_friction, self.high_friction
+        if low is not None and high is not None and low > high:
+            raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
+        if self.is_fluid:
+            for field in ("slope", "high_friction", "low_friction"):
+                if value := getattr(self, field):
+                    raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
+        for field in FLUID_FIELDS[1:]:
+            if not self.is_fluid and (value := getattr(self, field)) is not None:
+                raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
+
+    @property
+    def medium(self) -> Medium:
+        """A floor, or a fluid."""
+        return {"floor": not self.is_fluid, "fluid": self.is_fluid}
+
+    @property
+    def is_fluid(self) -> bool:
+        """Whether robots are in a fluid, or on ground."""
+        return self.fluid_density is not None
+
+    @property
+    def name(self) -> str:
+        """``"flat"``, ``"hill:15"`` or ``"water"``, as :meth:`parse` reads it; coefficients are not part of it."""
+        if self.is_fluid:
+            return "water"
+        return f"hill:{self.slope!r}".removesuffix(".0") if self.slope else "flat"
+
+    @property
+    def where(self) -> str:
+        """``"on flat"``, ``"on hill:15"`` or ``"in water"``."""
+        return f"{'in' if self.is_fluid else 'on'} {self.name}"
+
+    @property
+    def spoken(self) -> str:
+        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°"`` or ``"in water"``."""
+        if self.is_fluid:
+            return self.where
+        way = "up" if self.slope > 0 else "down"
+        return f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
+
+    @property
+    def resistance(self) -> tuple[float, float]:
+        """Half the fluid's density times the coefficients of pressure drag and friction [kg/m^3]; zero without."""
+        half = 0.5 * (self.fluid_density or 0.0)
+        pressure = PRESSURE_DRAG if self.pressure_drag is None else self.pressure_drag
+        friction = FRICTION_DRAG if self.friction_drag is None else self.friction_drag
+        return half * pressure, half * friction
+
+    @classmethod
+    def water(cls) -> Self:
+        """Water, in which the robot floats."""
+        return cls(fluid_density=WATER_DENSITY)
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The terrain of a name: ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, or ``"water"``.
+
+        Raises:
+            ValueError: in one line, for any other name or slope.
+        """
+        kind, _, degrees = text.partition(":")
+        if text == "flat":
+            return cls()
+        if text == "water":
+            return cls.water()
+        try:
+            slope = float(degrees if kind == "hill" else "")
+        except ValueError:
+            raise ValueError(f'terrain: {text!r} is unknown; give "flat", "hill:15" (degrees) or "water"') from None
+        return cls(slope)
+
+
+def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
+    """The terrain of each of ``count`` robots of a batch: one for all, or one each, with the same around all of them.
+
+    Raises:
+        ValueError: in one line, for another number of terrains, or ground for some and a fluid for others.
+    """
+    if isinstance(terrain, Terrain):
+        return [terrain] * count
+    terrains = [terrain] if isinstance(terrain, str) else list(terrain)
+    if wrong := [each for each in terrains if not isinstance(each, Terrain)]:
+        raise ValueError(f"terrain: {wrong[0]!r} is not allowed; give a Terrain, such as Terrain.parse('hill:15')")
+    if len(terrains) != count:
+        raise ValueError(f"terrain: {len(terrains)} are not allowed for {count} designs; give one, or one each")
+    if len({each.is_fluid for each in terrains}) > 1:
+        raise ValueError("terrain: ground and a fluid are not allowed in one batch; give a batch for either")
+    return terrains

@@ -1,0 +1,1 @@
+"""Laws over reals, and reverse mode through them: tracing, lanes, elementary functions, rotations."""

@@ -1,0 +1,183 @@
+"""What a "real" is: a scalar, or a native vector that holds the same quantity of many robots.
+
+The laws of the package are written once, over reals (see ``tracing``). With ``width == 1`` a real is a scalar (one
+robot per thread: GPU, a single robot); else it is a vector of ``width`` robots, which LLVM keeps as one machine
+vector. Only these may touch a real: arithmetic, comparisons, ``&`` and ``|``, ``sqrt``, ``select`` and the functions
+of this file. Unary minus, ``abs``, ``-=``, trigonometry and casts do not compile on native vectors.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taichi_sim.autodiff.tracing import Condition, law, primitive, select
+from taichi_sim.runtime import aligned, inside_kernel, ti
+
+NATIVE_WIDTH = {"f32": 16, "f64": 8}  # 512 bits; LLVM splits them where the machine has less
+WIDTHS = (1, 2, 4, 8, 16, 32)  # LLVM lays out no others without gaps
+
+
+@dataclass(frozen=True)
+class Real:
+    """A kind of real: precision and number of robots side by side.
+
+    Attributes:
+        precision: ``"f32"`` or ``"f64"``.
+        width: robots per real.
+
+    Raises:
+        ValueError: in one line, for a width that is none of ``WIDTHS``.
+    """
+
+    precision: str
+    width: int
+
+    def __post_init__(self) -> None:
+        if self.width not in WIDTHS:
+            raise ValueError(f"width: {self.width!r} is not allowed; give one of {', '.join(map(str, WIDTHS))}")
+
+    @property
+    def scalar(self) -> Any:
+        """Taichi type of one element."""
+        return ti.f32 if self.precision == "f32" else ti.f64
+
+    @property
+    def numpy(self) -> type:
+        """NumPy type of one element."""
+        return np.float32 if self.precision == "f32" else np.float64
+
+    @property
+    def type(self) -> Any:
+        """Taichi type of a real."""
+        return self.scalar if self.width == 1 else ti.types.vector(self.width, self.scalar)
+
+    def array(self, shape: tuple[int, ...], fill: float = 0) -> np.ndarray:
+        """Memory for reals, shape ``shape + (width,)``."""
+        return aligned((*shape, self.width), self.numpy, fill)
+
+    def reals(self, array: np.ndarray) -> np.ndarray:
+        """The array as a kernel argument whose elements are reals (drops the lane axis of a scalar)."""
+        return array[..., 0] if self.width == 1 else array
+
+
+def choose_width(batch: int, precision: str, threads: int, block_cost: float) -> int:
+    """Robots (or whatever is computed side by side) per real that finish a batch soonest; results do not depend on it.
+
+    Args:
+        batch: their number.
+        precision: ``"f32"`` or ``"f64"``.
+        threads: CPU threads that share the batch.
+        block_cost: how many times as long a native vector takes as a single scalar (measured).
+    """
+    native = NATIVE_WIDTH[precision]
+    blocks = -(-batch // native)
+    return native if -(-blocks // threads) * block_cost < -(-batch // threads) else 1
+
+
+def _is_vector(x: Any) -> bool:
+    return hasattr(x, "is_tensor") and x.is_tensor()
+
+
+@primitive
+def any_lane(condition: Any) -> Any:
+    """True if the condition holds for any robot of the real; a law that is being traced must take both ways."""
+    if isinstance(condition, Condition):
+        return True
+    return _any_lane(condition) if inside_kernel() else np.any(condition)
+
+
+@ti.func
+def _any_lane(condition):
+    flag = 0
+    if ti.static(_is_vector(condition)):
+        flag = ti.select(condition, 1, 0).max()  # LLVM makes this one test of the mask; a sum it would really sum
+    else:
+        flag = ti.select(condition, 1, 0)
+    return flag > 0
+
+
+@ti.func
+def all_lanes(condition):
+    """True if the condition holds for every robot of the real (a NaN fails every comparison)."""
+    flag = 0
+    if ti.static(_is_vector(condition)):
+        flag = ti.select(condition, 0, 1).max()
+    else:
+        flag = ti.select(condition, 0, 1)
+    return flag == 0
+
+
+@law
+def absolute(x):
+    """|x|."""
+    return select(x < 0.0, 0.0 - x, x)
+
+
+@law
+def larger(x, y):
+    """The larger of two reals; y if x is not a number. (``ti.max`` spends two more operations on NaN.)"""
+    return select(x > y, x, y)
+
+
+@law
+def smaller(x, y):
+    """The smaller of two reals; y if x is not a number."""
+    return select(x < y, x, y)
+
+
+@ti.func
+def load(memory: ti.template(), k, slot):
+    """Read a slot of a robot's or block's memory.
+
+    Lanes lie block by block and k is the first slot of the block; on a GPU slots lie one after the other with the
+    robots side by side, so that neighbouring threads read neighbouring numbers, and k is the robot.
+    """
+    if ti.static(len(memory.shape) == 1):
+        return memory[k + slot]
+    else:
+        return memory[slot, k]
+
+
+@ti.func
+def store(memory: ti.template(), k, slot, value):
+    """Write a slot of a robot's or block's memory."""
+    if ti.static(len(memory.shape) == 1):
+        memory[k + slot] = value
+    else:
+        memory[slot, k] = value
+
+
+@ti.func
+def accumulate(memory: ti.template(), k, slot, value):
+    """Add to a slot; where threads share a robot's memory, they take turns."""
+    if ti.static(len(memory.shape) == 1):
+        memory[k + slot] = memory[k + slot] + value
+    else:
+        ti.atomic_add(memory[slot, k], value)
+
+
+@ti.func
+def load_all(memory: ti.template(), k, slots: ti.template()):
+    """Read several slots."""
+    return ti.static(tuple([load(memory, k, slot) for slot in slots]))
+
+
+@ti.func
+def select_all(condition, x: ti.template(), y: ti.template()):
+    """Of each of several reals x where the condition holds, else y."""
+    return ti.static(tuple([select(condition, x[i], y[i]) for i in range(len(x))]))
+
+
+@ti.func
+def store_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
+    """Write several slots."""
+    for i in ti.static(range(len(slots))):
+        store(memory, k, slots[i], values[i])
+
+
+@ti.func
+def accumulate_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
+    """Add to several slots."""
+    for i in ti.static(range(len(slots))):
+        accumulate(memory, k, slots[i], values[i])

@@ -1,0 +1,94 @@
+"""Folders that take the results of long work as they come."""
+
+import hashlib
+import io
+import json
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim.base.checks import LONGEST_SHOWN
+from taichi_sim.base.files import ASIDE, make_folder, read_text, write_bytes, write_text
+
+
+class ResultsFolder:
+    """Settings as JSON, and results as compressed files of arrays, each whole or not there.
+
+    Work of the same settings that finds its folder goes on from there, whatever part of it is there; killed at any
+    moment, it loses what it has not yet added.
+    """
+
+    def __init__(self, path: Path, kind: str, settings: Mapping[str, Any]) -> None:
+        """Make the folder, or check that it is of the same settings.
+
+        Args:
+            path: of the folder, which may be new, empty, or of the same work.
+            kind: what the work is, such as ``"sweep"``; also the name of the file of settings.
+            settings: all that results depend on; fits JSON.
+
+        Raises:
+            ValueError: in one line, for a folder of other settings, or of anything else, or that cannot be made.
+        """
+        self.path = path
+        text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
+        if file.exists():
+            if (before := read_text(file)) != text:
+                article = "an" if kind[0] in "aeiou" else "a"
+                raise ValueError(f"out: {path} holds {article} {kind} of other settings{_difference(before, text)}; "
+                                 "name another folder")  # fmt: skip
+            return
+        if path.exists() and (not path.is_dir() or any(not each.name.startswith(ASIDE) for each in path.iterdir())):
+            raise ValueError(f"out: {path} holds something else; name a new folder")
+        make_folder(path)
+        write_text(file, text)
+
+    def add(self, name: str, of: bytes, **arrays: NDArray[Any]) -> None:
+        """Write a file of arrays, named by what they are of."""
+        content = io.BytesIO()
+        np.savez_compressed(content, allow_pickle=False, **arrays)
+        write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
+
+    def load(self, name: str) -> Iterator[dict[str, NDArray[Any]]]:
+        """The arrays of every file of that name; what is damaged is as good as missing, with a warning."""
+        for path in sorted(self.path.glob(f"{name}-*.npz")):
+            try:
+                with np.load(path) as file:  # checks its own checksums, and refuses pickles
+                    yield dict(file)
+            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+                warnings.warn(f"{path}: is damaged, and as good as missing", stacklevel=2)
+
+
+def read_settings(path: Path, kind: str) -> dict[str, Any]:
+    """The settings of the work whose results a folder holds.
+
+    Raises:
+        ValueError: in one line, if it holds none.
+    """
+    try:
+        record = json.loads(read_text(path / f"{kind}.json"))
+        if record.pop("format") != _form(kind):
+            raise ValueError
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ValueError(f"{path}: holds no {kind}") from None
+    return record
+
+
+def _difference(before: str, now: str) -> str:
+    """The first setting that differs, in brackets."""
+    try:
+        old, new = json.loads(before), json.loads(now)
+        name = next(name for name in [*new, *old] if old.get(name) != new.get(name))
+    except (ValueError, AttributeError, StopIteration):
+        return " (its file of settings is damaged)"
+    values = [json.dumps(record.get(name)) for record in (old, new)]
+    return f" ({name}: {values[0]}, not {values[1]})" if max(map(len, values)) < LONGEST_SHOWN else f" ({name})"
+
+
+def _form(kind: str) -> str:
+    return f"morpholab-{kind}-1"

@@ -1,0 +1,209 @@
+"""Bodies from closed surfaces: a voxel wherever its centre is inside."""
+
+import math
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.files.arrays import body_from_array
+from taichi_sim.lattice.materials import Material
+
+if TYPE_CHECKING:
+    import trimesh
+
+MOST_VOXELS = 100_000
+MOST_MEMORY = 4e9  # [B]
+_CELL_BYTES = 2  # a flag of the grid, and one of the count of crossings
+_CROSSING_BYTES = 120  # of a column's meeting with a triangle's box, while it is judged
+_VOXEL_BYTES = 3_000  # of a voxel, its links and faces in an engine of eight robots in f64, which a CPU runs at once
+# Columns are moved off the grid by so much of the pitch: none runs along an edge of a mesh made of round numbers.
+_SHIFT = np.array([2**0.5, 3**0.5]) * 1e-7
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a mesh of this size becomes at a pitch.
+
+    Attributes:
+        cells: of the grid around it.
+        voxels: by its volume; for a body of thin walls it is off by a part of them.
+        memory: of grid, body and a simulation of eight robots in f64, as many as a CPU's thread runs at once [B].
+    """
+
+    cells: int
+    voxels: int
+    memory: float
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelisedMesh:
+    """A mesh as voxels.
+
+    Attributes:
+        filled: where voxels are, shape (X, Y, Z).
+        origin: centre of the first place of the grid, in the mesh's coordinates, shape (3,).
+        pitch: edge of the voxels, in the mesh's unit.
+    """
+
+    filled: NDArray[np.bool_]
+    origin: NDArray[np.float64]
+    pitch: float
+
+
+def predict(mesh: "trimesh.Trimesh", pitch: float) -> Prediction:
+    """Size of the body of a mesh, without any of its memory."""
+    counts = _counts(mesh, pitch)
+    cells = math.prod(counts)
+    voxels = min(math.ceil(abs(float(mesh.volume)) / pitch**3 - 1e-6), cells)
+    low, high = (mesh.triangles[..., :2].min(axis=1), mesh.triangles[..., :2].max(axis=1))
+    meetings = float(np.ceil((high - low) / pitch + 1).prod(axis=1).sum())
+    # A body keeps which pairs of surface voxels never collide: a flag each, see ``Topology.excluded``.
+    surface = min(voxels, math.ceil(float(mesh.area) / pitch**2))
+    memory = cells * _CELL_BYTES + meetings * _CROSSING_BYTES + voxels * _VOXEL_BYTES + float(surface) ** 2 * 1.5
+    return Prediction(cells, voxels, memory)
+
+
+def voxelise(
+    mesh: "trimesh.Trimesh | str | PathLike[str]", pitch: float, *, repair: bool = True,
+    most_voxels: int = MOST_VOXELS, most_memory: float = MOST_MEMORY,
+) -> VoxelisedMesh:  # fmt: skip
+    """Fill a closed surface with voxels. A voxel is there if its centre is inside: an odd number of crossings below.
+
+    The grid has the mesh's box in its middle; a box of n by m by k pitches has just so many voxels.
+
+    Args:
+        mesh: of trimesh, or a file of any kind that it reads.
+        pitch: edge of the voxels, in the mesh's unit.
+        repair: close small holes and join equal vertices of a mesh that is not watertight.
+        most_voxels: bound on what :func:`predict` says.
+        most_memory: likewise [B].
+
+    Raises:
+        ValueError: one line; for files without a surface, surfaces that are not closed or enclose nothing, and
+            bodies above the bounds, before memory is taken.
+    """
+    if not (isinstance(pitch, int | float | np.number) and math.isfinite(pitch) and pitch > 0):
+        raise ValueError(f"pitch: {pitch!r} is not allowed; it must be positive")
+    mesh = _loaded(mesh)
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise ValueError("mesh: it is empty; give a closed surface of triangles")
+    if not min(mesh.extents) > 0:
+        raise ValueError("mesh: it encloses no volume; give a closed surface around the body")
+    _check_size(predict(mesh, pitch), pitch, most_voxels, most_memory)
+    mesh = _closed(mesh, repair)
+    if not abs(float(mesh.volume)) > 1e-12 * math.prod(float(e) for e in mesh.extents):
+        raise ValueError("mesh: it encloses no volume; give a closed surface around the body")
+    _check_size(predict(mesh, pitch), pitch, most_voxels, most_memory)  # of the repaired one
+    counts = np.array(_counts(mesh, pitch))
+    origin = mesh.bounds.mean(axis=0) - (counts - 1) / 2 * pitch
+    filled = _filled((np.asarray(mesh.triangles) - origin) / pitch, counts)
+    if not filled.any():
+        raise ValueError(f"mesh: no voxel of pitch {pitch:g} has its centre inside; give a smaller pitch")
+    return VoxelisedMesh(filled, origin, float(pitch))
+
+
+def body_from_mesh(
+    mesh: "trimesh.Trimesh | str | PathLike[str]", pitch: float, material: Material, *, scale: float = 1.0,
+    repair: bool = True, most_voxels: int = MOST_VOXELS, most_memory: float = MOST_MEMORY,
+) -> LatticeBody:  # fmt: skip
+    """The body of a mesh, of one material; for several give the places of :func:`voxelise` to ``body_from_array``.
+
+    Args:
+        mesh: see :func:`voxelise`, as all that is not named here.
+        pitch: edge of the voxels, in the mesh's unit.
+        material: of all voxels.
+        scale: metres per unit of the mesh, 0.001 for millimetres.
+        repair: see there.
+        most_voxels: see there.
+        most_memory: see there.
+
+    Raises:
+        ValueError: in one line, as :func:`voxelise`, and for a scale that is not positive.
+    """
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale: {scale!r} is not allowed; it must be positive")
+    found = voxelise(mesh, pitch, repair=repair, most_voxels=most_voxels, most_memory=most_memory)
+    return body_from_array(found.filled, material, found.pitch * scale)
+
+
+def _loaded(mesh: Any) -> "trimesh.Trimesh":
+    import trimesh  # slow to import
+
+    if isinstance(mesh, str | PathLike):
+        try:
+            mesh = trimesh.load_mesh(mesh)
+        except Exception as error:  # readers of a dozen formats fail in as many ways
+            raise ValueError(f"mesh: {mesh} cannot be read: {' '.join(str(error).split())}") from None
+    if isinstance(mesh, trimesh.Scene):
+        mesh = mesh.to_mesh()
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise ValueError(f"mesh: {type(mesh).__name__} is not allowed; give a surface of triangles or its file")
+    return mesh
+
+
+def _check_size(found: Prediction, pitch: float, most_voxels: int, most_memory: float) -> None:
+    if found.voxels > most_voxels or found.memory > most_memory:
+        raise ValueError(
+            f"pitch: {pitch:g} is too fine, about {found.voxels:,} voxels and {found.memory / 1e9:,.1f} GB; at most "
+            f"{most_voxels:,} and {most_memory / 1e9:,.1f} GB are allowed, give a larger one"
+        )
+
+
+def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
+    """The mesh, repaired if need be and wanted."""
+    if mesh.is_watertight:
+        return mesh
+    from trimesh import repair as mend
+
+    if repair:
+        mesh = mesh.copy()
+        mesh.merge_vertices()
+        mesh.update_faces(mesh.nondegenerate_faces() & mesh.unique_faces())
+        mesh.remove_unreferenced_vertices()
+        mend.fill_holes(mesh)
+        mend.fix_normals(mesh)
+        if mesh.is_watertight:
+            return mesh
+    edges = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
+    tried = " and could not be repaired" if repair else ""
+    raise ValueError(
+        f"mesh: it is not watertight{tried}: {(edges != 2).sum()} of {len(edges)} edges do not join two triangles; "
+        "close it"
+    )
+
+
+def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:
+    """Places of the grid per axis; lengths that are whole but for rounding are."""
+    return [max(1, math.ceil(float(extent) / pitch - 1e-6)) for extent in mesh.extents]
+
+
+def _filled(triangles: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which places are inside; triangles (N, 3, 3) in places of the grid.
+
+    A column of places is a line along z. Where it meets a triangle, all places above change sides.
+    """
+    changes = np.zeros((*counts[:2], counts[2] + 1), bool)
+    limits = counts[:2] - 1
+    for corner in triangles:
+        flat = corner[:, :2] - _SHIFT
+        low = np.maximum(np.ceil(flat.min(axis=0)), 0).astype(int)
+        high = np.minimum(np.floor(flat.max(axis=0)), limits).astype(int)
+        (ax, ay), (bx, by), (cx, cy) = flat
+        double = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if (high < low).any() or double == 0:
+            continue
+        x = np.arange(low[0], high[0] + 1)[:, None]
+        y = np.arange(low[1], high[1] + 1)[None, :]
+        first = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / double  # barycentric coordinates
+        second = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / double
+        third = 1.0 - first - second
+        inside = (first >= 0) & (second >= 0) & (third >= 0)
+        height = first * corner[0, 2] + second * corner[1, 2] + third * corner[2, 2]
+        i, j = np.nonzero(inside)
+        above = np.clip(np.ceil(height[i, j]), 0, counts[2]).astype(int)
+        changes[i + low[0], j + low[1], above] ^= True  # a column meets a triangle once
+    return np.logical_xor.accumulate(changes, axis=2)[:, :, :-1]

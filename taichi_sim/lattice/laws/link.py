@@ -1,0 +1,189 @@
+"""The link law: forces and moments of the Euler-Bernoulli beam between two voxels.
+
+Everything is in the link frame, whose x axis points from the "-" voxel to the "+" voxel. The beam is isotropic
+across its axis, so turning the voxel frame onto the link frame is a cyclic exchange of components.
+
+Source: Hiller & Lipson 2014 (section "Beam model"), with the angle regimes and the damping of Voxelyze.
+"""
+
+from taichi_sim.autodiff.lanes import absolute, larger
+from taichi_sim.autodiff.rotations import (
+    apply,
+    cross,
+    matrix,
+    multiply,
+    multiply_conjugate,
+    rotate_back,
+    rotation_vector_factor,
+)
+from taichi_sim.autodiff.tracing import law, select, sqrt
+from taichi_sim.runtime import ti
+
+# States of a link; a new one is small but remembers nothing yet.
+LARGE, SMALL, NEW = 0.0, 1.0, 2.0
+
+# Hysteresis of the small-angle regime: turn = (|dy| + |dz|)/dx and extension |1 - dx/L0|.
+TURN_ENTER, TURN_LEAVE = 0.05, 0.06
+EXTENSION_ENTER, EXTENSION_LEAVE = 0.5, 0.6
+STRAIGHT = 1.732e-2  # slopes below this use the first-order rotation onto the axis
+
+DIVERGED_STRAIN = 100.0
+
+
+@law
+def stays_small(x, y, z, rest):
+    """Whether a link in the small-angle regime remains there."""
+    turn = absolute(y) + absolute(z)
+    return (turn <= TURN_LEAVE * x) & (absolute(rest - x) <= EXTENSION_LEAVE * rest)
+
+
+@law
+def becomes_small(x, y, z, rest):
+    """Whether a link in the large-angle regime leaves it."""
+    turn = absolute(y) + absolute(z)
+    return (turn < TURN_ENTER * x) & (absolute(rest - x) < EXTENSION_ENTER * rest)
+
+
+@law
+def turn_onto_axis(x, y, z, length):
+    """Quaternion (w, 0, y, z) that turns the offset (x, y, z) onto +x."""
+    inverse = 1.0 / length
+    w = sqrt(larger(0.5 * (1.0 + x * inverse), 1e-12))
+    k = 0.5 * inverse / w
+    slope_y = y / x
+    slope_z = z / x
+    straight = (absolute(slope_y) < STRAIGHT) & (absolute(slope_z) < STRAIGHT)
+    sy = 0.5 * slope_z
+    sz = -0.5 * slope_y
+    return (
+        select(straight, 1.0 - 0.5 * (sy * sy + sz * sz), w),
+        select(straight, sy, z * k),
+        select(straight, sz, 0.0 - y * k),
+    )
+
+
+@law
+def end_forces(
+    edge, k, damping_minus, damping_plus, pull, twist, turning, hx, dy, dz, hy, hz,
+    t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template(),
+):  # fmt: skip
+    """Force F and moment M on the "-" end; force G and moment N that the "+" end gives up; link frame.
+
+    The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
+    damping roots have the same proportions: B1 = s, B2 = s h/2, B3 = s h^2/6 with s = sqrt(E h). So the combinations
+    of strains and those of their half changes (h...) are the same, with the weights k and g s (half of it for moments).
+
+    With bent = False the rotation t1 is zero and not read.
+    """
+    ey, ez, ay, az, by, bz = shear_and_bending(edge, dy, dz, t1y, t1z, t2y, t2z, bent)
+    vy, vz, cy, cz, ry, rz = shear_and_bending(edge, hy, hz, h1y, h1z, h2y, h2z, bent)
+    half_minus = 0.5 * damping_minus
+    half_plus = 0.5 * damping_plus
+    ey = k * ey
+    ez = k * ez
+    return (
+        pull + damping_minus * hx, ey + damping_minus * vy, ez + damping_minus * vz,
+        twist + damping_minus * turning, 0.0 - (k * ay + half_minus * cy), k * az + half_minus * cz,
+        pull + damping_plus * hx, ey + damping_plus * vy, ez + damping_plus * vz,
+        twist + damping_plus * turning, k * by + half_plus * ry, k * bz + half_plus * rz,
+    )  # fmt: skip
+
+
+@law
+def shear_and_bending(edge, dy, dz, t1y, t1z, t2y, t2z, bent: ti.template()):
+    """Strains of a beam weighted as in its forces, in its moments at the "-" end, and at the "+" end: y, z of each."""
+    arm = 0.5 * edge
+    lever = (1 / 6) * edge * edge
+    ty = t2y
+    tz = t2z
+    uy = lever * t2y
+    uz = lever * t2z
+    vy = uy + uy
+    vz = uz + uz
+    if ti.static(bent):
+        ty = t1y + t2y
+        tz = t1z + t2z
+        wy = lever * t1y
+        wz = lever * t1z
+        uy = 2.0 * wy + uy
+        uz = 2.0 * wz + uz
+        vy = wy + vy
+        vz = wz + vz
+    sy = arm * dz
+    sz = arm * dy
+    return dy - arm * tz, dz + arm * ty, sy + uy, sz - uz, sy + vy, vz - sz
+
+
+@law
+def relative_pose(x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2):
+    """Offset and orientation (w, x, y, z) of the "+" voxel in the frame of the "-" voxel."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w1, a1, b1, c1)
+    x, y, z = apply(xx, yx, zx, xy, yy, zy, xz, yz, zz, x2 - x1, y2 - y1, z2 - z1)
+    qw, qx, qy, qz = multiply_conjugate(w1, a1, b1, c1, w2, a2, b2, c2)
+    return x, y, z, qw, qx, qy, qz
+
+
+@law
+def cross_section(e1, e2, f1, f2):
+    """Mean over two voxels of the sum of their transverse strains, and of the product of one plus each."""
+    return 0.5 * ((e1 + e2) + (f1 + f2)), 0.5 * ((1.0 + e1) * (1.0 + e2) + (1.0 + f1) * (1.0 + f2))
+
+
+@law
+def straight_strains(x, y, z, qw, qx, qy, qz, rest):
+    """Offset and rotation vector of a link that is and was in the small-angle regime; its next memory."""
+    factor = rotation_vector_factor(qw)
+    return x - rest, y, z, factor * qx, factor * qy, factor * qz
+
+
+@law
+def turned_strains(x, y, z, qw, qx, qy, qz, rest, before):
+    """The same of a link of any regime, then the new regime and the rotation (w, 0, y, z) onto the axis."""
+    stays = select(stays_small(x, y, z, rest), SMALL + 0.0 * before, LARGE)
+    enters = select(becomes_small(x, y, z, rest), SMALL + 0.0 * before, LARGE)
+    small = select(before > 0.5, stays, enters)
+    is_small = small > 0.5
+    length = sqrt(x * x + y * y + z * z)
+    w, by, bz = turn_onto_axis(x, y, z, length)
+    w = select(is_small, 1.0, w)
+    by = select(is_small, 0.0, by)
+    bz = select(is_small, 0.0, bz)
+    qw, qx, qy, qz = multiply(w, 0.0 * w, by, bz, qw, qx, qy, qz)
+    k1 = rotation_vector_factor(w)
+    k2 = rotation_vector_factor(qw)
+    dx = select(is_small, x, length) - rest
+    return dx, select(is_small, y, k1 * by), select(is_small, z, k1 * bz), k2 * qx, k2 * qy, k2 * qz, small, w, by, bz
+
+
+@law
+def turned_forces(edge, stiff, minus, plus, pull, twist, turning, small, w, by, bz, d1, d2, d4, d5, h0, h1, h2, h4, h5):
+    """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel."""
+    is_small = small > 0.5
+    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = end_forces(
+        edge, stiff, minus, plus, pull, twist, turning, h0, select(is_small, d1, 0.0), select(is_small, d2, 0.0),
+        select(is_small, h1, 0.0), select(is_small, h2, 0.0), select(is_small, 0.0, d1), select(is_small, 0.0, d2),
+        d4, d5, select(is_small, 0.0, h1), select(is_small, 0.0, h2), h4, h5, True,
+    )  # fmt: skip
+    zero = 0.0 * w
+    fx, fy, fz = rotate_back(w, zero, by, bz, fx, fy, fz)
+    mx, my, mz = rotate_back(w, zero, by, bz, mx, my, mz)
+    gx, gy, gz = rotate_back(w, zero, by, bz, gx, gy, gz)
+    nx, ny, nz = rotate_back(w, zero, by, bz, nx, ny, nz)
+    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+
+
+@law
+def balanced(rx, ry, rz, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz):
+    """A link's (F, M, G, N), corrected so that they neither push nor turn its two voxels as a whole; in any one frame.
+
+    r is the offset of the "+" voxel, on which -G and -N act. A beam without mass is in equilibrium, as in Crisfield's
+    co-rotational beams (Comput. Methods Appl. Mech. Eng. 81(2), 1990): F = G, and about the "-" voxel M - N = r x G.
+    The published law breaks the first where the ends are damped unlike, the second to second order in the strains: its
+    levers are voxel edges, and tension has none. Each end bears half of what is missing.
+    """
+    fx, fy, fz = 0.5 * (fx + gx), 0.5 * (fy + gy), 0.5 * (fz + gz)
+    tx, ty, tz = cross(rx, ry, rz, fx, fy, fz)
+    sx, sy, sz = mx + nx, my + ny, mz + nz
+    mx, my, mz = 0.5 * (sx + tx), 0.5 * (sy + ty), 0.5 * (sz + tz)
+    nx, ny, nz = 0.5 * (sx - tx), 0.5 * (sy - ty), 0.5 * (sz - tz)
+    return fx, fy, fz, mx, my, mz, fx, fy, fz, nx, ny, nz

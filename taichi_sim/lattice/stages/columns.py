@@ -1,0 +1,34 @@
+"""Columns of the integer tables that the robots of a batch share, and channels as plain numbers for kernels."""
+
+from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
+from taichi_sim.lattice.stages.memory import CHANNEL_WIDTH
+
+# Columns of the table of links: slots of the two voxels in VOXEL, of the beam in BEAM and of the rest length in REST;
+# the components along and across the link's axis; whether both ends are damped alike; numbers of the two voxels.
+(LINK_MINUS, LINK_PLUS, LINK_BEAM, LINK_REST, LINK_ALONG, LINK_SIDE_1, LINK_SIDE_2, LINK_SYMMETRIC, LINK_FIRST,
+ LINK_SECOND) = range(10)  # fmt: skip
+LINK_COLUMNS = 10
+
+# Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface
+# slot and the gauge's slot in STRAIN (-1 without); bits of fixed degrees of freedom; the voxel's own links; the link
+# on each side (-1 without); sum of the normals of faces under pressure, and whether there are any; how many faces along
+# each axis a fluid reaches, two bits each; the voxel's rows in the table of corners.
+(GROUP, CHANNELS, SURFACE_SLOT, GAUGE, FIXED, FIRST_LINK, END_LINK, SIDE_LINK) = range(8)
+NORMAL, FEELS_PRESSURE, WET, FIRST_CORNER, END_CORNER = 13, 16, 17, 18, 19
+VOXEL_COLUMNS = 20
+WET_SHIFTS = (1, 4, 16)
+REST_MINUS, REST_PLUS, REST_AXIS = range(3)
+
+# Columns of the table of surface voxels: slots of the voxel in VOXEL and of its group in CONSTANT/CURRENT.
+SURFACE_VOXEL, SURFACE_GROUP = range(2)
+SURFACE_COLUMNS = 2
+
+# The table of squares has the numbers of the four voxels of each, that of corners the slots of the force in PRESSED.
+SQUARE_COLUMNS = 4
+
+CHANNELS_PER_GROUP = QUANTITY_COUNT * CHANNEL_WIDTH
+ACCELERATION, FORCE, MOMENT = int(Quantity.ACCELERATION), int(Quantity.FORCE), int(Quantity.MOMENT)
+TRANSLATION, ROTATION, SCALE = int(Quantity.TRANSLATION), int(Quantity.ROTATION), int(Quantity.SCALE)
+TEMPERATURE, PRESSURE, GLOBAL_DAMPING = int(Quantity.TEMPERATURE), int(Quantity.PRESSURE), int(Quantity.GLOBAL_DAMPING)
+STATIC_FRICTION, KINETIC_FRICTION = int(Quantity.STATIC_FRICTION), int(Quantity.KINETIC_FRICTION)
+RESISTANCE = int(Quantity.RESISTANCE)

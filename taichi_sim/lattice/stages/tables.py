@@ -1,0 +1,283 @@
+"""A body as the tables that kernels read: integers shared by a batch, constants per robot, voxels in engine order."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim.lattice.body import LatticeBody
+from taichi_sim.lattice.laws.enclosure import closed_surface
+from taichi_sim.lattice.laws.fluid import outer_faces
+from taichi_sim.lattice.materials import (
+    BEAM_COLUMNS,
+    CONSTANT_COLUMNS,
+    DAMP_MINUS,
+    DAMP_PLUS,
+    Material,
+    beam_constants,
+    voxel_constants,
+)
+from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram, Quantity
+from taichi_sim.lattice.stages import columns, memory
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Integer tables of a topology (columns in ``stages``) and constants of its robots.
+
+    Attributes:
+        link, voxel, surface: flat integer tables of links, voxels and surface voxels.
+        rest: pairs of groups and axis of the rest lengths, shape (R, 3).
+        link_ends: voxels of each link, engine order, shape (L, 2).
+        surface_voxels: the surface voxels, engine order, shape (S,).
+        square, corner: flat integer tables of the squares of a closed surface under pressure, and of their corners,
+            voxel by voxel; empty without a fluid, but for bodies with several chambers.
+        excluded: bit matrix of pairs of surface voxels that never collide, shape (S, ceil(S / 32)).
+        start: start positions [m], engine order, shape (V, 3).
+        group: group of each voxel, engine order, shape (V,).
+        group_region: region of each group, shape (G,).
+        group_material: material of each group, shape (G,).
+        beam_materials: materials at the "-" and the "+" end of each beam, shape (C, 2).
+        constant: voxel constants, shape (B, G, 9).
+        beam: beam constants, shape (B, C, 16).
+        channel: channels at the start, shape (B, 25 G, 4).
+        gauges: number of voxels whose strain is kept: those with faces under pressure, all with Poisson's effect.
+        poisson: whether any robot has a material with Poisson's effect.
+        squares: number of squares of that surface.
+        fluid: whether there is a fluid around the robots.
+        ring: power of two that no link's voxel numbers differ by more than.
+    """
+
+    link: np.ndarray
+    voxel: np.ndarray
+    rest: np.ndarray
+    link_ends: np.ndarray
+    group: np.ndarray
+    surface: np.ndarray
+    surface_voxels: np.ndarray
+    square: np.ndarray
+    corner: np.ndarray
+    excluded: np.ndarray
+    start: np.ndarray
+    group_region: np.ndarray
+    group_material: np.ndarray
+    beam_materials: np.ndarray
+    constant: np.ndarray
+    beam: np.ndarray
+    channel: np.ndarray
+    gauges: int
+    poisson: bool
+    squares: int
+    fluid: bool
+    ring: int
+
+    def layout(self, forces: tuple[int, int]) -> memory.Memory:
+        """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
+        return memory.Memory.of(
+            len(self.group), len(self.link_ends), self.gauges, len(self.surface_voxels), len(self.group_region),
+            self.beam.shape[1], len(self.rest), self.squares, forces,
+        )  # fmt: skip
+
+    def initial_sections(self) -> tuple[tuple[int, np.ndarray], ...]:
+        """Sections of the memory that the tables fill, with values of shape (B, items, components)."""
+        return (memory.CONSTANT, self.constant), (memory.BEAM, self.beam), (memory.CHANNEL, self.channel)
+
+    def plan(self, layout: memory.Memory, floor: bool, self_contact: bool) -> np.ndarray:
+        """The integers that tell kernels where sections lie, how many items there are and what is switched on."""
+        plan = np.zeros(memory.PLAN_SIZE, np.int32)
+        plan[: memory.SECTION_COUNT] = layout.starts
+        plan[memory.VOXELS], plan[memory.LINKS] = len(self.group), len(self.link_ends)
+        plan[memory.GROUPS], plan[memory.RESTS] = len(self.group_region), len(self.rest)
+        plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface_voxels), layout.state_slots
+        plan[memory.RING_MASK] = self.ring - 1
+        plan[memory.FLOOR_ON], plan[memory.CONTACT_ON], plan[memory.POISSON_ON] = floor, self_contact, self.poisson
+        plan[memory.FLUID_ON], plan[memory.SQUARES] = self.fluid, self.squares
+        return plan
+
+
+def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = False) -> Tables:
+    """Tables of robots whose bodies share voxels, links, regions and material indices but not material values."""
+    body = bodies[0]
+    topology, order = body.topology, body.topology.order
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    kinds = np.stack([body.material_index, body.regions], axis=1)  # type: ignore[list-item]
+    groups, group_of = np.unique(kinds, axis=0, return_inverse=True)
+    links, axes = topology.links, topology.link_axes
+    beam_pairs, beam_of = np.unique(body.material_index[links].reshape(-1, 2), axis=0, return_inverse=True)
+    rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
+    rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
+    ends = place[links].reshape(-1, 2)
+    closed = fluid or body.has_chambers
+    squares = place[closed_surface(body)] if closed else np.zeros((0, columns.SQUARE_COLUMNS), int)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), fluid, closed)
+    shell = place[topology.surface]
+    surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
+    used = sorted({id(b): b for b in bodies}.values(), key=id)
+    constant, beam, channel = {}, {}, {}
+    for each in used:
+        materials, h = each.materials, each.voxel_size
+        constant[id(each)] = np.array([voxel_constants(materials[m], h) for m, _ in groups])
+        rows = [beam_constants(materials[a], materials[b], h, time_step) for a, b in beam_pairs]
+        beam[id(each)] = np.array(rows).reshape(-1, BEAM_COLUMNS)
+        channel[id(each)] = _initial_channels([materials[m] for m, _ in groups])
+    return Tables(
+        link=_link_table(ends, axes, beam_of, rest_of, np.array([beam[id(b)] for b in used])),
+        voxel=voxel_table.ravel(),
+        rest=_int_table(rests, 3),
+        link_ends=ends,
+        group=group_of[order],
+        surface=_int_table(surface, columns.SURFACE_COLUMNS).ravel(),
+        surface_voxels=shell,
+        square=_int_table(squares, columns.SQUARE_COLUMNS).ravel(),
+        corner=_int_table(np.argsort(squares, axis=None, kind="stable") * 3, 1).ravel(),
+        excluded=_bit_matrix(topology.excluded),
+        start=body.start_positions[order],
+        group_region=groups[:, 1].copy(),
+        group_material=groups[:, 0].copy(),
+        beam_materials=beam_pairs,
+        constant=np.array([constant[id(b)] for b in bodies]),
+        beam=np.array([beam[id(b)] for b in bodies]),
+        channel=np.array([channel[id(b)] for b in bodies]),
+        gauges=strain_count,
+        poisson=_has_poisson(bodies),
+        squares=len(squares),
+        fluid=fluid,
+        ring=1 << int(np.ptp(ends, axis=1).max(initial=0)).bit_length(),
+    )
+
+
+def _has_poisson(bodies: Sequence[LatticeBody]) -> bool:
+    return any(m.poissons_ratio > 0 for body in bodies for m in body.materials)
+
+
+def _int_table(rows: np.ndarray, columns: int) -> np.ndarray:
+    """Rows as int32; a table without rows gets one, as kernels cannot take empty arrays."""
+    return np.ascontiguousarray(rows.reshape(-1, columns) if len(rows) else np.zeros((1, columns)), np.int32)
+
+
+def _link_table(
+    ends: np.ndarray, axes: np.ndarray, beam_of: np.ndarray, rest_of: np.ndarray, beams: np.ndarray
+) -> np.ndarray:
+    table = np.zeros((len(ends), columns.LINK_COLUMNS), np.int32)
+    table[:, [columns.LINK_MINUS, columns.LINK_PLUS]] = ends * memory.VOXEL_WIDTH
+    table[:, columns.LINK_BEAM], table[:, columns.LINK_REST] = beam_of * BEAM_COLUMNS, rest_of * memory.REST_WIDTH
+    for column, turn in ((columns.LINK_ALONG, 0), (columns.LINK_SIDE_1, 1), (columns.LINK_SIDE_2, 2)):
+        table[:, column] = (axes + turn) % 3
+    alike = (beams[:, :, DAMP_MINUS] == beams[:, :, DAMP_PLUS]).all(axis=0)
+    table[:, columns.LINK_SYMMETRIC] = alike[beam_of]
+    table[:, [columns.LINK_FIRST, columns.LINK_SECOND]] = ends
+    return _int_table(table, columns.LINK_COLUMNS).ravel()
+
+
+def _voxel_table(
+    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, squares: np.ndarray, poisson: bool,
+    fluid: bool, closed: bool,
+) -> tuple[np.ndarray, int]:  # fmt: skip
+    topology, count = body.topology, len(order)
+    table = np.full((count, columns.VOXEL_COLUMNS), -1, np.int32)
+    table[:, columns.GROUP] = group_of[order] * CONSTANT_COLUMNS
+    table[:, columns.CHANNELS] = group_of[order] * columns.CHANNELS_PER_GROUP
+    table[place[topology.surface], columns.SURFACE_SLOT] = np.arange(len(topology.surface))
+    table[:, columns.SIDE_LINK : columns.SIDE_LINK + 6] = topology.side_links[order]
+    table[:, columns.FIXED] = body.fixed[order] @ (1 << np.arange(6))  # type: ignore[index]
+    first = np.searchsorted(place[topology.links[:, 0]], np.arange(count + 1))
+    table[:, columns.FIRST_LINK], table[:, columns.END_LINK] = first[:-1], first[1:]
+    normals = body.pressure_normals[order]  # type: ignore[index]
+    table[:, columns.NORMAL : columns.NORMAL + 3] = normals
+    feels = (normals != 0).any(axis=1) & (not closed)  # else pressure acts on the squares
+    table[:, columns.FEELS_PRESSURE] = feels
+    table[:, columns.WET] = outer_faces(body.voxels)[order] @ columns.WET_SHIFTS if fluid else 0
+    ends = np.cumsum(np.bincount(squares.ravel(), minlength=count))
+    table[1:, columns.FIRST_CORNER], table[:, columns.END_CORNER] = ends[:-1], ends
+    table[0, columns.FIRST_CORNER] = 0
+    gauged = np.flatnonzero(feels | poisson)
+    table[gauged, columns.GAUGE] = np.arange(len(gauged)) * memory.STRAIN_WIDTH
+    return table, len(gauged)
+
+
+def _bit_matrix(flags: np.ndarray) -> np.ndarray:
+    """Rows of booleans packed into int32 words, lowest bit first."""
+    words = -(-flags.shape[1] // 32) or 1
+    padded = np.zeros((max(len(flags), 1), words * 32), bool)
+    padded[: len(flags), : flags.shape[1]] = flags
+    return np.packbits(padded, axis=1, bitorder="little").view(np.int32)
+
+
+def _initial_channels(materials: list[Material]) -> np.ndarray:
+    channels = np.zeros((len(materials), QUANTITY_COUNT, memory.CHANNEL_WIDTH))
+    base = channels[:, :, memory.BASE]
+    for row, material in zip(base, materials, strict=True):
+        row[Quantity.SCALE : Quantity.SCALE + 3] = material.scale
+        row[Quantity.TEMPERATURE] = material.temperature
+        row[Quantity.STATIC_FRICTION] = material.static_friction
+        row[Quantity.KINETIC_FRICTION] = material.kinetic_friction
+        row[Quantity.GLOBAL_DAMPING] = material.global_damping
+    channels[:, :, memory.VALUE] = base
+    return channels.reshape(-1, memory.CHANNEL_WIDTH)
+
+
+@dataclass(frozen=True, eq=False)
+class PackedProgram:
+    """A program as kernels read it.
+
+    Attributes:
+        marks: (step, target) of each event, sorted by robot and step; a target below 0 records snapshot -target - 1.
+        values: (base, rate) of each event.
+        first: first mark of each robot, and one past the last, shape (B + 1,).
+        source: number of the program's event that each came from, -1 for snapshots.
+        lengths: shape (B,).
+        slots: snapshots per robot, S.
+    """
+
+    marks: np.ndarray
+    values: np.ndarray
+    source: np.ndarray
+    first: np.ndarray
+    lengths: np.ndarray
+    slots: int
+
+
+def pack_program(program: LatticeProgram, group_region: np.ndarray) -> PackedProgram:
+    """Sort a program's events and address groups instead of regions.
+
+    Raises:
+        ValueError: if an event names a region that the body lacks.
+    """
+    events = program.events
+    limit = int(group_region.max()) + 1
+    if len(events) and events["region"].max() >= limit:
+        raise ValueError(f"events: region {events['region'].max()} is unknown; the body has 0..{limit - 1}")
+    parts, sources = [], []
+    for group, region in enumerate(group_region):
+        (chosen,) = np.nonzero(events["region"] == region)
+        part = events[chosen]
+        targets = group * QUANTITY_COUNT + part["quantity"]
+        parts.append(_marks(part["robot"], part["step"], targets, part["value"], part["rate"]))
+        sources.append(chosen)
+    robot, slot = np.nonzero(program.snapshots >= 0)
+    nothing = np.zeros(len(robot))
+    parts.append(_marks(robot, program.snapshots[robot, slot], -1 - slot, nothing, nothing))
+    sources.append(np.full(len(robot), -1))
+    marks, source = np.concatenate(parts), np.concatenate(sources)
+    order = np.lexsort((marks["step"], marks["robot"]))  # stable: the last event of a step wins
+    marks, source = marks[order], source[order]
+    first = np.searchsorted(marks["robot"], np.arange(program.robot_count + 1))
+    pairs = np.stack([marks["step"], marks["region"]], axis=1)
+    values = np.stack([marks["value"], marks["rate"]], axis=1)
+    if not len(marks):
+        pairs, values, source = np.zeros((1, 2)), np.zeros((1, 2)), np.full(1, -1)
+    return PackedProgram(
+        pairs.astype(np.int32),
+        values,
+        source,
+        first.astype(np.int32),
+        program.lengths.astype(np.int32),
+        program.snapshots.shape[1],
+    )
+
+
+def _marks(robot: np.ndarray, step: np.ndarray, target: np.ndarray, value: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    marks = np.zeros(len(robot), EVENT)
+    marks["robot"], marks["step"], marks["region"], marks["value"], marks["rate"] = robot, step, target, value, rate
+    return marks

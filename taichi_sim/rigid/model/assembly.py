@@ -1,0 +1,199 @@
+"""Trees from the parts that files of robots describe: masses are summed, and what has none joins what carries it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.shapes import Box, Capsule, Floats, Solid, Sphere
+from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Motor, Tree, Weld
+from taichi_sim.rigid.tables import Senses
+
+_STRAIGHT = 1e-6  # sines below it are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A robot of a file.
+
+    Attributes:
+        tree: the robot; its first body is the base.
+        senses: what the file's touch sensors feel.
+        world: time step, gravity and friction of the file, where it has them.
+        commands: names of what the commands go to, in their order.
+        ignored: what the file says and the engine has not, one entry each.
+    """
+
+    tree: Tree
+    senses: Senses
+    world: World
+    commands: tuple[str, ...]
+    ignored: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A frame in the world at rest.
+
+    Attributes:
+        position: of its origin [m].
+        rotation: matrix of its axes.
+    """
+
+    position: Floats
+    rotation: Floats
+
+    def then(self, position: Floats, rotation: Floats) -> "Place":
+        """A frame given in this one."""
+        return Place(self.position + self.rotation @ position, self.rotation @ rotation)
+
+
+@dataclass(frozen=True, eq=False)
+class Lump:
+    """A mass, its centre [m] and its inertia about the centre [kg m^2], in the axes of the world at rest."""
+
+    mass: float = 0.0
+    centre: Floats = field(default_factory=lambda: np.zeros(3))
+    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def __add__(self, other: "Lump") -> "Lump":
+        """Both together (Steiner)."""
+        mass = self.mass + other.mass
+        if mass == 0:
+            return self
+        centre = (self.mass * self.centre + other.mass * other.centre) / mass
+        inertia = self.inertia + other.inertia
+        for part in (self, other):
+            arm = part.centre - centre
+            inertia = inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        return Lump(mass, centre, inertia)
+
+    @classmethod
+    def of(cls, mass: float, place: Place, inertia: Floats) -> "Lump":
+        """Of a mass at a place, its inertia in the axes of that place."""
+        return cls(mass, place.position, place.rotation @ inertia @ place.rotation.T)
+
+
+@dataclass(frozen=True)
+class HingeOf:
+    """The hinge that carries a part, at rest in the world; as of ``Hinge``."""
+
+    anchor: Floats
+    axis: Floats
+    motor: Motor | None = None
+    command: int = 0
+    stops: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A body as a file has it.
+
+    Attributes:
+        name: of the part.
+        parent: name of the part that carries it; None for the base.
+        hinge: that it hangs on; None: it is fixed to its parent.
+        lump: its mass.
+        shapes: solids with centres in the world at rest.
+    """
+
+    name: str
+    parent: str | None
+    hinge: HingeOf | None
+    lump: Lump
+    shapes: tuple[Solid, ...]
+
+
+def sphere(place: Place, radius: float) -> Sphere:
+    """A ball at a place in the world."""
+    return Sphere(radius, place.position)
+
+
+def capsule(place: Place, radius: float, length: float) -> Capsule:
+    """A capsule along the third axis of a place in the world."""
+    return Capsule(radius, length, place.rotation[:, 2], place.position)
+
+
+def box(name: str, place: Place, size: Floats) -> Box:
+    """A cuboid along the axes of a place in the world.
+
+    Raises:
+        ValueError: in one line, where these are not the axes of the world.
+    """
+    straight = np.abs(place.rotation).round(6)
+    if np.abs(np.abs(place.rotation) - straight.round()).max() > _STRAIGHT:
+        raise ValueError(f"{name}: a box that is turned at rest is not allowed; give one along the axes of the world")
+    return Box(straight.round() @ size, place.position)
+
+
+def solid_inertia(kind: str, mass: float, size: Sequence[float]) -> Floats:
+    """Inertia of a solid along its own axes: sphere (radius), box (edges), capsule or cylinder (radius, length)."""
+    if kind == "sphere":
+        return Sphere(size[0]).inertia(mass)
+    if kind == "box":
+        return Box(np.array(size)).inertia(mass)
+    if kind == "capsule":
+        return Capsule(size[0], size[1]).inertia(mass)
+    across = mass * (3 * size[0] ** 2 + size[1] ** 2) / 12
+    return np.diag([across, across, mass * size[0] ** 2 / 2])
+
+
+def solid_volume(kind: str, size: Sequence[float]) -> float:
+    """Volume of such a solid [m^3]."""
+    ball = 4 / 3 * np.pi * size[0] ** 3
+    if kind == "box":
+        return float(np.prod(size))
+    if kind == "sphere":
+        return float(ball)
+    return float(np.pi * size[0] ** 2 * size[1] + (ball if kind == "capsule" else 0))
+
+
+def placed(kind: str, name: str, place: Place, size: Sequence[float]) -> Solid:
+    """The solid that touches the ground; a capsule of the same length over all instead of a cylinder.
+
+    Raises:
+        ValueError: in one line, for what the engine has not.
+    """
+    if kind == "sphere":
+        return sphere(place, size[0])
+    if kind == "box":
+        return box(name, place, np.array(size))
+    length = size[1] if kind == "capsule" else size[1] - 2 * size[0]
+    if length <= 0:
+        raise ValueError(f"{name}: a cylinder that is wider than long is not allowed; give a sphere, box or capsule")
+    return capsule(place, size[0], length)
+
+
+def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
+    """The tree of parts, parents first.
+
+    Parts without mass that are fixed to another become one with it.
+
+    Raises:
+        ValueError: in one line, for a part without mass that moves on its own, or whatever ``Tree`` does not allow.
+    """
+    found: dict[str, Part] = {}
+    joined: dict[str, str] = {}
+    for part in parts:
+        parent = None if part.parent is None else joined.get(part.parent, part.parent)
+        if parent is not None and part.hinge is None and 0 in (part.lump.mass, found[parent].lump.mass):
+            carrier = found[parent]
+            found[parent] = replace(carrier, lump=carrier.lump + part.lump, shapes=carrier.shapes + part.shapes)
+            joined[part.name] = parent
+        else:
+            found[part.name] = replace(part, parent=parent)
+    bodies, joints = list[Body](), list[Joint]()
+    for part in found.values():
+        lump = part.lump
+        if lump.mass == 0 and part.parent is None and fixed:
+            lump = Lump(1.0, lump.centre, np.eye(3))  # whatever does not move
+        if lump.mass == 0:
+            raise ValueError(f"mass of {part.name}: 0 is not allowed; give an inertial or solids with a mass")
+        shapes = [replace(shape, centre=np.asarray(shape.centre) - lump.centre) for shape in part.shapes]
+        bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
+        if part.parent is not None:
+            hinge = part.hinge
+            joints.append(Weld(part.parent, part.name) if hinge is None else Hinge(
+                part.parent, part.name, hinge.anchor, hinge.axis, hinge.motor, hinge.command, hinge.stops))  # fmt: skip
+    return Tree(bodies, joints, fixed)

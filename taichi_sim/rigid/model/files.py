@@ -1,0 +1,62 @@
+"""Robots from files: MJCF (MuJoCo) and URDF, as far as they are trees of hinges over flat ground."""
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+from taichi_sim.base.plain_xml import parse_xml
+from taichi_sim.rigid.model.assembly import Model
+from taichi_sim.rigid.model.mjcf import read_mjcf
+from taichi_sim.rigid.model.shapes import positive
+from taichi_sim.rigid.model.urdf import read_urdf
+
+
+def load_model(path: str | Path, **settings: object) -> Model:
+    """Read a robot from a file; settings as of ``parse_model``.
+
+    Raises:
+        ValueError: in one line, for a file that cannot be read or means what the engine has not.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read: {error}") from None
+    return parse_model(text, **settings)  # type: ignore[arg-type]
+
+
+def parse_model(
+    text: str,
+    *,
+    angles: Mapping[str, float] | None = None,
+    fixed: bool = False,
+    speed: float = 10.0,
+    fastest: float = 10.0,
+) -> Model:
+    """Read a robot from the text of an MJCF or URDF file.
+
+    Bodies touch the ground, the plane z = 0, and nothing else. What the file says and the engine has not is named in
+    one warning, where a robot moves without it much as it would; else it is an error.
+
+    Args:
+        text: of the file.
+        angles: of hinges in the position that becomes the tree's rest, by their joints' names [rad]; else 0.
+        fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
+        speed: of position drives whose own does not follow from the file: what part of the way to its target a drive
+            wants to go in a second [1/s].
+        fastest: rate of drives by torque, which the engine drives by rate, at full command [rad/s].
+
+    Raises:
+        ValueError: in one line, for a text that is not such a file or means what the engine has not.
+    """
+    positive("speed", speed)
+    positive("fastest", fastest)
+    root = parse_xml(text)
+    if root.tag == "mujoco":
+        model = read_mjcf(root, dict(angles or {}), speed, fastest)
+    elif root.tag == "robot":
+        model = read_urdf(root, dict(angles or {}), fixed, speed)
+    else:
+        raise ValueError(f"model: <{root.tag}> is unknown; give a file of <mujoco> (MJCF) or <robot> (URDF)")
+    if model.ignored:
+        warnings.warn(f"model: ignored are {'; '.join(model.ignored)}", stacklevel=2)
+    return model

@@ -1,0 +1,75 @@
+"""MuJoCo's actuators as drives that hold a rate as far as their torque goes.
+
+Source: MuJoCo documentation, "XML reference", actuator: force = kp (ctrl - length) - kv velocity of position, and
+kv (ctrl - velocity) of velocity actuators, with length = gear x angle; the hinge feels gear x force.
+"""
+
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from taichi_sim.rigid.model.tree import Motor
+from taichi_sim.rigid.model.xml_values import named, number, numbers
+
+
+def drive(
+    actuator: Element,
+    span: tuple[float, float] | None,
+    rest: float,
+    damping: float,
+    speed: float,
+    fastest: float,
+    quickest: float,
+) -> tuple[Motor, list[str]]:
+    """A hinge's drive, whose commands from -1 to 1 mean the actuator's range, and what of it is ignored.
+
+    A position actuator wants the rate at which its spring and its damping balance, a velocity actuator that of its
+    control. Both have what torque their spring or damper has at most where the file sets no limit.
+
+    Args:
+        actuator: position, velocity or motor.
+        span: smallest and largest angle of the hinge [rad].
+        rest: its angle at rest [rad].
+        damping: of the hinge [N m s].
+        speed: of position drives without any damping [1/s].
+        fastest: rate of drives by torque at full command [rad/s].
+        quickest: largest speed of a position drive [1/s].
+
+    Raises:
+        ValueError: in one line, for other actuators, or where a range is missing or not symmetric.
+    """
+    gear = float(numbers(actuator, "gear", "1")[0])
+    if actuator.tag not in ("position", "velocity", "motor") or gear == 0:
+        raise ValueError(f"{named(actuator)}: not allowed; give position, velocity or motor, with a gear")
+    limited = "forcerange" in actuator.attrib and actuator.get("forcelimited", "auto") != "false"
+    torque = abs(gear) * _symmetric(actuator, "forcerange") if limited else np.inf
+    if actuator.tag == "motor":
+        torque = min(torque, abs(gear) * _symmetric(actuator, "ctrlrange"))
+        return Motor(torque, float(np.sign(gear)) * fastest), ["torques of motors, which are driven by rate"]
+    low, high = _range(actuator, span, gear)
+    middle, half = (low + high) / 2 / gear, (high - low) / 2 / gear
+    if actuator.tag == "velocity":
+        strongest = abs(gear) * number(actuator, "kv", "1") * (high - low)
+        return Motor(min(torque, strongest), half, 0.0, middle), ["gains of drives"]
+    gain = number(actuator, "kp", "1")
+    drag = gear**2 * number(actuator, "kv", "0") + damping
+    eagerness = min(gear**2 * gain / drag if drag > 0 else speed, quickest)
+    strongest = abs(gear) * gain * (high - low)
+    return Motor(min(torque, strongest), eagerness * half, -eagerness, eagerness * (middle - rest)), ["gains of drives"]
+
+
+def _symmetric(actuator: Element, attribute: str) -> float:
+    low, high = numbers(actuator, attribute, None, 2)
+    if not -low == high > 0:
+        raise ValueError(f"{named(actuator)}: {attribute} {actuator.get(attribute)!r} is not allowed; give -x and x")
+    return float(high)
+
+
+def _range(actuator: Element, span: tuple[float, float] | None, gear: float) -> tuple[float, float]:
+    """Of the control; of the hinge where a position actuator has none."""
+    if "ctrlrange" not in actuator.attrib and actuator.tag == "position" and span is not None:
+        return min(gear * span[0], gear * span[1]), max(gear * span[0], gear * span[1])
+    low, high = numbers(actuator, "ctrlrange", None, 2)
+    if not low < high:
+        raise ValueError(f"{named(actuator)}: ctrlrange {actuator.get('ctrlrange')!r} is not allowed; give two limits")
+    return float(low), float(high)

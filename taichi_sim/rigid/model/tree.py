@@ -1,0 +1,226 @@
+"""Descriptions of articulated bodies: a base, and bodies hanging on it by hinges or fixed to each other.
+
+Everything is given as it lies at rest, in the frame of the world: all bodies' axes are then the world's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from taichi_sim.rigid.model.shapes import Floats, Solid, Vector, is_number, is_whole, positive, unit, vector
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body.
+
+    Attributes:
+        name: of the body, unique in its tree.
+        position: of its centre of mass at rest [m].
+        mass: [kg].
+        shapes: solids it is made of; all of them collide with the ground.
+        inertia: about the centre of mass, (3, 3) [kg m^2]; of its only solid, centred, if not given.
+    """
+
+    name: str
+    position: Vector
+    mass: float
+    shapes: Sequence[Solid] = ()
+    inertia: Floats | None = None
+
+    def __post_init__(self) -> None:
+        vector(f"position of {self.name}", self.position)
+        positive(f"mass of {self.name}", self.mass)
+        if not isinstance(self.shapes, Sequence) or not all(isinstance(shape, Solid) for shape in self.shapes):
+            raise ValueError(f"shapes of {self.name}: {self.shapes!r} is not allowed; give a list of solids")
+        if self.inertia is None:
+            if len(self.shapes) != 1 or np.any(self.shapes[0].centre):
+                raise ValueError(f"inertia of {self.name}: None is not allowed; give it for all but one centred solid")
+            object.__setattr__(self, "inertia", self.shapes[0].inertia(self.mass))
+        inertia = np.array(self.inertia, float)
+        if inertia.shape != (3, 3) or not np.allclose(inertia, inertia.T) or not np.linalg.eigvalsh(inertia)[0] > 0:
+            raise ValueError(f"inertia of {self.name}: not allowed; give a symmetric positive definite 3 x 3 matrix")
+        object.__setattr__(self, "inertia", inertia)
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A drive that holds a hinge's rate: by_command m + by_angle angle + offset, as far as its torque goes.
+
+    Attributes:
+        torque: largest, either way [N m].
+        by_command: rate for a command of one [rad/s].
+        by_angle: rate for an angle of one, negative for position control [1/s].
+        offset: [rad/s].
+    """
+
+    torque: float
+    by_command: float
+    by_angle: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("torque", self.torque, zero=True)
+        for name in ("by_command", "by_angle", "offset"):
+            if not is_number(getattr(self, name)):
+                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; give a finite number")
+
+    @classmethod
+    def position(cls, lowest: float, highest: float, speed: float, torque: float) -> "Motor":
+        """Commands from -1 to 1 mean angles from lowest to highest [rad]; the rate is speed [1/s] times what lacks.
+
+        Raises:
+            ValueError: in one line, for angles that are no numbers, or a speed that is not positive.
+        """
+        for name, angle in (("lowest", lowest), ("highest", highest)):
+            if not is_number(angle):
+                raise ValueError(f"{name}: {angle!r} is not allowed; give a finite number")
+        positive("speed", speed)
+        return cls(torque, speed * (highest - lowest) / 2, -speed, speed * (highest + lowest) / 2)
+
+    @classmethod
+    def velocity(cls, fastest: float, torque: float) -> "Motor":
+        """Commands from -1 to 1 mean rates up to ``fastest`` [rad/s]."""
+        return cls(torque, fastest)
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A joint that turns the child about an axis: rate = axis . (its angular velocity - the parent's).
+
+    Attributes:
+        parent: name of the body nearer to the base.
+        child: name of the body it carries.
+        anchor: a point on the axis at rest [m].
+        axis: its direction at rest.
+        motor: what drives it, with the number of its command; None turns freely.
+        command: number of the motor's command.
+        stops: smallest and largest angle [rad]; None turns all around.
+    """
+
+    parent: str
+    child: str
+    anchor: Vector
+    axis: Vector
+    motor: Motor | None = None
+    command: int = 0
+    stops: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        vector(f"anchor of {self.child}", self.anchor)
+        unit(f"axis of {self.child}", self.axis)
+        if self.stops is not None and not _around_zero(self.stops):
+            raise ValueError(
+                f"stops of {self.child}: {self.stops!r} is not allowed; give two angles around the start, 0"
+            )
+        if self.motor is not None and (not is_whole(self.command) or self.command < 0):
+            raise ValueError(f"command of {self.child}: {self.command!r} is not allowed; give the number of a command")
+
+
+def _around_zero(stops: object) -> bool:
+    if not isinstance(stops, Sequence | np.ndarray) or len(stops) != 2 or not all(map(is_number, stops)):
+        return False
+    return bool(stops[0] <= 0 <= stops[1] and stops[0] < stops[1])
+
+
+@dataclass(frozen=True)
+class Weld:
+    """A joint that holds.
+
+    Attributes:
+        parent: name of the body nearer to the base.
+        child: name of the body it carries.
+    """
+
+    parent: str
+    child: str
+
+
+Joint = Hinge | Weld
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """An articulated body; its first body is the base.
+
+    Attributes:
+        bodies: all bodies.
+        joints: one for every body but the base.
+        fixed: whether the base is fixed to the world.
+
+    Raises:
+        ValueError: in one line, where joints make no tree.
+    """
+
+    bodies: Sequence[Body]
+    joints: Sequence[Joint] = ()
+    fixed: bool = False
+    order: tuple[int, ...] = field(init=False)
+    parents: tuple[int, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = [body.name for body in self.bodies]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"bodies: {names!r} is not allowed; give at least one body, each with a name of its own")
+        joint_of: dict[str, Joint] = {}
+        for joint in self.joints:
+            for end in (joint.parent, joint.child):
+                if end not in names:
+                    raise ValueError(f"joints: there is no body {end!r}; there are {', '.join(names)}")
+            if joint.child in joint_of or joint.child == names[0]:
+                raise ValueError(f"joints: {joint.child!r} is carried twice or is the base; give a tree without loops")
+            joint_of[joint.child] = joint
+        reached, order = {names[0]}, [0]
+        while len(order) < len(names):
+            found = [i for i, name in enumerate(names)
+                     if name not in reached and name in joint_of and joint_of[name].parent in reached]  # fmt: skip
+            if not found:
+                lost = [name for name in names if name not in reached]
+                raise ValueError(
+                    f"joints: {lost[0]!r} does not hang on the base {names[0]!r}; give a tree without loops"
+                )
+            order += found
+            reached |= {names[i] for i in found}
+        object.__setattr__(self, "order", tuple(order))
+        place = {names[i]: n for n, i in enumerate(order)}
+        parents = (-1, *(place[joint_of[names[i]].parent] for i in order[1:]))
+        object.__setattr__(self, "parents", parents)
+
+    @cached_property
+    def ordered(self) -> list[tuple[Body, Joint | None]]:
+        """Bodies with the joints that carry them, parents first."""
+        joint_of = {joint.child: joint for joint in self.joints}
+        return [(self.bodies[i], joint_of.get(self.bodies[i].name)) for i in self.order]
+
+    @cached_property
+    def hinges(self) -> list[Hinge]:
+        """All hinges in the order of their bodies: the order of angles."""
+        return [joint for _, joint in self.ordered if isinstance(joint, Hinge)]
+
+    @cached_property
+    def hinged(self) -> list[int]:
+        """Their bodies' places in ``ordered``."""
+        return [n for n, (_, joint) in enumerate(self.ordered) if isinstance(joint, Hinge)]
+
+    @property
+    def motors(self) -> int:
+        """How many commands there are."""
+        return max((h.command + 1 for h in self.hinges if h.motor is not None), default=0)
+
+    def place_of(self, name: str) -> int:
+        """Place of a body in ``ordered``.
+
+        Raises:
+            ValueError: in one line, for a body that does not exist.
+        """
+        names = [body.name for body, _ in self.ordered]
+        if name not in names:
+            raise ValueError(f"bodies: there is no body {name!r}; there are {', '.join(names)}")
+        return names.index(name)
+
+    def points(self) -> list[tuple[int, Floats, float]]:
+        """Balls that touch the ground where the bodies do: body (its place), centre from the body's, radius [m]."""
+        return [(n, centre, radius) for n, (body, _) in enumerate(self.ordered)
+                for shape in body.shapes for centre, radius in shape.points()]  # fmt: skip

@@ -1,0 +1,143 @@
+"""URDF: links and joints as a tree of hinges.
+
+Source: http://wiki.ros.org/urdf/XML (link, joint). All angles are radians; a joint's frame is its child's.
+"""
+
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from taichi_sim.rigid.model.assembly import HingeOf, Lump, Model, Part, Place, placed, tree_of
+from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.shapes import Floats, Solid
+from taichi_sim.rigid.model.tree import Motor
+from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
+from taichi_sim.rigid.tables import Senses
+
+_ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+_HINGED = ("revolute", "continuous")
+
+
+def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float) -> Model:
+    """The robot of a URDF file; revolute joints are driven to angles, continuous ones at rates, as far as effort goes.
+
+    Raises:
+        ValueError: in one line, for what is not allowed.
+    """
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    joints = root.findall("joint")
+    for joint in joints:
+        for end in ("parent", "child"):
+            if _link_of(joint, end) not in links:
+                raise ValueError(
+                    f"{named(joint)}: there is no link {_link_of(joint, end)!r}; give one of {', '.join(links)}"
+                )
+    carried = {_link_of(joint, "child"): joint for joint in joints}
+    if len(carried) < len(joints):
+        raise ValueError("robot: a link that is carried twice is not allowed; give a tree without loops")
+    bases = [name for name in links if name not in carried]
+    if len(bases) != 1:
+        raise ValueError(f"robot: {len(bases)} links without a parent are not allowed; give one base")
+    unknown = set(angles) - {joint.get("name", "") for joint in joints if joint.get("type") in _HINGED}
+    if unknown:
+        raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
+    places = {bases[0]: Place(np.zeros(3), np.eye(3))}
+    parts, waiting, commands = [_part(links[bases[0]], None, None, places[bases[0]])], list(joints), list[str]()
+    while waiting:
+        ready = [joint for joint in waiting if _link_of(joint, "parent") in places]
+        if not ready:
+            raise ValueError(f"{named(waiting[0])}: a loop is not allowed; give a tree without loops")
+        for joint in ready:
+            waiting.remove(joint)
+            parent, child = _link_of(joint, "parent"), _link_of(joint, "child")
+            places[child], hinge = _hang(joint, places[parent], angles, speed, len(commands))
+            if hinge is not None and hinge.motor is not None:
+                commands.append(joint.get("name", child))
+            parts.append(_part(links[child], parent, hinge, places[child]))
+    return Model(tree_of(parts, fixed), Senses(), World(), tuple(commands), _ignored(root))
+
+
+def _link_of(joint: Element, end: str) -> str:
+    found = single(joint, end)
+    return "" if found is None else found.get("link", "")
+
+
+def _origin(element: Element) -> tuple[Floats, Floats]:
+    """Position and rotation of an element's origin; roll, pitch and yaw about fixed axes."""
+    origin = single(element, "origin")
+    if origin is None:
+        return np.zeros(3), np.eye(3)
+    turn = Rotation.from_euler("xyz", numbers(origin, "rpy", "0 0 0", 3))
+    return numbers(origin, "xyz", "0 0 0", 3), turn.as_matrix()
+
+
+def _hang(joint: Element, parent: Place, angles: dict[str, float], speed: float,
+          command: int) -> tuple[Place, HingeOf | None]:  # fmt: skip
+    """The place of a joint's child, and the hinge it hangs on."""
+    kind, place = joint.get("type", ""), parent.then(*_origin(joint))
+    if kind == "fixed":
+        return place, None
+    if kind not in _HINGED:
+        raise ValueError(f"{named(joint)}: type {kind!r} is not allowed; give revolute, continuous or fixed")
+    axis = single(joint, "axis")
+    along = np.array([1.0, 0, 0]) if axis is None else direction(axis, "xyz", "1 0 0")
+    start = angles.get(joint.get("name", ""), 0.0)
+    turned = place.then(np.zeros(3), Rotation.from_rotvec(start * along).as_matrix())
+    limit = single(joint, "limit")
+    if single(joint, "mimic") is not None:
+        raise ValueError(f"{named(joint)}: mimic is not allowed; give a joint of its own")
+    stops, motor = None, None
+    if kind == "revolute":
+        if limit is None:
+            raise ValueError(f"{named(joint)}: limit is missing; give it, or type continuous")
+        stops = number(limit, "lower", "0") - start, number(limit, "upper", "0") - start
+    effort = 0.0 if limit is None else number(limit, "effort", "0")
+    if effort > 0:
+        rate = number(limit, "velocity", "0") if limit is not None else 0.0
+        motor = Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort)
+    return turned, HingeOf(place.position, place.rotation @ along, motor, command, stops)
+
+
+def _part(link: Element, parent: str | None, hinge: HingeOf | None, place: Place) -> Part:
+    """A link at its place in the world."""
+    lump, inertial = Lump(), single(link, "inertial")
+    if inertial is not None:
+        mass, inertia = single(inertial, "mass"), single(inertial, "inertia")
+        if mass is None or inertia is None:
+            raise ValueError(f"{named(link)}: an inertial without mass or inertia is not allowed; give both")
+        matrix = np.array([number(inertia, entry, "0") for entry in _ENTRIES]).reshape(3, 3)
+        lump = Lump.of(number(mass, "value"), place.then(*_origin(inertial)), matrix)
+    shapes = [_solid(each, link, place.then(*_origin(each))) for each in link.findall("collision")]
+    return Part(link.get("name", ""), parent, hinge, lump, tuple(shapes))
+
+
+def _solid(collision: Element, link: Element, place: Place) -> Solid:
+    geometry = single(collision, "geometry")
+    solids = list(geometry) if geometry is not None else []
+    if len(solids) != 1 or solids[0].tag not in ("sphere", "box", "cylinder", "capsule"):
+        found = solids[0].tag if solids else "nothing"
+        raise ValueError(f"collision of {named(link)}: {found} is not allowed; give a box, sphere, cylinder or capsule")
+    solid = solids[0]
+    if solid.tag == "sphere":
+        size = numbers(solid, "radius", None, 1)
+    elif solid.tag == "box":
+        size = numbers(solid, "size", None, 3)
+    else:
+        size = np.array([number(solid, "radius"), number(solid, "length")])
+    return placed(solid.tag, f"collision of {named(link)}", place, size.tolist())
+
+
+def _ignored(root: Element) -> tuple[str, ...]:
+    """What the engine has not: one entry for each kind."""
+    found = [f"<{tag}>" for tag in sorted({child.tag for child in root} - {"link", "joint"})]
+    if root.find("link/visual") is not None:
+        found.append("<visual>")
+    if root.find("link/collision/geometry/cylinder") is not None:
+        found.append("edges of cylinders, which touch the ground as capsules of their length")
+    friction = [
+        each for each in root.findall("joint/dynamics") if number(each, "friction", "0") or number(each, "damping", "0")
+    ]
+    if friction:
+        found.append("friction and damping of joints")
+    return tuple(found)

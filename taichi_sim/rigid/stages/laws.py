@@ -1,0 +1,165 @@
+"""What a step does to each body and point, as functions of reals; the step's reverse pass is their derivative.
+
+The velocities y of a step solve a linear system (contacts, stops and motors' limits as they came out). With z the
+solution of the same system for the cotangents of y, the cotangent of anything that the system depends on is the
+derivative of ``work`` and ``contact_work``: what the right-hand side less the left does in the motion z, y and z being
+kept (the implicit function theorem; the system is symmetric).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.rigid.stages import spatial
+
+Reals = Sequence[Any]
+
+
+def _cut(values: Reals, *widths: int) -> list[list[Any]]:
+    """Values, cut into pieces."""
+    found, first = [], 0
+    for width in widths:
+        found.append(list(values[first : first + width]))
+        first += width
+    return found
+
+
+@primitive
+def momentum(mass: Any, inertia: Reals, place: Reals, carried: Reals, drift: Reals, time_step: Any, weight: Any,
+             correction: Any, drifting: bool, conserving: bool) -> list[Any]:  # fmt: skip
+    """A body's spatial momentum with what gravity and gyroscopic moments add in a step.
+
+    ``inertia`` is about its own centre, turned into the axes of the world. The gyroscopic moment is that at the
+    start of the step, explicitly (ODE 0.12).
+    """
+    angular, linear = _cut(carried, 3, 3)
+    falling = time_step * weight * mass
+    if conserving:  # carried are momenta
+        return [angular[0] + place[1] * falling, angular[1] - place[0] * falling, angular[2],
+                linear[0], linear[1], linear[2] + falling]  # fmt: skip
+    spin = [spatial.dot([inertia[i], inertia[j], inertia[l]], angular) for i, j, l in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
+    gyroscopic = spatial.cross(angular, spin)
+    v = spatial.plus_times(linear, drift, correction) if drifting else linear
+    p = [mass * v[0], mass * v[1], mass * v[2] + falling]
+    return [*spatial.minus_times(spatial.plus(spatial.cross(place, p), spin), gyroscopic, time_step), *p]
+
+
+@primitive
+def spatial_inertia(mass: Any, turned: Reals, place: Reals) -> list[Any]:
+    """A body's spatial inertia; ``turned`` is its inertia about its own centre in the axes of the world."""
+    return spatial.rigid_matrix(spatial.moved_inertia(turned, mass, place), mass, place)
+
+
+@primitive
+def work(*values: Any) -> Any:
+    """z . (momentum - inertia y) of a body.
+
+    Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3), y (6), z (6); then time step,
+    weight, correction, drifting, conserving.
+    """
+    (mass,), at_rest, rotation, place, carried, drift, y, z = _cut(values, 1, 6, 9, 3, 6, 3, 6, 6)
+    turned = spatial.turned_inertia(rotation, at_rest)
+    p = momentum(mass, turned, place, carried, drift, *values[40:])
+    held = spatial.times(spatial_inertia(mass, turned, place), y)
+    return spatial.dot(z, spatial.minus_times(p, held, 1.0))
+
+
+@primitive
+def contact_work(*values: Any) -> Any:
+    """What a point's normal impulse and friction do in the motion z, and its target times its multiplier.
+
+    Values: rotation (9), place (3), drift (3), offset (3), radius, height of the base, y (6), z (6); then normal
+    impulse, multiplier, strength of friction, push-out rate, drifting.
+    """
+    rotation, place, drift, offset, (radius, base), y, z = _cut(values, 9, 3, 3, 3, 2, 6, 6)
+    impulse, multiplier, strength, push_out, drifting = values[32:]
+    at = spatial.plus(place, spatial.turned(rotation, offset))
+    depth = radius - base - at[2]  # what drift takes off it, the correction of the drift asks for again
+    lowest = [at[0], at[1], at[2] - radius]
+    moving = spatial.plus(y[3:], spatial.cross(y[:3], lowest))
+    other = spatial.plus(z[3:], spatial.cross(z[:3], lowest))
+    if drifting:
+        moving = [moving[0] - push_out * drift[0], moving[1] - push_out * drift[1], moving[2]]
+    normal = impulse * other[2] + multiplier * (push_out * depth - moving[2])
+    return normal - strength * (moving[0] * other[0] + moving[1] * other[1])
+
+
+@primitive
+def hinged_place(*values: Any) -> tuple[Any, ...]:
+    """Rotation (9), place (3) and screw (6) of a hinged body.
+
+    Values: the parent's rotation (9) and place (3), anchor (3), centre (3), sine, cosine; then the axis (3).
+    """
+    of_parent, at_parent, anchor, centre, (sine, cosine), axis = _cut(values, 9, 3, 3, 3, 2, 3)
+    turned_axis = spatial.turned(of_parent, axis)
+    at = spatial.plus(at_parent, spatial.turned(of_parent, anchor))
+    rotation = spatial.product(spatial.about_axis(turned_axis, sine, cosine), of_parent)
+    place = spatial.plus(at, spatial.turned(rotation, centre))
+    return (*rotation, *place, *turned_axis, *spatial.cross(at, turned_axis))
+
+
+@primitive
+def welded_place(*values: Any) -> tuple[Any, ...]:
+    """Place (3) of a body that is fixed to its parent: of the parent's rotation (9), place (3), anchor, centre (3)."""
+    of_parent, at_parent, anchor, centre = _cut(values, 9, 3, 3, 3)
+    return tuple(spatial.plus(at_parent, spatial.turned(of_parent, spatial.plus(anchor, centre))))
+
+
+@primitive
+def carried_on(*values: Any) -> tuple[Any, ...]:
+    """What a body carries on (6), and where it is then (3).
+
+    Values: mass, inertia at rest (6), rotation (9), place (3), drift (3), own place (3), velocity (6); then time step,
+    correction, drifting, conserving.
+    """
+    (mass,), at_rest, rotation, place, drift, own, velocity = _cut(values, 1, 6, 9, 3, 3, 3, 6)
+    time_step, correction, drifting, conserving = values[31:]
+    if conserving:  # see ``moment_shift``
+        turned = spatial.turned_inertia(rotation, at_rest)
+        return (*spatial.times(spatial_inertia(mass, turned, place), velocity), *own)
+    linear = spatial.plus(velocity[3:], spatial.cross(velocity[:3], place))
+    if drifting:
+        linear = spatial.minus_times(linear, drift, correction)
+        own = spatial.plus_times(own, linear, time_step)
+    return (*velocity[:3], *linear, *own)
+
+
+@primitive
+def moment_shift(*values: Any) -> tuple[Any, ...]:
+    """What a body's moment of momentum about the common point has beside that which it carries from step to step.
+
+    It carries that of its motion relative to the robot's centre of mass, about it. So their sum is the robot's about
+    its centre of mass, which is conserved, and the speed of the whole is of no consequence to what its bodies do.
+
+    Values: mass, place (3), momentum (3); centre of mass (3), its velocity (3).
+    """
+    (mass,), place, linear, centre, going = _cut(values, 1, 3, 3, 3, 3)
+    arm = spatial.minus_times(place, centre, 1.0)
+    whole = [mass * x for x in going]
+    return tuple(spatial.plus(spatial.cross(centre, linear), spatial.cross(arm, whole)))
+
+
+@primitive
+def moved_base(*values: Any) -> tuple[Any, ...]:
+    """Place (3) and orientation (4) of the base after a step; of these before, its velocity (6); then the time step."""
+    position, q, velocity = _cut(values, 3, 4, 6)
+    time_step = values[13]
+    w = velocity[:3]
+    turn = [
+        0.0 - (w[0] * q[1] + w[1] * q[2] + w[2] * q[3]),
+        w[0] * q[0] + w[1] * q[3] - w[2] * q[2],
+        w[1] * q[0] + w[2] * q[1] - w[0] * q[3],
+        w[2] * q[0] + w[0] * q[2] - w[1] * q[1],
+    ]
+    moved = spatial.plus_times(q, turn, 0.5 * time_step)
+    shrink = 1.0 / spatial.length(moved)
+    return (*spatial.plus_times(position, velocity[3:], time_step), *(x * shrink for x in moved))
+
+
+@primitive
+def light_reading(*values: Any) -> Any:
+    """Reading of a light sensor: of the base's place, its body's rotation (9) and place (3), offset; then the light."""
+    base, rotation, place, offset, light = _cut(values, 3, 9, 3, 3, 3)
+    at = spatial.plus(spatial.plus(base, place), spatial.turned(rotation, offset))
+    away = spatial.minus_times(light, at, 1.0)
+    return 1.0 / spatial.dot(away, away)

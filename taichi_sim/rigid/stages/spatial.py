@@ -1,0 +1,187 @@
+"""Spatial algebra over reals, about one common point, in the axes of the world.
+
+A spatial vector is three angular, then three linear components: of a motion, the angular velocity and the velocity of
+the body's point at the common point; of an impulse, its moment about the common point, and itself. A symmetric matrix
+is its lower triangle, row by row. Since all share point and axes, nothing is ever transformed: inertias of bodies and
+momenta simply add. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2, in world coordinates.)
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from taichi_sim.autodiff.tracing import primitive, sqrt
+from taichi_sim.runtime import emit
+
+Reals = Sequence[Any]
+
+
+def _at(i: int, j: int) -> int:
+    """Place of an entry of a symmetric matrix in its triangle."""
+    return i * (i + 1) // 2 + j if i >= j else j * (j + 1) // 2 + i
+
+
+@primitive
+def joined(*parts: Any) -> list[Any]:
+    """Reals, and sequences of them, one after the other."""
+    return [x for part in parts for x in (part if isinstance(part, list | tuple) else (part,))]
+
+
+@primitive
+def cross(a: Reals, b: Reals) -> list[Any]:
+    """a x b."""
+    return [
+        emit(a[1] * b[2] - a[2] * b[1]),
+        emit(a[2] * b[0] - a[0] * b[2]),
+        emit(a[0] * b[1] - a[1] * b[0]),
+    ]
+
+
+@primitive
+def dot(a: Reals, b: Reals) -> Any:
+    """Sum of products."""
+    result = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        result = result + x * y
+    return emit(result)
+
+
+@primitive
+def length(a: Reals) -> Any:
+    """|a|."""
+    return emit(sqrt(dot(a, a)))
+
+
+@primitive
+def plus(a: Reals, b: Reals) -> list[Any]:
+    """a + b."""
+    return [emit(x + y) for x, y in zip(a, b, strict=True)]
+
+
+@primitive
+def plus_times(a: Reals, b: Reals, factor: Any) -> list[Any]:
+    """a + factor b."""
+    return [emit(x + y * factor) for x, y in zip(a, b, strict=True)]
+
+
+@primitive
+def minus_times(a: Reals, b: Reals, factor: Any) -> list[Any]:
+    """a - factor b."""
+    return [emit(x - y * factor) for x, y in zip(a, b, strict=True)]
+
+
+@primitive
+def turned(rotation: Reals, v: Reals) -> list[Any]:
+    """Rotation matrix (row by row) times vector."""
+    return [dot(rotation[3 * i : 3 * i + 3], v) for i in range(3)]
+
+
+@primitive
+def product(a: Reals, b: Reals) -> list[Any]:
+    """Product of two 3 x 3 matrices, row by row."""
+    return [dot(a[3 * i : 3 * i + 3], b[j::3]) for i in range(3) for j in range(3)]
+
+
+@primitive
+def about_axis(axis: Reals, sine: Any, cosine: Any) -> list[Any]:
+    """Rotation matrix about a unit vector (Rodrigues)."""
+    x, y, z = axis
+    rest = emit(1.0 - cosine)
+    xr, yr, zr = emit(x * rest), emit(y * rest), emit(z * rest)
+    xs, ys, zs = emit(x * sine), emit(y * sine), emit(z * sine)
+    return [
+        emit(cosine + x * xr), emit(x * yr - zs), emit(x * zr + ys),
+        emit(x * yr + zs), emit(cosine + y * yr), emit(y * zr - xs),
+        emit(x * zr - ys), emit(y * zr + xs), emit(cosine + z * zr),
+    ]  # fmt: skip
+
+
+@primitive
+def turned_inertia(rotation: Reals, inertia: Reals) -> list[Any]:
+    """R I R^T, triangles."""
+    full = [inertia[_at(i, j)] for i in range(3) for j in range(3)]
+    half = product(rotation, full)
+    return [dot(half[3 * i : 3 * i + 3], rotation[3 * j : 3 * j + 3]) for i in range(3) for j in range(i + 1)]
+
+
+@primitive
+def moved_inertia(inertia: Reals, mass: Any, place: Reals) -> list[Any]:
+    """Inertia about the common point, of a mass at ``place`` with this inertia about its centre (Steiner)."""
+    x, y, z = place
+    mx, my, mz = emit(mass * x), emit(mass * y), emit(mass * z)
+    steiner = (my * y + mz * z, 0.0 - mx * y, mx * x + mz * z, 0.0 - mx * z, 0.0 - my * z, mx * x + my * y)
+    return [emit(a + b) for a, b in zip(inertia, steiner, strict=True)]
+
+
+@primitive
+def rigid_matrix(inertia: Reals, mass: Any, place: Reals) -> list[Any]:
+    """Spatial inertia of a rigid body from its inertia about the common point."""
+    mx, my, mz = (emit(mass * x) for x in place)
+    zero = emit(0.0 * mass)
+    return [
+        *inertia,
+        zero, mz, emit(0.0 - my), mass,
+        emit(0.0 - mz), zero, mx, zero, mass,
+        my, emit(0.0 - mx), zero, zero, zero, mass,
+    ]  # fmt: skip
+
+
+@primitive
+def times(matrix: Reals, v: Reals) -> list[Any]:
+    """Symmetric matrix times vector."""
+    return [dot([matrix[_at(i, j)] for j in range(6)], v) for i in range(6)]
+
+
+@primitive
+def less_outer(matrix: Reals, v: Reals, factor: Any) -> list[Any]:
+    """matrix - factor v v^T."""
+    scaled = [emit(x * factor) for x in v]
+    return [emit(matrix[_at(i, j)] - scaled[i] * v[j]) for i in range(6) for j in range(i + 1)]
+
+
+@primitive
+def drag(place: Reals, strength: Any) -> list[tuple[int, Any]]:
+    """What friction against horizontal motion of a point adds to a spatial matrix: (entry, addend)."""
+    x, y, z = place
+    sx, sy, sz = emit(strength * x), emit(strength * y), emit(strength * z)
+    entries = {
+        (0, 0): sz * z, (1, 1): sz * z, (2, 0): 0.0 - sx * z, (2, 1): 0.0 - sy * z, (2, 2): sx * x + sy * y,
+        (3, 1): sz, (3, 2): 0.0 - sy, (4, 0): 0.0 - sz, (4, 2): sx, (3, 3): strength, (4, 4): strength,
+    }  # fmt: skip
+    return [(_at(i, j), emit(value)) for (i, j), value in entries.items()]
+
+
+@primitive
+def cholesky(matrix: Reals) -> list[Any]:
+    """Cholesky factor; its diagonal inverted."""
+    factor: list[Any] = []
+    for i in range(6):
+        for j in range(i + 1):
+            value = matrix[_at(i, j)]
+            for l in range(j):
+                value = value - factor[_at(i, l)] * factor[_at(j, l)]
+            factor.append(emit(1.0 / sqrt(emit(value))) if i == j else emit(emit(value) * factor[_at(j, j)]))
+    return factor
+
+
+@primitive
+def forward(factor: Reals, v: Reals) -> list[Any]:
+    """Solve L x = v."""
+    found: list[Any] = []
+    for i in range(6):
+        value = v[i]
+        for j in range(i):
+            value = value - factor[_at(i, j)] * found[j]
+        found.append(emit(value * factor[_at(i, i)]))
+    return found
+
+
+@primitive
+def backward(factor: Reals, v: Reals) -> list[Any]:
+    """Solve L^T x = v."""
+    found: list[Any] = [None] * 6
+    for i in reversed(range(6)):
+        value = v[i]
+        for j in range(i + 1, 6):
+            value = value - factor[_at(j, i)] * found[j]
+        found[i] = emit(value * factor[_at(i, i)])
+    return found

@@ -1,0 +1,107 @@
+"""A robot of the user's own under ``codesign``, ``gradient-check`` and ``view``."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+MINE = """
+from robots.lattice_robot import Drive, Free, LatticeRobot
+from taichi_sim.lattice import Material, body_from_array
+
+rubber = Material(5e4, 1e3, static_friction=1.0, kinetic_friction=0.5)
+array = [[[1, 1], [0, 1]], [[0, 1], [0, 2]], [[1, 2], [1, 2]]]
+robot = LatticeRobot(
+    body_from_array(array, (rubber, rubber), 0.02),
+    (Drive("front", (0,), amplitude=Free(0.0, 0.2), phase=Free(0.0, 1.0, 0.3)), Drive("back", (1,), amplitude=0.1)),
+    cycles=1,
+    settling=0.05,
+)
+"""
+QUICK = "--threads 1 --quiet"
+
+
+@pytest.fixture
+def mine(tmp_path):
+    (tmp_path / "my_robot.py").write_text(MINE)
+
+
+def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
+    search = f"codesign --robot my_robot.py --climbers 4 --out runs/x {QUICK}"
+    code, out, error = morpholab(f"{search} --generations 1 --terrain hill:3 --json")
+    assert code == 0 and error == ""
+    document = json.loads(out)
+    assert set(document["best_point"]) == {"front_amplitude", "front_phase"} and document["evaluations"] == 8
+    assert document["files"] == ["best.json"]
+    (tmp_path / "my_robot.py").rename(tmp_path / "gone.py")  # the run knows its robot
+    code, out, _ = morpholab(f"codesign --resume --generations 2 --out runs/x {QUICK}")
+    assert code == 0 and out.startswith("best robot: ")
+    config = tomllib.loads((tmp_path / "runs/x/config.toml").read_text())
+    assert config["problem"]["terrain"]["slope"] == 3.0 and "drives" in json.loads(config["problem"]["robot"])
+    code, out, _ = morpholab(f"view runs/x runs/x/best.json gone.py --frames 20 --out page.html {QUICK}")
+    assert code == 0 and [line.partition(":")[0] for line in out.splitlines()[:3]] == [
+        "x on hill", "best on flat", "gone on flat"]  # fmt: skip
+    (tmp_path / "gone.py").write_text(MINE.replace("0.1)", "0.2)"))
+    code, _, error = morpholab(f"codesign --resume --robot gone.py --out runs/x {QUICK}")
+    assert code == 2 and "robot: gone.py is not the robot of the run in runs/x; leave it out" in error
+
+
+def test_a_search_is_the_same_with_workers(morpholab, mine):
+    lines = [f"codesign --robot my_robot.py --climbers 4 --generations 1 --out {name} --quiet" for name in ("a", "b")]
+    assert morpholab(f"{lines[0]} --threads 1")[0] == 0 and morpholab(f"{lines[1]} --workers 1 --threads 1")[0] == 0
+    assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
+
+
+def test_gradients_of_a_users_file_are_checked_and_followed(morpholab, mine):
+    line = f"gradient-check --robot my_robot.py --horizons 1 --directions 2 --samples 2 --json {QUICK}"
+    code, out, _ = morpholab(line)
+    (horizon,) = json.loads(out)["horizons"]
+    assert code == 0 and horizon["name"] == "1 cycle" and min(horizon["errors"]) < 1e-4
+    search = "--method gradient --climbers 2 --generations 2"
+    code, out, _ = morpholab(f"codesign --robot my_robot.py {search} --out c --json {QUICK}")
+    assert code == 0 and json.loads(out)["best"] is not None
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("codesign --robot none.py --out r", "robot: none.py is no file"),
+        ("codesign --robot my_robot.py --free shape --out r", "free: it is of the inflatable robot's gaits; leave it"),
+        ("codesign --robot my_robot.py --start-pressure 5 --out r", "start-pressure: it is of the inflatable robot's"),
+        ("codesign --robot my_robot.py --terrain flat --terrain hill:3 --out r", "terrain: 2 are not allowed"),
+        ("gradient-check --robot my_robot.py --gait rolling", "gait: it is of the inflatable robot's gaits"),
+        ("gradient-check --robot my_robot.py --horizons 0,1", "horizons: '0,1' is not allowed; give numbers of cycles"),
+        ("codesign --robot fixed.py --out r", "robot: nothing of it is free to change; make some value Free"),
+        ("view broken.py --quiet --out a.html", "broken.py: NameError: name 'x' is not defined"),
+        ("view bomb.vxa --quiet --out a.html", "bomb.vxa: file: a document type is not allowed"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(morpholab, tmp_path, mine, line, message):
+    fixed = MINE.replace("Free(0.0, 0.2)", "0.1").replace("Free(0.0, 1.0, 0.3)", "0.1")
+    (tmp_path / "fixed.py").write_text(fixed)
+    (tmp_path / "broken.py").write_text("x")
+    (tmp_path / "bomb.vxa").write_text('<!DOCTYPE a [<!ENTITY b "b">]><VXA/>')
+    code, out, error = morpholab(line)
+    assert code == 2 and out == "" and error.count("\n") == 1 and message in error
+
+
+def test_the_examples_are_short_and_load():
+    from robots.lattice_robot import load_robot
+
+    files = sorted(EXAMPLES.glob("*.py"))
+    assert [path.stem for path in files] == ["inchworm", "starfish", "voxel_walker"]
+    for path in files:
+        assert len(path.read_text().splitlines()) <= 40, path
+        assert load_robot(path).free, path
+
+
+def test_the_walker_of_voxcad_walks():
+    from robots.lattice_robot import load_robot, simulate
+
+    robot = load_robot(EXAMPLES / "voxel_walker.vxa")
+    assert (robot.body.voxel_count, robot.body.region_count) == (48, 10)
+    assert robot.drives[0].phase == pytest.approx((0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.25, 0.35, 0.65, 0.75))
+    found = simulate(robot, threads=1)
+    assert found.status[0] == "ok" and found.distance[0] > 0.03  # of 0.12 m of body, in a second

@@ -1,0 +1,209 @@
+"""The study of interference: runs that resume exactly, tables, pictures and the command."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optim.studies.chapter2 import evolution
+from optim.studies.chapter2.climbers import HillClimbers
+from optim.studies.chapter2.evolution import evolve
+from optim.studies.chapter2.settings import Interference, Treatment, treatments
+from optim.studies.chapter2.study import train
+from taichi_sim.runtime import ti
+
+BRIEF = Interference(population=4, steps=60)
+CHOSEN = [Treatment("whegged", "min"), Treatment("legged", "sum")]
+
+
+def same(ours, theirs):
+    """Whether two states of climbers have the same bits."""
+    return ours.keys() == theirs.keys() and all(np.array_equal(ours[name], theirs[name]) for name in ours)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """Two treatments, two runs, six generations, in one go."""
+    return evolve(BRIEF, CHOSEN, 2, 6, threads=1)
+
+
+def test_climbers_keep_what_is_strictly_better_and_nothing_else(whole):
+    for (treatment, _), state in whole.items():
+        fitness = {"min": np.min, "sum": np.sum}[treatment.fitness](state["light"], axis=1)
+        for climber in range(4):
+            mine = state["climber"] == climber
+            assert state["born"][mine][0] == 0 and (np.diff(fitness[mine]) > 0).all()
+    assert any(len(state["born"]) > 4 for state in whole.values())
+
+
+def test_the_weights_of_climbers_are_those_whose_distances_are_told(whole):
+    state = whole[CHOSEN[0], 1]
+    seen = BRIEF.simulate("whegged", state["weights"], threads=1)
+    for climber in range(4):
+        last = np.flatnonzero(state["climber"] == climber)[-1]
+        assert np.array_equal(state["light"][last], seen.light[climber])
+        assert np.array_equal(state["distance"][last], seen.distance[climber].astype(np.float32))
+
+
+def test_runs_depend_on_nothing_beside_them(whole):
+    alone = evolve(BRIEF, CHOSEN[:1], 1, 6, threads=2)
+    assert same(alone[CHOSEN[0], 0], whole[CHOSEN[0], 0])
+    assert not same(whole[CHOSEN[0], 0], whole[CHOSEN[0], 1])
+
+
+def test_resuming_equals_not_stopping(whole, tmp_path):
+    evolve(BRIEF, CHOSEN[:1], 1, 2, tmp_path, threads=1)
+    found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
+    assert all(same(found[run], whole[run]) for run in whole)
+
+
+def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_bits(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(evolution, "SECONDS_BETWEEN_FILES", -1.0)  # after every generation
+    calls, advance = [], evolution._advance
+
+    def interrupted(*arguments):
+        calls.append(arguments)
+        if len(calls) == 8:
+            raise KeyboardInterrupt
+        advance(*arguments)
+
+    monkeypatch.setattr(evolution, "_advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
+    files = sorted(tmp_path.glob("*.npz"))
+    assert len(files) == 4
+    files[-1].write_bytes(files[-1].read_bytes()[:-40])
+    calls[:] = [None] * 8
+    with pytest.warns(UserWarning, match=f"{files[-1].name}: is damaged, and as good as missing"):
+        found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
+    assert all(same(found[run], whole[run]) for run in whole)
+    monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
+    assert all(same(state, whole[run]) for run, state in evolve(BRIEF, CHOSEN, 2, 6, tmp_path).items())
+
+
+def test_failures_never_win():
+    climbers = HillClimbers(CHOSEN[0], 0, replace(BRIEF, population=2))
+    first = climbers.ask()
+    climbers.tell(first, np.array([[np.nan, np.nan], [0.1, 0.1]]), np.array([[np.nan, np.nan], [9.0, 9.0]]))
+    child = climbers.ask()
+    climbers.tell(child, np.array([[0.01, 0.01], [np.nan, np.nan]]), np.array([[9.0, 9.0], [np.nan, np.nan]]))
+    state = climbers.state()
+    assert state["climber"].tolist() == [0, 1, 0]
+    assert np.array_equal(state["weights"], [child[0], first[1]])
+
+
+def test_children_are_parents_and_normal_deviates_which_the_text_bounds():
+    free, bounded = (HillClimbers(CHOSEN[0], 3, replace(BRIEF, population=200, variant=v)) for v in ("as-run", "text"))
+    light, away = np.ones((200, 2)), np.ones((200, 2))
+    for climbers in (free, bounded):
+        climbers.tell(climbers.ask(), light, away)
+    assert np.array_equal(free.weights, bounded.weights) and np.abs(free.weights).max() <= 1
+    steps = free.ask() - free.weights
+    assert steps.mean() == pytest.approx(0, abs=0.002) and steps.std() == pytest.approx(0.05, rel=0.02)
+    assert np.abs(free.ask()).max() > 1
+    assert np.array_equal(bounded.ask(), np.clip(free.ask(), -1, 1))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: treatments(["legged", "winged"]), "robots: 'winged' is unknown; choose some of legged, wheeled"),
+        (lambda: treatments(["legged", "legged"]), "robots: 'legged' is given twice"),
+        (lambda: treatments(fitness=[]), "fitness: none given; give some of sum, product, min"),
+        (lambda: Interference(population=0), "population: 0 is not allowed"),
+        (lambda: Interference(variant="as run"), "variant: 'as run' is not allowed; choose one of as-run, text"),
+        (lambda: Interference(precision="f16"), "precision: 'f16' is not allowed"),
+        (lambda: evolve(BRIEF, CHOSEN, 0, 1), "runs: 0 is not allowed"),
+        (lambda: evolve(BRIEF, CHOSEN, 1, -1), "generations: -1 is not allowed"),
+    ],
+)
+def test_bad_input_is_one_line(call, message):
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        call()
+    assert "\n" not in str(error.value)
+
+
+def test_folders_of_other_settings_or_that_went_further_are_refused(tmp_path):
+    evolve(BRIEF, CHOSEN[:1], 1, 2, tmp_path, threads=1)
+    with pytest.raises(ValueError, match=r"holds an interference of other settings .*; name another folder"):
+        evolve(replace(BRIEF, population=5), CHOSEN[:1], 1, 2, tmp_path)
+    with pytest.raises(ValueError, match=r"generations: 1 is not allowed; .* holds 2"):
+        evolve(BRIEF, CHOSEN[:1], 1, 1, tmp_path)
+
+
+def test_results_of_something_else_are_not_written_over(tmp_path):
+    (tmp_path / "runs.csv").write_text("a table of another study")
+    (tmp_path / "training.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
+        train(BRIEF, CHOSEN[:1], 1, 0, tmp_path, threads=1)
+    assert (tmp_path / "runs.csv").read_text() == "a table of another study"
+
+
+def test_a_device_that_is_not_there_leaves_no_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(ti.lang.misc, "is_arch_supported", lambda architecture: False)
+    with pytest.raises(ValueError, match=r"^device: 'vulkan' is not available on this machine"):
+        evolve(replace(BRIEF, device="vulkan"), CHOSEN[:1], 1, 0, tmp_path / "study", threads=1)
+    assert not (tmp_path / "study").exists()
+
+
+class Idle(HillClimbers):
+    """A trainer that never changes anything."""
+
+    def ask(self):
+        return self.weights if self.generation else super().ask()
+
+
+def test_other_trainers_take_part_as_a_row_of_their_own(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(evolution, "TRAINERS", {**evolution.TRAINERS, "idle-hands": Idle})
+    chosen = [*CHOSEN, Treatment("whegged", "min", "idle-hands")]
+    train(BRIEF, chosen, 2, 6, tmp_path, figures=True, threads=1)
+    found = evolve(BRIEF, chosen, 2, 6, tmp_path / "runs")
+    assert all(same(found[run], whole[run]) for run in whole)
+    assert found[chosen[2], 1]["born"].tolist() == [0] * 4
+    assert (tmp_path / "tables.md").read_text().count("| min, idle-hands | – | – |") == 6
+    likeness = json.loads((tmp_path / "summary.json").read_text())["likeness"]
+    assert [row["fitness"] for row in likeness["warping"]["means"]] == ["min", "sum", "min, idle-hands"] + [
+        "random"
+    ] * 2
+
+
+SMALL = "--population 3 --steps 40 --generations 2 --runs 2 --threads 1 --quiet"
+
+
+def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path, monkeypatch):
+    code, out, error = morpholab(f"interference --out a {SMALL} --figures --alone --json")
+    assert (code, error) == (0, "")
+    document = json.loads(out)
+    assert all((tmp_path / "a" / name).exists() for name in document["files"])
+    assert {"tables.md", "changes.png", "curves.png", "traces.png", "alone.csv"} <= set(document["files"])
+    cells = document["definitions"]["defined"]["cells"]
+    assert len(cells) == 36 and cells[0]["published"] == 8.181 and cells[0]["published_deviation"] == 1.55
+    assert len(document["definitions"]["defined"]["tests"]["M1"]) == 18
+    assert [(row["robot"], row["light"][0]) for row in document["alone"]] == [
+        (robot, x) for x in (9, -9) for robot in ("legged", "wheeled", "whegged")
+    ]
+    likeness = json.loads((tmp_path / "a/summary.json").read_text())["likeness"]
+    assert len(likeness["warping"]["means"]) == 12 and len(likeness["asymmetry"]["tests"]["min"]) == 3
+    seen = "view whegged --controller a/champions/whegged_min.json --frames 3 --threads 1 --quiet --out page.html"
+    assert len(list((tmp_path / "a/champions").iterdir())) == 9 and morpholab(seen)[0] == 0
+    monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
+    code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
+    assert (code, error) == (0, "") and "M1: whegged min" in out and "2 runs of 2 generations, 3 climbers each\n" in out
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("--out a --robots legged,winged", "robots: 'winged' is unknown"),
+        ("--out a --fitness max", "fitness: 'max' is unknown"),
+        ("--out a --environments 3", "--environments: invalid choice: 3"),
+        ("--out a --runs 0", "--runs: 0 is not allowed"),
+        ("--out a --population x", "--population: 'x' is not allowed"),
+        ("", "--out"),
+    ],
+)
+def test_mistakes_are_one_line(morpholab, line, message):
+    code, out, error = morpholab(f"interference {line}")
+    assert code == 2 and message in error and error.count("\n") == 1 and not out

@@ -1,0 +1,89 @@
+"""``morpholab reproduce``: every study in its catalogue exists, one runs whole, and mistakes are one line."""
+
+import json
+from importlib import import_module
+from inspect import signature
+
+import pytest
+
+from optim.studies.catalogue import CATALOGUE
+from optim.studies.chapter3 import sweep_study
+from optim.studies.chapter3.sweep_study import SensorPlacement
+from optim.studies.chapter4 import training_study
+from optim.studies.chapter4.training import Training, sample_designs
+from optim.studies.chapter4.training_study import TrainingInBodies
+from robots.braitenberg import Sweep
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_study_is_there_and_takes_what_it_says(name):
+    item = CATALOGUE[name]
+    module = import_module(f"optim.studies.{item.module}")
+    taken = signature(module.study).parameters
+    assert list(taken)[:3] == ["folder", "settings", "progress"] and {"small", "full"} <= set(module.SCALES)
+    assert ("sweep_folder" in taken) == item.sweep and ("jobs" in taken) == item.jobs
+    assert item.source and item.title and item.writes
+
+
+def test_studies_are_listed(morpholab):
+    code, out, _ = morpholab("reproduce")
+    assert code == 0 and all(f"{name}: " in out for name in CATALOGUE)
+    assert list(json.loads(morpholab("reproduce --json")[1])) == list(CATALOGUE)
+
+
+def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
+    scales = {"small": SensorPlacement(2, Sweep(weights=7, steps=800))}
+    monkeypatch.setattr("optim.studies.chapter3.sweep_study.SCALES", scales)
+    code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")
+    assert code == 0 and all((tmp_path / "a" / name).is_file() for name in CATALOGUE["sensor-placement"].writes)
+    assert "table.csv" in out
+    table = (tmp_path / "a/table.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in table] == ["design", *map(str, sorted([162, 6553, *sample_designs(2)]))]
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_path, name):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/notes.txt").write_text("mine")
+    code, _, error = morpholab(f"reproduce {name} --out a --quiet")
+    assert code == 2 and error.endswith("out: a holds something else; name a new folder\n")
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("reproduce trainings --out a", "study: 'trainings' is unknown; choose one of sensor-placement, training"),
+        ("reproduce training", "out: none given; name a folder for the results"),
+        ("reproduce co-optimisation --out a --sweep b", "sweep: study co-optimisation reads none; leave it out"),
+        ("reproduce training --out a --jobs 2", "jobs: 2 is not allowed with study training; gait-hunt, gait-climb"),
+        ("reproduce gait-hunt --out a --jobs 0", "argument --jobs: 0 is not allowed; give a whole number, at least 1"),
+    ],
+)
+def test_mistakes_are_one_line(morpholab, line, message):
+    code, _, error = morpholab(line)
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SensorPlacement(0), "sample: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: TrainingInBodies(7000), "sample: 7000 is not allowed; give at most 6561"),
+        (lambda: TrainingInBodies(weights=1), "weights: 1 is not allowed"),
+    ],
+)
+def test_settings_that_are_not_allowed_are_one_line(make, message):
+    with pytest.raises(ValueError) as raised:
+        make()
+    assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+def test_folders_know_their_study_by_these_settings_in_this_order():
+    """A folder of before goes on only where the text of its settings is the same."""
+    placement = sweep_study.SCALES["small"].describe()
+    assert list(placement) == ["weights", "radius", "time_step", "steps", "precision", "bodies"]
+    assert (placement["weights"], placement["bodies"]) == (41, 100)
+    trained = training_study.SCALES["small"].describe()
+    assert list(trained) == [*Training().describe(), "bodies", "weights"]
+    assert (trained["repetitions"], trained["bodies"], trained["weights"]) == (2, 20, 41)

@@ -1,0 +1,124 @@
+"""Studies of the two-wheel vehicle of chapter 3, on short runs and coarse grids."""
+
+import json
+
+import numpy as np
+import pytest
+
+from optim.experiments.tables import read_table
+from optim.experiments.trials import Trials
+from optim.studies.catalogue import CATALOGUE
+from optim.studies.chapter3 import rover_pre_optimisation, rover_success, rover_sweep
+from optim.studies.chapter3.rover_grid import RoverGrid, successes
+from optim.studies.chapter3.rover_pre_optimisation import Front, PreOptimisation
+from optim.studies.chapter3.rover_problem import RoverProblem
+from optim.studies.chapter3.rover_success import RoverSuccess
+from optim.studies.chapter3.rover_sweep import RoverSweep
+from robots.braitenberg import Sweep
+from robots.rover import Rover, simulate
+from robots.rover.robot import BEST
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: RoverGrid(1), "weights: 1 is not allowed; give a whole number, at least 2"),
+        (lambda: RoverGrid(precision="f16"), "precision: 'f16' is not allowed; choose one of f32, f64"),
+        (lambda: RoverProblem("none"), "controller: 'none' is not allowed; choose one of unit, evolved"),
+        (lambda: RoverSweep(theory=Sweep(5)), "theory: 5 weights are not allowed beside 31"),
+        (lambda: RoverSweep(1), "bodies: 1 is not allowed; give a whole number, at least 2"),
+        (lambda: PreOptimisation(budget=0), "budget: 0 is not allowed; give a whole number, at least 1"),
+    ],
+)
+def test_mistakes_in_studies_are_one_line(make, message):
+    with pytest.raises(ValueError) as raised:
+        make()
+    assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+def test_a_grid_shares_sweeps_between_mirror_images_and_says_what_single_runs_say(tmp_path):
+    settings, design = RoverGrid(5, steps=900), Rover(BEST).vehicle.design
+    image = Rover(BEST).mirrored.vehicle.design
+    both = successes([image, design], settings, tmp_path / "a", threads=1)
+    assert len(list((tmp_path / "a").glob("*.npz"))) == 1
+    for found, number in zip(both, (image, design), strict=True):
+        single = simulate(Rover.published(number), settings.pairs, steps=900, threads=1).success
+        assert np.array_equal(found, single.reshape(5, 5, 4))
+    assert both.any() and settings.pairs[1].tolist() == [-1.0, -0.5]
+
+
+def test_objectives_of_the_base_body_are_those_of_its_runs():
+    problem = RoverProblem("evolved", steps=2500, threads=1)
+    values = dict.fromkeys(("w1", "w2"), 1.0)
+    base = {"body_mass": 999.973, "wheel_mass": 117.519, "castor_mass": 0.00666004, "wheel_radius": 0.260017}
+    drives = {"speed": 2.59115, "command_range": 2.59255, "torque": 1.95026}
+    point = problem.space.from_dict({**base, **drives, **values})
+    judged = problem.evaluate(point)
+    assert judged.details["solved"].tolist() == [4]  # as the published base does, with both weights at 1
+    assert judged.objectives[0] == pytest.approx([-4 * Rover().success_distance, -7.13396], abs=1e-5)
+    unit = RoverProblem(steps=2500, threads=1)
+    assert np.array_equal(unit.evaluate(point[:7]).objectives, judged.objectives)
+    with pytest.raises(ValueError, match="gradients: not allowed"):
+        problem.evaluate_relaxed(point, 0.0, True)
+
+
+def test_a_front_falls_and_its_base_is_the_least_effort_that_solves_all():
+    objectives = np.array([[-4, -9], [-4, -7], [-9, -2], [-5, -6], [-9, -3], [np.nan, np.nan]], float)
+    solved = np.array([4, 4, 1, 3, 2, 0], np.int8)
+    front = Front.of([Trials(np.arange(6.0)[None, :, None], objectives[None], solved[None], np.zeros((1, 6), bool))])
+    assert (
+        front.points.ravel().tolist() == [1, 3, 2]
+        and front.effort.tolist() == [7, 6, 2]
+        and front.least_effort(front.solved == 4) == 0
+    )
+    assert front.least_effort(front.solved > 4) is None and front.least_effort(front.distance < 6) == 1
+
+
+GRID = RoverGrid(5, steps=300, precision="f64")
+THEORY = Sweep(5, radius=0.5, time_step=0.2, steps=500)
+
+
+def small_success(folder, grid=GRID):
+    rover_success.study(folder, RoverSuccess(grid, THEORY))
+
+
+def small_sweep(folder, grid=GRID):
+    rover_sweep.study(folder, RoverSweep(3, grid=grid, theory=THEORY))
+
+
+def small_search(folder, grid=GRID):
+    rover_pre_optimisation.study(folder, PreOptimisation(1, 120, weights=3, steps=grid.steps - 100))
+
+
+STUDIES = {"rover-success": small_success, "rover-sweep": small_sweep, "rover-pre-optimisation": small_search}
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refuses_others(name, tmp_path):
+    study, folder = STUDIES[name], tmp_path / "a"
+    study(folder)
+    files = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert {path.name for path in files} >= set(CATALOGUE[name].writes)
+    parts = sorted(path for path in files if path.match("*-????????????????.npz") and path.parent.name != "theory")
+    parts[0].unlink()
+    study(folder)
+    assert {path: path.read_bytes() for path in files} == files  # bit for bit, the part that was missing too
+    with pytest.raises(ValueError, match=r"of other settings .*; name another folder"):
+        study(folder, RoverGrid(5, steps=301, precision="f64"))
+    if name == "rover-pre-optimisation":
+        header, rows = read_table(folder / "rover-fronts.csv")
+        assert header[-2:] == ["w1", "w2"] and all(row[-2:] == ["1.0", "1.0"] for row in rows if row[0] == "unit")
+        assert {len(row) for row in rows} == {len(header)} and {row[0] for row in rows} == {"unit", "evolved"}
+    if name == "rover-sweep":
+        the_table_holds_the_metrics_of_the_grids(folder)
+
+
+def the_table_holds_the_metrics_of_the_grids(folder):
+    header, rows = read_table(folder / "rover-sweep.csv")
+    summary = json.loads((folder / "summary.json").read_text())
+    assert header[:5] == ["design", "rigid_all", "rigid_any", "rigid_M_L", "rigid_M_CF"] and len(rows) == 3
+    for row in rows:
+        reached = successes([int(row[0])], GRID, folder / "success")[0]
+        every, some = (np.count_nonzero(reached.sum(-1) >= least) for least in (4, 1))
+        assert [int(row[1]), int(row[2])] == [every, some] and float(row[3]) == every / 25
+    assert summary["M_L, theoretical"]["mean"] == pytest.approx(np.mean([float(row[7]) for row in rows]))

@@ -1,0 +1,222 @@
+"""Relaxed designs in motion: the binary robot at its bits, and derivatives of distances."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.inflatable import ROLLING, InflatableActuation, InflatableDesign, InflatableGeometry, simulate
+from robots.inflatable.body import FIRST_BLADDER
+from robots.inflatable.gradient import differentiate, distance_cotangents, simulate_relaxed
+from robots.inflatable.program import build_program
+from robots.inflatable.relaxed_program import build_relaxed_program
+from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.rest_sizes import pull_back_rest_sizes, rest_sizes
+from robots.inflatable.robot import summarise
+from robots.inflatable.schedule import GaitSchedule
+from robots.world import Terrain
+from taichi_sim.lattice import LatticeProgram, LatticeResult, Quantity
+
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
+QUICK = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=200, settle_steps=100)
+HILL = Terrain(slope=5.0)
+# Its feet reach the ground.
+GRIPPING = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=4, bladder_layers=1, voxel_size=0.02)
+LOW = dataclasses.replace(QUICK, deflated=0.05, hold_steps=600)
+UNITS = {"pressure": 1e4, "orientation": 1e3, "inflation": 1.0, "grip": 10.0, "core_pressure": 1e4}
+PARTS = tuple(UNITS)
+
+
+def random_design(seed: int, columns: int = 2, core: bool = False) -> RelaxedDesign:
+    generator = np.random.default_rng(seed)
+    tables = generator.uniform(0.1, 0.9, (8, columns)), generator.uniform(0.1, 0.9, (2, columns))
+    pressure = generator.uniform(1e3, 3e3, columns) if core else None
+    return RelaxedDesign(2e3, 40.0, RelaxedSchedule(*tables, 1, pressure))
+
+
+def moved(design: RelaxedDesign, part: str, change: np.ndarray | float) -> RelaxedDesign:
+    if part in ("pressure", "orientation"):
+        return dataclasses.replace(design, **{part: getattr(design, part) + change})
+    name = part.removeprefix("core_")
+    gait = dataclasses.replace(design.schedule, **{name: getattr(design.schedule, name) + change})
+    return dataclasses.replace(design, schedule=gait)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_binary_gaits_of_full_strokes_travel_as_far_to_the_bit(precision):
+    generator = np.random.default_rng(3)
+    bits = generator.random((2, 10, 4)) < 0.5
+    bits[:, 0] = [True, False, True, False]  # a full stroke in every column
+    designs = [InflatableDesign(p, 30.0, GaitSchedule(b, 1)) for p, b in zip((0.0, 5e3), bits, strict=True)]
+    options = {"geometry": TINY, "actuation": QUICK, "precision": precision}
+    binary = simulate(designs, HILL, perturbation=1e-6, seed=4, **options)
+    relaxed = simulate_relaxed(
+        [RelaxedDesign.from_design(d) for d in designs], HILL, perturbation=1e-6, seed=4, **options
+    )
+    assert (binary.status == "ok").all() and (np.abs(binary.distance) > 1e-4).all()
+    for field in ("distance", "speed", "speed_simulated", "steps", "status"):
+        assert np.array_equal(getattr(relaxed, field), getattr(binary, field))
+
+
+@pytest.mark.parametrize("core", [False, True])
+def test_rest_sizes_are_what_the_program_says(core):
+    program = build_relaxed_program([random_design(i, core=core) for i in range(3)], HILL, QUICK).program
+    marks = np.sort(np.random.default_rng(0).integers(-1, program.lengths.min(), (3, 4)))
+    program = LatticeProgram(program.lengths, program.events, marks)
+    body = TINY.body
+    found = rest_sizes(body, program) / body.voxel_size
+
+    for robot, region, axis in np.ndindex(3, body.region_count, 3):
+        said = program.values_after(robot, region, Quantity.SCALE + axis, marks[robot])
+        of_material = body.materials[body.material_index[body.regions == region][0]].scale[axis]
+        assert np.ptp(found[robot][:, body.regions == region, axis], axis=1).max() == 0.0
+        sizes = found[robot][:, body.regions == region, axis][:, 0]
+        assert sizes == pytest.approx(of_material if said is None else np.where(np.isnan(said), of_material, said))
+
+
+def test_bladders_have_the_size_of_their_material_until_they_first_move():
+    """Rolling inflates bladder 1 in its last column: until then its width and length are those at rest."""
+    body, marks = TINY.body, np.array([[0, 500, 1000]])
+    program = build_program([ROLLING], HILL, QUICK)
+    found = rest_sizes(body, LatticeProgram(program.lengths, program.events, marks)) / body.voxel_size
+    bladder = found[0][:, body.regions == FIRST_BLADDER]
+    np.testing.assert_array_equal(bladder, np.broadcast_to([1.0, 1.0, QUICK.deflated], bladder.shape))
+
+
+WHOLE = np.array([[-1.0, 1.0]] * 3)  # from the first snapshot to the last
+
+
+def fake_run(seed: int):
+    """A program, and a run of it that never was: random poses and strains."""
+    generator, body = np.random.default_rng(seed), TINY.body
+    program = build_relaxed_program([random_design(seed + i) for i in range(3)], HILL, QUICK).program
+    shapes = [(3, 2, body.voxel_count, 3), (3, 2, body.voxel_count, 4), (3, 2, len(body.topology.links))]
+    arrays = [generator.normal(size=shape) for shape in shapes]
+    return generator, program, LatticeResult(np.array(["ok"] * 3), program.lengths, *arrays)
+
+
+def distances(program: LatticeProgram, run: LatticeResult, headings: np.ndarray) -> np.ndarray:
+    sizes = rest_sizes(TINY.body, program)
+    return summarise(run, program.snapshots, sizes, headings, np.full(3, 1), TINY).distance
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=10)
+def test_cotangents_of_distances_agree_with_differences(seed):
+    """In every argument in turn; those of rest sizes by way of the events."""
+    generator, program, run = fake_run(seed)
+    headings = generator.uniform(0, 90, 3)
+    found, h = distance_cotangents(TINY.body, run, program, headings, WHOLE), 1e-5
+    for name in ("positions", "orientations", "strains", "values", "rates", "headings"):
+        gradient = getattr(found, name)
+        direction = generator.normal(size=gradient.shape)
+        sides = []
+        for step in (h * direction, -h * direction):
+            if name in ("values", "rates"):
+                events = program.events.copy()
+                events[name.removesuffix("s")] += step
+                sides.append(distances(LatticeProgram(program.lengths, events, program.snapshots), run, headings))
+            elif name == "headings":
+                sides.append(distances(program, run, headings + step))
+            else:
+                there = dataclasses.replace(run, **{name: getattr(run, name) + step})
+                sides.append(distances(program, there, headings))
+        change = (sides[0] - sides[1]).sum() / (2 * h)
+        assert (gradient * direction).sum() == pytest.approx(change, rel=1e-6, abs=1e-8)
+
+
+def test_a_diverged_robot_has_no_cotangents():
+    _, program, run = fake_run(0)
+    whole = distance_cotangents(TINY.body, run, program, np.zeros(3), WHOLE)
+    lost = dataclasses.replace(run, status=np.array(["ok", "diverged", "ok"]))
+    for name in ("positions", "orientations", "strains"):
+        getattr(lost, name)[1, 1] = np.nan
+    found = distance_cotangents(TINY.body, lost, program, np.zeros(3), WHOLE)
+    for name in ("positions", "orientations", "strains", "headings"):
+        assert (getattr(found, name)[1] == 0).all()
+        assert np.array_equal(getattr(found, name)[[0, 2]], getattr(whole, name)[[0, 2]])
+    other = program.events["robot"] != 1
+    assert (found.values[~other] == 0).all() and np.array_equal(found.values[other], whole.values[other])
+
+
+def test_rest_sizes_pull_back_to_the_last_events_only():
+    program = build_relaxed_program([random_design(0)], HILL, QUICK).program
+    values, rates = pull_back_rest_sizes(TINY.body, program, np.ones((1, 2, TINY.body.voxel_count, 3)))
+    touched = program.events[(values != 0) | (rates != 0)]
+    assert (touched["quantity"] < 3).all()
+    at_marks = [touched["step"] < mark for mark in program.snapshots[0]]
+    assert at_marks[1].all() and at_marks[0].sum() == 8  # thickness at the start, of every bladder
+
+
+@pytest.mark.parametrize("core", [False, True])
+def test_derivatives_of_distances_agree_with_differences(core):
+    """The whole way: design, program, lattice and back. Three robots, each part of a design in a random direction."""
+    designs = [random_design(seed, core=core) for seed in (1, 2, 3)]
+    options = {"geometry": GRIPPING, "actuation": LOW, "ramp_steps": 500}
+    found = differentiate(designs, HILL, **options)
+    assert np.array_equal(found.result.distance, simulate_relaxed(designs, HILL, **options).distance)
+    assert (found.result.status == "ok").all()
+    assert (found.core_pressure is not None) == core
+    generator = np.random.default_rng(5)
+    steps = np.array([1e-7, -1e-7, 5e-8, -5e-8])
+    for part in PARTS if core else PARTS[:-1]:
+        gradient = getattr(found, part)
+        direction = UNITS[part] * generator.normal(size=gradient.shape)
+        copies = [moved(d, part, h * v) for h in steps for d, v in zip(designs, direction, strict=True)]
+        distance = simulate_relaxed(copies, HILL, **options).distance.reshape(4, 3)
+        far, near = (distance[::2] - distance[1::2]) / (steps[::2] - steps[1::2])[:, None]
+        along = (gradient * direction).reshape(3, -1).sum(axis=1)
+        assert (along != 0).all(), part
+        smooth = np.abs(far - near) < 1e-4 * np.abs(far)  # not where contact or friction begins or ends in between
+        assert smooth.any(), part
+        assert along[smooth] == pytest.approx(far[smooth], rel=1e-3), part
+
+
+def test_failed_robots_have_no_derivatives():
+    """Bladders that jump to thousands of voxels tear a robot apart; its neighbour does not mind."""
+    torn = random_design(1)
+    violent = InflatableActuation(inflated=5e3, inflation_rate=5e3, hold_steps=200, settle_steps=100)
+    flat = moved(torn, "inflation", -torn.schedule.inflation)
+    found = differentiate([torn, flat], HILL, geometry=TINY, actuation=violent, ramp_steps=500)
+    assert found.result.status.tolist() == ["diverged", "ok"]
+    for part in PARTS[:-1]:
+        assert np.isnan(getattr(found, part)[0]).all() and np.isfinite(getattr(found, part)[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: simulate_relaxed([]), "designs: give at least one RelaxedDesign"),
+        (lambda: differentiate([]), "designs: give at least one RelaxedDesign"),
+        (lambda: simulate_relaxed(random_design(0), ramp_steps=0), "ramp_steps: 0 is not allowed"),
+        (lambda: simulate_relaxed(random_design(0), perturbation=-1.0), "perturbation: -1.0 is not allowed"),
+        (lambda: simulate_relaxed(random_design(0), seed=-1), "seed: -1 is not allowed"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(build, message):
+    with pytest.raises(ValueError, match=f"^{message}.*$"):
+        build()
+
+
+def test_groups_of_robots_have_the_gradients_of_each(monkeypatch):
+    """More robots than run side by side are differentiated one group after the other."""
+    designs = [random_design(i) for i in range(3)]
+    options = {"geometry": TINY, "actuation": QUICK, "ramp_steps": 50, "threads": 1}
+    whole = differentiate(designs, HILL, **options)
+    monkeypatch.setattr("robots.inflatable.gradient.NATIVE_WIDTH", {"f64": 2})
+    reports = []
+    grouped = differentiate(designs, HILL, **options, progress=reports.append)
+    assert np.array_equal(grouped.result.distance, whole.result.distance)
+    for part in ("pressure", "orientation", "inflation", "grip"):
+        assert getattr(grouped, part) == pytest.approx(getattr(whole, part), rel=1e-9, abs=1e-12)
+    assert reports == sorted(reports) and reports[-1] == 1.0
+
+
+def test_what_has_no_gradient_is_refused():
+    design = InflatableDesign(0.0, 0.0, GaitSchedule(np.eye(10)[:, :3]))
+    with pytest.raises(ValueError, match=r"^designs: a binary schedule has no gradient; give RelaxedDesign\.from_"):
+        differentiate(design)
+    with pytest.raises(ValueError, match=r"^memory: 1000 B is not allowed; .* need at least"):
+        differentiate(random_design(0), geometry=TINY, actuation=QUICK, memory=1000)

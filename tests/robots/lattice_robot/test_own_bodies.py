@@ -1,0 +1,218 @@
+"""Bodies from arrays and meshes."""
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from voxel_files import material, structure, vxa
+
+from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity, body_from_array
+from taichi_sim.lattice.files import VoxelFile, load_voxel_file, save_vxl_json
+from taichi_sim.lattice.files.arrays import array_of_body, labels
+from taichi_sim.lattice.files.mesh import body_from_mesh, predict, voxelise
+
+SOFT, HARD = Material(1e5, 1e3), Material(1e6, 1e3)
+
+
+def test_arrays_become_bodies_and_come_back():
+    array = np.random.default_rng(0).integers(0, 3, (4, 3, 5))
+    body = body_from_array(array, {1: SOFT, 2: HARD}, 0.01)
+    assert np.array_equal(body.voxels, np.argwhere(array)) and body.materials == (SOFT, HARD)
+    shifted = array_of_body(body)
+    assert np.array_equal(shifted, array) and body.region_count == 2
+    odd = body_from_array(np.where(array == 2, 7, array), {7: HARD, 1: SOFT}, 0.01)
+    assert [odd.materials[m] for m in odd.material_index] == [body.materials[m] for m in body.material_index]
+
+
+def test_regions_fixed_and_normals_follow_the_voxels():
+    array = np.array([[[1, 0], [1, 1]]])
+    fixed = np.zeros(array.shape, bool)
+    fixed[0, 1, 0] = True
+    normals = np.zeros((*array.shape, 3), int)
+    normals[0, 1, 1] = (0, 0, 1)
+    body = body_from_array(array, SOFT, 0.1, regions=[[[4, 9], [0, 2]]], fixed=fixed, pressure_normals=normals)
+    assert body.regions.tolist() == [4, 0, 2] and body.fixed.all(axis=1).tolist() == [False, True, False]
+    assert body.pressure_normals.tolist() == [[0, 0, 0], [0, 0, 0], [0, 0, 1]]
+    assert labels([3, 1, 3], [[0.5, 0], [0, 0], [0.5, 0]]).tolist() == [1, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: body_from_array(np.zeros((2, 2)), SOFT, 0.1), r"array: shape \(2, 2\) of float64 is not allowed"),
+        (lambda: body_from_array([[["a"]]], SOFT, 0.1), r"array: shape \(1, 1, 1\) of <U1 is not allowed"),
+        (lambda: body_from_array(np.zeros((2, 2, 1)), SOFT, 0.1), "array: it is empty"),
+        (lambda: body_from_array([[[1, 3]]], (SOFT, HARD), 0.1), r"array: material 3 of voxel \(0, 0, 1\) is unknown"),
+        (lambda: body_from_array([[[-1, 1.5]]], SOFT, 0.1), r"array: material -1.0 of voxel \(0, 0, 0\) is unknown"),
+        (lambda: body_from_array([[[np.nan]]], SOFT, 0.1), r"array: material nan of voxel \(0, 0, 0\) is unknown"),
+        (lambda: body_from_array([[[1]]], {}, 0.1), "materials: there are none"),
+        (lambda: body_from_array([[[1]]], {0: SOFT}, 0.1), "materials: number 0 is not allowed"),
+        (lambda: body_from_array([[[1]]], {1: "rubber"}, 0.1), "materials: number 1 is not allowed; give a Material"),
+        (lambda: body_from_array([[[1]]], SOFT, 0.1, regions=[[0]]), r"regions: shape \(1, 1\) is not allowed; give"),
+        (lambda: body_from_array([[[1]]], SOFT, 0.0), "voxel_size: 0.0 is not allowed"),
+    ],
+)
+def test_arrays_that_are_no_bodies_are_refused(make, message):
+    with pytest.raises(ValueError, match=f"^{message}") as error:
+        make()
+    assert "\n" not in str(error.value)
+
+
+# --- meshes
+
+
+def test_a_box_has_as_many_voxels_as_pitches_wherever_it_lies():
+    for corner in ((0, 0, 0), (0.3, -7.1, 1e3)):
+        box = trimesh.creation.box(extents=(0.5, 0.3, 0.2))
+        box.apply_translation(corner)
+        found = voxelise(box, 0.1)
+        assert found.filled.shape == (5, 3, 2) and found.filled.all()
+        assert found.origin == pytest.approx(np.array(corner) - [0.2, 0.1, 0.05])
+
+
+def test_voxels_are_where_their_centres_are_inside():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
+    found = voxelise(ball, 0.1)
+    places = np.argwhere(np.ones(found.filled.shape)) * 0.1 + found.origin
+    away = np.linalg.norm(places, axis=1).reshape(found.filled.shape)
+    clear = np.abs(away - 1) > 0.01  # the mesh is flat between its vertices
+    assert (found.filled == (away < 1))[clear].all() and clear.mean() > 0.9
+    assert found.filled.sum() * 0.1**3 == pytest.approx(4 / 3 * np.pi, rel=0.02)
+
+
+def test_holes_of_a_body_stay_empty():
+    ring = trimesh.creation.annulus(r_min=0.5, r_max=1.0, height=0.4)
+    filled = voxelise(ring, 0.1).filled
+    assert not filled[9:11, 9:11].any() and filled[1:4, 9:11].all()
+    assert filled.sum() * 0.1**3 == pytest.approx(ring.volume, rel=0.05)
+
+
+def test_files_of_meshes_in_millimetres(tmp_path):
+    for name in ("leg.stl", "leg.obj", "leg.ply"):
+        trimesh.creation.box(extents=(40, 20, 10)).export(tmp_path / name)
+        body = body_from_mesh(tmp_path / name, 10, SOFT, scale=1e-3)
+        assert (body.voxel_count, body.voxel_size) == (8, 0.01)
+
+
+def test_small_holes_are_repaired_and_large_ones_refused():
+    box = trimesh.creation.box(extents=(4, 2, 2))
+    torn = trimesh.Trimesh(box.vertices, box.faces[1:])
+    assert not torn.is_watertight and voxelise(torn, 1.0).filled.sum() == 16 and not torn.is_watertight
+    with pytest.raises(ValueError, match=r"mesh: it is not watertight: 3 of 18 edges do not join two triangles; close"):
+        voxelise(torn, 1.0, repair=False)
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    bowl = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] < 0])
+    with pytest.raises(ValueError, match=r"mesh: it is not watertight and could not be repaired: \d+ of \d+ edges"):
+        voxelise(bowl, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: voxelise(trimesh.Trimesh(), 0.1), "mesh: it is empty"),
+        (lambda: voxelise(trimesh.creation.box(), 0.0), "pitch: 0.0 is not allowed; it must be positive"),
+        (lambda: voxelise(trimesh.creation.box(), np.nan), "pitch: nan is not allowed"),
+        (lambda: voxelise("nothing.stl", 0.1), "mesh: nothing.stl cannot be read: "),
+        (lambda: voxelise([1, 2], 0.1), "mesh: list is not allowed"),
+        (lambda: voxelise(trimesh.creation.box((1, 1, 0.0)), 0.1), "mesh: it encloses no volume"),
+        (lambda: voxelise(trimesh.creation.annulus(0.99, 1.0, 4.0), 0.5), "mesh: no voxel of pitch 0.5 has its centre"),
+        (lambda: body_from_mesh(trimesh.creation.box(), 0.1, SOFT, scale=-1), "scale: -1 is not allowed"),
+    ],
+)
+def test_meshes_that_are_no_bodies_are_refused(make, message):
+    with pytest.raises(ValueError, match=f"^{message}") as error:
+        make()
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_far_too_fine_is_refused_before_memory_is_taken():
+    box = trimesh.creation.box()
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=r"pitch: 0.0001 is too fine, about 1,000,000,000,000 voxels and [\d,.]+ GB"):
+        voxelise(box, 1e-4)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+    sheet = trimesh.creation.box((1.0, 1.0, 2e-4))  # few voxels, but a large grid
+    with pytest.raises(ValueError, match=r"pitch: 0.0001 is too fine, about 200,000,000 voxels"):
+        voxelise(sheet, 1e-4)
+    with pytest.raises(ValueError, match=r"pitch: 0.1 is too fine, about 1,000 voxels and 0.0 GB; at most 999 and"):
+        voxelise(box, 0.1, most_voxels=999)
+
+
+def test_the_prediction_is_near_what_comes():
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    predicted, found = predict(ball, 0.1), voxelise(ball, 0.1)
+    assert found.filled.sum() == pytest.approx(predicted.voxels, rel=0.02)
+    assert found.filled.size == predicted.cells
+    body = body_from_array(found.filled, SOFT, 0.01)
+    taken = (
+        8 * LatticeEngine(body, batch=8, width=8, threads=1).bytes_per_robot
+        + body.topology.excluded.nbytes
+        + found.filled.nbytes
+    )
+    assert 0.6 * taken < predicted.memory < 2 * taken
+
+
+# --- one cantilever from three sources
+
+
+def deflection(body: LatticeBody, load: float) -> float:
+    """Of the free end under its own weight as it sags [m], relaxed with damping against the world."""
+    free = body.voxels[:, 0].max()
+    engine = LatticeEngine(body, self_contact=False, threads=1)
+    builder = ProgramBuilder(1)
+    every = np.unique(body.regions)
+    builder.set(Quantity.ACCELERATION + 2, -load, regions=every)
+    builder.set(Quantity.GLOBAL_DAMPING, 0.02, regions=every)
+    engine.run(builder.build(6000))
+    return float(-engine.state().positions[0, body.voxels[:, 0] == free, 2].mean() + body.start_positions[
+        body.voxels[:, 0] == free, 2].mean())  # fmt: skip
+
+
+def test_the_same_cantilever_from_array_mesh_and_files_bends_the_same(tmp_path):
+    """10 x 2 x 2 voxels of 5 mm, held at one end; the deflections are equal to the bit."""
+    array = np.ones((10, 2, 2), int)
+    array[0] = 2
+    tissue = Material(1e6, 1e3, static_friction=1.0, kinetic_friction=0.5, internal_damping=0.8, global_damping=0.01,
+                      collision_damping=0.7)  # fmt: skip
+    held = array == 2
+    from_array = body_from_array(array, (tissue, tissue), 0.005, fixed=held)
+    box = trimesh.creation.box(extents=(50, 10, 10))
+    box.export(tmp_path / "beam.stl")
+    found = voxelise(tmp_path / "beam.stl", 5)
+    clamp = np.zeros(found.filled.shape, bool)
+    clamp[0] = True
+    from_mesh = body_from_array(np.where(clamp, 2, 1) * found.filled, (tissue, tissue), 0.005, fixed=clamp)
+    save_vxl_json(VoxelFile.of_body(from_array), tmp_path / "beam.vxl.json")
+    palette = [material("tissue", "1e6", "1e3"), material("tissue", "1e6", "1e3", more="<Fixed>1</Fixed>")]
+    text = vxa(
+        array, [p.replace("0.35", "0").replace("<CTE>0.01", "<CTE>0") for p in palette], body=structure(array, "ZLIB")
+    )
+    (tmp_path / "beam.vxa").write_text(text.replace("<Lattice_Dim>0.05", "<Lattice_Dim>0.005"))
+    bodies = [from_array, from_mesh, *(load_voxel_file(tmp_path / f).body for f in ("beam.vxl.json", "beam.vxa"))]
+    bends = [deflection(body, 2.0) for body in bodies]
+    # w x^2 (6 L^2 - 4 L x + x^2) / (24 E I), between the held and the last centres, half a voxel before the end.
+    length, x, weight = 0.0475, 0.045, 2.0 * 1e3 * 1e-4
+    theory = weight * x**2 * (6 * length**2 - 4 * length * x + x**2) / (24 * 1e6 * 0.01**4 / 12)
+    assert bends[0] == pytest.approx(theory, rel=0.05) and bends == [bends[0]] * 4
+
+
+def test_a_beam_converges_to_the_analytic_deflection(monkeypatch):
+    """A cantilever at h, h/2, h/4, against F L^3 / (3 E I) and the 0.6 % that shear adds to it."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[3] / "benchmarks"))
+    from cantilever import relative_deflection, shear
+
+    errors = [abs(relative_deflection(n) - 1 - shear()) for n in (1, 2, 4)]
+    assert errors[0] < 0.01 and errors[1] < errors[0] / 3 and errors[2] < errors[1] / 2
+
+
+def test_the_benchmark_takes_whole_numbers_only(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[3] / "benchmarks"))
+    from cantilever import main
+
+    monkeypatch.setattr("sys.argv", ["cantilever.py", "0"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "error: argument n: 0 is not allowed; give a whole number, at least 1\n" in capsys.readouterr().err

@@ -1,0 +1,50 @@
+"""The benchmark runs and its figures are numbers; how large they are is for people to judge."""
+
+from argparse import Namespace
+
+import pytest
+
+from robots.bench import lattice as bench
+from taichi_sim.lattice.drivers.roofline import measure_peak
+
+
+def test_the_peak_of_a_core_is_plausible():
+    """Between a tenth of and ten times what today's cores do."""
+    assert 1e9 < measure_peak("f32", seconds=0.05) < 1e12
+
+
+@pytest.mark.slow
+def test_all_figures(tmp_path, capsys):
+    """With a prototype that claims a million robot-steps per second."""
+    prototype = tmp_path / "prototype.py"
+    prototype.write_text("print('f32: 1000000 robot-steps per CPU second')")
+    args = Namespace(robot="inflatable", precision="f32", quick=True, prototype=prototype, json=False)
+    figures = bench.main(args)["f32"]
+    assert figures["ratio_to_prototype"] == figures["robot_steps_per_core_second"]["median"] / 1e6
+    assert 0 < figures["part_of_peak"] < 1
+    assert figures["kilobytes_per_robot"] < 800
+    assert "robot-steps/s" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_figures_of_the_vehicle(tmp_path, capsys):
+    """With a prototype that claims ten thousand rollouts per second."""
+    prototype = tmp_path / "prototype.py"
+    prototype.write_text("print('F f64: 10000 traj/s; done')")
+    args = Namespace(robot="vehicle", quick=True, vehicle_prototype=prototype, json=False)
+    figures = bench.main(args)["vehicle"]
+    assert figures["ratio_to_prototype"] == figures["rollouts_per_core_second"]["f64"]["median"] / 1e4
+    assert figures["gradients_per_core_second"] > 0 and figures["warping_distances_per_core_second"] > 0
+    assert "rollouts/s" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_figures_of_rigid_robots(tmp_path, capsys):
+    """With a prototype that claims a hundred thousand steps per second."""
+    prototype = tmp_path / "prototype.py"
+    prototype.write_text("print('wall 1 s: 100000 per core-second; bad 0')")
+    args = Namespace(robot="rigid", quick=True, rigid_prototype=prototype, json=False)
+    figures = bench.main(args)["rigid"]
+    assert figures["ratio_to_prototype"] == figures["steps_per_core_second"]["f32"]["whegged"]["median"] / 1e5
+    assert all(rate["best"] > 0 for of in figures["steps_per_core_second"].values() for rate in of.values())
+    assert "whegged" in capsys.readouterr().out

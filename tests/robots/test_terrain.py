@@ -1,0 +1,41 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.world import Terrain
+
+
+def test_names_of_terrains():
+    assert Terrain().name == "flat"
+    assert Terrain(15).name == "hill:15"
+    assert Terrain(-7.5).name == "hill:-7.5"
+    assert Terrain.parse("hill:15") == Terrain(15.0)
+
+
+@given(st.floats(-45, 45, allow_subnormal=False))  # Taichi, once started, has the process flush subnormals to zero
+def test_every_slope_survives_its_name(slope):
+    assert Terrain.parse(Terrain(slope).name) == Terrain(slope)
+
+
+@pytest.mark.parametrize("text", ["", "Flat", "hill", "hill:", "hill:steep", "flat:3", "15"])
+def test_an_unknown_name_is_refused(text):
+    with pytest.raises(ValueError, match=r"^terrain: .* is unknown; give .flat., .hill:15. .*$"):
+        Terrain.parse(text)
+
+
+@pytest.mark.parametrize("slope", [math.nan, math.inf, 45.1, -46, "15", None, True])
+def test_a_slope_out_of_range_is_refused(slope):
+    with pytest.raises(ValueError, match=r"^slope: .* is not allowed; .* from -45 to 45 degrees$"):
+        Terrain(slope)
+
+
+def test_friction_must_be_a_number_and_low_the_lower():
+    assert Terrain(high_friction=1, low_friction=1.0) == Terrain(0.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"^high_friction: -1 is not allowed; .*, at least 0$"):
+        Terrain(high_friction=-1)
+    with pytest.raises(ValueError, match=r"^low_friction: nan is not allowed"):
+        Terrain(low_friction=math.nan)
+    with pytest.raises(ValueError, match=r"^low_friction: 0.5 is not allowed; .* high_friction, 0.4$"):
+        Terrain(high_friction=0.4, low_friction=0.5)

@@ -1,0 +1,261 @@
+"""Motions of all robots, and GLB files of them."""
+
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from made_motion import made
+
+from robots import quadruped, rover
+from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody, contralateral, trace
+from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
+from robots.inflatable.schedule import GaitSchedule
+from robots.lattice_robot import walker
+from robots.view.glb import save_glb
+from robots.view.motion import BALL, CUBE, Channel, Ground, Node, product
+from robots.view.rigid_motion import quadruped_motion, rigid_motion, rover_motion
+from robots.view.shape import path
+from robots.view.soft_motion import inflatable_motion, walker_motion
+from robots.view.vehicle_motion import vehicle_motion
+from robots.world import Terrain
+from taichi_sim.lattice.faces import corners, rotate
+
+QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
+GAIT = GaitSchedule(np.eye(10)[:, [0, 4, 8]], repeats=1)
+DESIGN = InflatableDesign(6e3, 30.0, GAIT)
+LIGHTS = [(9.0, 0.0), (0.0, 9.0)]
+
+
+@pytest.fixture(scope="module")
+def inflatable():
+    return simulate(DESIGN, geometry=TINY, actuation=QUICK, precision="f32", record_every=10, threads=1)
+
+
+@pytest.fixture(scope="module")
+def legged():
+    weights = np.random.default_rng(0).uniform(-1, 1, (2, 5, 8))
+    return quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=60, record_every=1, threads=1)
+
+
+def test_boxes_of_voxels_have_their_corners(inflatable):
+    motion = inflatable_motion(inflatable, DESIGN, actuation=QUICK)
+    frame = 7
+    f = inflatable.frames
+    pose = (a[frame, 0].astype(float) for a in (f.positions, f.orientations, f.extents))
+    expected = corners(*pose)
+    signs = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+    shown = motion.translation[frame][:, None] + rotate(
+        motion.rotation[frame][:, None], signs * motion.scale[frame][:, None]
+    )
+    assert np.abs(shown - expected).max() < 1e-6
+    assert len(motion.nodes) == inflatable.body.voxel_count and motion.times == pytest.approx(f.times)
+
+
+def test_the_timeline_of_a_gait_is_its_matrix(inflatable):
+    motion = inflatable_motion(inflatable, DESIGN, Terrain(10.0), actuation=QUICK)
+    switches = [channel for channel in motion.channels if channel.switch]
+    assert [channel.name for channel in switches] == [f"bladder {i}" for i in range(1, 9)] + ["foot 1", "foot 2"]
+    assert np.array_equal([channel.values[:-1] for channel in switches], GAIT.played)
+    assert switches[0].times[-1] == pytest.approx(inflatable.steps[0] * inflatable.time_step)
+    others = {channel.name: channel for channel in motion.channels if not channel.switch}
+    assert others["core pressure"].values == pytest.approx(np.full(2, 6.0))
+    gone = np.diff(path(inflatable)[[0, -1], :2], axis=0)[0] @ [np.cos(np.pi / 6), np.sin(np.pi / 6)]
+    assert others["distance"].values[-1] == pytest.approx(gone, abs=1e-7)
+    assert motion.ground == Ground(-0.01, 10.0, 30.0)
+    lit = {node.channel for node in motion.nodes}
+    assert lit == {None, *range(10)}
+
+
+def test_uphill_is_up():
+    for heading in (0.0, 40.0, 90.0):
+        angle = np.deg2rad(heading)
+        uphill = rotate(Ground(0.0, 20.0, heading).upright, np.array([np.cos(angle), np.sin(angle), 0.0]))
+        assert uphill == pytest.approx([*np.cos(np.deg2rad(20)) * np.array([np.cos(angle), np.sin(angle)]),
+                                        np.sin(np.deg2rad(20))])  # fmt: skip
+
+
+def test_a_walker_shows_what_its_voxels_do():
+    materials = np.full((3, 2, 2), walker.PASSIVE)
+    materials[:, 0], materials[1, 1, 1] = walker.ACTIVE, walker.ANTIPHASE
+    design = walker.WalkerDesign(materials)
+    drive = walker.WalkerActuation(cycles=1, settling=0.05)
+    result = walker.simulate(design, actuation=drive, precision="f32", record_every=40, threads=1)
+    motion = walker_motion(result, design, actuation=drive)
+    assert [node.channel for node in motion.nodes] == [{1: None, 2: 0, 3: 1}[k] for k in design.connected[1]]
+    active = [n for n, node in enumerate(motion.nodes) if node.channel == 0]
+    grows = np.corrcoef(motion.scale[:, active].mean(axis=(1, 2)), motion.channels[0].values)[0, 1]
+    assert grows > 0.9
+    wrong = walker.WalkerDesign(np.full((2, 2, 2), walker.ACTIVE))
+    with pytest.raises(ValueError, match=r"^frames: they have 12 voxels, the design 8; give its own$"):
+        walker_motion(result, wrong)
+
+
+def test_a_quadruped_at_the_start_stands_as_built(legged):
+    motion = quadruped_motion(quadruped.LEGGED, legged, LIGHTS, controller=1, environment=1)
+    assert len(motion.nodes) == 9 and [node.name for node in motion.nodes[:3]] == ["main", "thigh 0", "thigh 1"]
+    bodies = {body.name: body for body in quadruped.LEGGED.tree().bodies}
+    for n, node in enumerate(motion.nodes):
+        body = bodies[node.name]
+        assert motion.translation[0, n] == pytest.approx(np.array(body.position, float), abs=1e-7)
+        (solid,) = body.shapes
+        if node.name != "main":
+            axis = rotate(motion.rotation[0, n], np.array([0.0, 0.0, 1.0]))
+            assert axis == pytest.approx(np.array(solid.axis, float), abs=1e-7)
+    assert motion.path[-1] == pytest.approx(legged.position[1, 1], abs=0.05)
+    assert motion.lights == pytest.approx(np.array([[0.0, 9.0, quadruped.LIGHT_HEIGHT]]))
+    names = [channel.name for channel in motion.channels]
+    assert names[:5] == [*(f"foot {leg} on ground" for leg in range(1, 5)), "light"] and len(names) == 15
+
+
+def test_wheels_and_sensors_are_seen():
+    result = quadruped.simulate(quadruped.WHEELED, np.ones((1, 5, 8)), LIGHTS, steps=5, record_every=1, threads=1)
+    motion = quadruped_motion(quadruped.WHEELED, result, LIGHTS)
+    assert sum(node.solid == BALL for node in motion.nodes) == 4
+    driven = rover.simulate(rover.Rover(), (1.0, 1.0), steps=5, record_every=1, threads=1)
+    seen = rover_motion(rover.Rover(), driven, rover.LIGHTS, environment=2)
+    assert [node.channel for node in seen.nodes[-2:]] == [0, 1] and seen.scale[0, -1] == pytest.approx(0.1 * np.ones(3))
+
+
+def test_a_vehicle_is_shown_up_to_the_light():
+    traces = trace([BASELINE], contralateral([[[1.0, 1.0]]]), threads=1)
+    motion = vehicle_motion(traces, BASELINE, environment=2)
+    away = np.hypot(*motion.path[:, :2].T)
+    assert away[-1] < PUBLISHED.radius <= away[:-1].min()
+    sensors = [n for n, node in enumerate(motion.nodes) if node.name.startswith("sensor")]
+    x, y, heading = traces.poses[0, 0, 2, 50]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    for n, (ahead, left) in zip(sensors, BASELINE.sensors, strict=True):
+        expected = [x + cosine * ahead - sine * left, y + sine * ahead + cosine * left]
+        assert motion.translation[50, n, :2] == pytest.approx(expected)
+    with pytest.raises(ValueError, match=r"^traces: they have 2 sensors, the body 1; give its own$"):
+        vehicle_motion(traces, VehicleBody(((0.0, 0.0),)))
+    with pytest.raises(ValueError, match=r"^environment: 4 is not allowed; the traces have 4$"):
+        vehicle_motion(traces, BASELINE, environment=4)
+
+
+def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable, legged):
+    nothing = replace(inflatable, frames=None)
+    with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
+        inflatable_motion(nothing, DESIGN)
+    other = replace(inflatable, body=replace(TINY, rows=12).body)
+    with pytest.raises(ValueError, match=r"^frames: they have \d+ voxels, the body \d+; give its own$"):
+        inflatable_motion(other, DESIGN)
+    with pytest.raises(ValueError, match=r"^robot: 1 is not allowed; the batch has 1$"):
+        inflatable_motion(inflatable, DESIGN, robot=1)
+    lost = replace(inflatable.frames, positions=np.full_like(inflatable.frames.positions, np.nan))
+    with pytest.raises(ValueError, match=r"^frames: the robot has none; it diverged at once"):
+        inflatable_motion(replace(inflatable, frames=lost), DESIGN)
+    with pytest.raises(ValueError, match=r"^frames: they have 8 hinges, the robot 3; give its own$"):
+        rigid_motion(rover.Rover().tree(), legged.rollouts.frames)
+    with pytest.raises(ValueError, match=r"^controller: 2 is not allowed; the result has 2$"):
+        quadruped_motion(quadruped.LEGGED, legged, LIGHTS, controller=2)
+
+
+def test_a_robot_that_diverges_is_shown_until_then(inflatable):
+    frames = inflatable.frames
+    positions = frames.positions.copy()
+    positions[5:] = np.nan
+    motion = inflatable_motion(replace(inflatable, frames=replace(frames, positions=positions)), DESIGN)
+    assert len(motion.times) == 5
+
+
+def test_motions_that_do_not_fit_are_refused_in_one_line():
+    for change, words in {
+        "nodes": "nodes: there are none; give at least one",
+        "times": r"times: shape \(0,\) is not allowed; give at least one frame, times increasing",
+    }.items():
+        with pytest.raises(ValueError, match=f"^{words}$"):
+            made(**{change: ()})
+    with pytest.raises(ValueError, match=r"^scale: numbers that are not finite are not allowed$"):
+        made(scale=np.full((4, 3, 3), np.nan))
+    with pytest.raises(ValueError, match=r"^path: shape \(3, 3\) is not allowed; give \(4, 3\)$"):
+        made(path=np.zeros((3, 3)))
+    with pytest.raises(ValueError, match=r"^channel: 1 of a node is not allowed; there are 0$"):
+        made(nodes=[Node("n", CUBE, (0, 0, 0), 1)] * 3)
+    with pytest.raises(ValueError, match=r"^a: 0.0 has no logarithm; give positive values$"):
+        Channel("a", "", [0.0, 1.0], [0.0, 1.0], logarithmic=True)
+
+
+def test_signs_of_rotations_do_not_jump():
+    straight = made(frames=50)
+    signs = np.where(np.arange(50)[:, None, None] % 3 == 1, -1.0, 1.0)
+    jumping = replace(straight, rotation=straight.rotation * signs)
+    assert (np.einsum("fnk,fnk->fn", jumping.rotation[1:], jumping.rotation[:-1]) > 0).all()
+    assert jumping.rotation == pytest.approx(straight.rotation)
+
+
+def test_fewer_frames_begin_and_end_alike():
+    motion = made(frames=10)
+    assert motion.every(4).times == pytest.approx(motion.times[[0, 4, 8, 9]])
+    assert motion.every(3).translation == pytest.approx(motion.translation[[0, 3, 6, 9]])
+    with pytest.raises(ValueError, match=r"^every: 0 is not allowed; give a whole number, at least 1$"):
+        motion.every(0)
+
+
+# GLB
+
+
+def read_glb(path):
+    """The document, and a function that reads an accessor."""
+    data = path.read_bytes()
+    assert data[:4] == b"glTF" and struct.unpack("<II", data[4:12]) == (2, len(data))
+    length = struct.unpack("<I", data[12:16])[0]
+    document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+
+    def values(number):
+        accessor = document["accessors"][number]
+        view = document["bufferViews"][accessor["bufferView"]]
+        part = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        return np.frombuffer(part, np.float32).reshape(accessor["count"], -1)
+
+    return document, values
+
+
+def test_tracks_of_a_glb_are_the_frames(tmp_path):
+    motion = made(frames=9, lights=[[1.0, 2.0, 3.0]])
+    path = tmp_path / "made.glb"
+    assert save_glb(motion, path) == path.stat().st_size
+    document, values = read_glb(path)
+    (animation,) = document["animations"]
+    names = [node["name"] for node in document["nodes"]]
+    assert names == ["made", "part 0", "part 1", "part 2", "light 1"]
+    tracks = {}
+    for channel in animation["channels"]:
+        sampler, target = animation["samplers"][channel["sampler"]], channel["target"]
+        assert values(sampler["input"])[:, 0] == pytest.approx(motion.times)
+        tracks[target["node"], target["path"]] = values(sampler["output"])
+    for n in range(3):
+        assert tracks[n + 1, "translation"] == pytest.approx(motion.translation[:, n], abs=1e-6)
+        assert tracks[n + 1, "rotation"][:, [3, 0, 1, 2]] == pytest.approx(motion.rotation[:, n], abs=1e-6)
+        assert tracks[n + 1, "scale"] == pytest.approx(motion.scale[:, n], abs=1e-6)
+    assert len(tracks) == 9  # none for the light
+    geometry = [mesh["primitives"][0]["attributes"]["POSITION"] for mesh in document["meshes"]]
+    assert len(geometry) == 4 and len(set(geometry)) == 2  # cubes share their numbers, and so do balls
+
+
+def test_trimesh_loads_a_glb_with_all_nodes_in_place(tmp_path, inflatable):
+    motion = inflatable_motion(inflatable, DESIGN, Terrain(15.0), actuation=QUICK)
+    file = tmp_path / "robot.glb"
+    save_glb(motion, file, rate=200.0)
+    scene = trimesh.load(file)
+    shown = [name for name in scene.graph.nodes_geometry if name.startswith("voxel")]
+    assert len(shown) == len(motion.nodes)
+    upright = product(np.array([np.sqrt(0.5), -np.sqrt(0.5), 0, 0]), motion.ground.upright)
+    for n in (0, 17, len(motion.nodes) - 1):
+        place, _ = scene.graph.get(motion.nodes[n].name)
+        assert place[:3, 3] == pytest.approx(rotate(upright, motion.translation[0, n]), abs=1e-6)
+    document, values = read_glb(file)
+    apart = np.diff(values(document["animations"][0]["samplers"][0]["input"])[:, 0])
+    assert apart[:-1] == pytest.approx(np.full(len(apart) - 1, 0.005), rel=0.3)
+
+
+def test_a_glb_that_exists_is_kept(tmp_path):
+    path = tmp_path / "made.glb"
+    path.write_text("mine")
+    with pytest.raises(ValueError, match=r"^path: .*made.glb exists; name a new file$"):
+        save_glb(made(), path)
+    assert path.read_text() == "mine"

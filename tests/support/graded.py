@@ -1,0 +1,42 @@
+"""Graded gaits for tests."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from robots.inflatable import InflatableActuation, InflatableGeometry
+from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
+TINY_TWO = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=2, voxel_size=0.02, cores=2)
+QUICK = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=200, settle_steps=100)
+# Its feet reach the ground.
+GRIPPING = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=4, bladder_layers=1, voxel_size=0.02)
+LOW = replace(QUICK, deflated=0.05, hold_steps=600)
+
+levels = st.floats(0.0, 1.0, allow_subnormal=False) | st.sampled_from([0.0, 0.5, 1.0])
+steps = st.integers(0, 5000)
+
+
+@st.composite
+def graded_gaits(draw):
+    """Gaits with all, some or no times of their own, with and without pressures of their own."""
+    columns = draw(st.integers(1, 4))
+    times = [draw(st.none() | arrays(np.int64, columns, elements=steps)) for _ in range(2)]
+    core = draw(st.none() | arrays(float, columns, elements=st.floats(1.0, 12e3)))
+    tables = [draw(arrays(float, (rows, columns), elements=levels)) for rows in (8, 2)]
+    return RelaxedSchedule(*tables, draw(st.integers(1, 3)), core, *times)
+
+
+graded_designs = st.builds(
+    RelaxedDesign, st.just(0.0) | st.floats(1.0, 12e3), st.floats(0.0, 90.0, allow_subnormal=False), graded_gaits()
+)
+
+
+def settling(levels, settle, repeats=1, motion=None) -> RelaxedSchedule:
+    """The gait of levels, shape (10, T), that moves as fast as it goes and settles for so many steps."""
+    levels = np.asarray(levels, float)
+    motion = np.zeros(levels.shape[1]) if motion is None else motion
+    return RelaxedSchedule(levels[:8], levels[8:], repeats, motion_steps=motion, settle_steps=settle)

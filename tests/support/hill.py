@@ -1,0 +1,35 @@
+"""A stand-in for the inflatable robot on a hill, for studies that hunt for gaits."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from robots.inflatable.gaits import as_graded, steps_of
+
+
+class Hill:
+    """Stands in for the simulator: gaits climb the faster, the more their first two bladders differ in time."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, designs, terrain=None, *, warm_up=0, stages=1, actuation=None, perturbation=0.0, **options):
+        self.calls += 1
+        graded = [as_graded(design) for design in designs]
+        strides = np.array([np.ptp(design.schedule.inflation[:2], axis=1).mean() for design in graded])
+        speed = 0.05 * strides - (0.03 if actuation and actuation.weight == "physical" else 0.0)
+        steps = np.array([steps_of(design) for design in designs]) - warm_up
+        distance = speed * steps * 1.0602478e-4 * 0.22
+        parts = np.repeat(distance[:, None] / stages, stages, axis=1)
+        status = np.full(len(designs), "ok")
+        return SimpleNamespace(distance=distance, speed=speed, status=status, stages=parts, steps=steps,
+                               time_step=1.0602478e-4)  # fmt: skip
+
+    def gradient(self, designs, terrain=None, **options):
+        options.pop("memory", None)
+        count, columns = len(designs), designs[0].schedule.columns
+        return SimpleNamespace(
+            result=self(designs, terrain, **{k: v for k, v in options.items() if k != "ramp_steps"}),
+            orientation=np.zeros(count), pressure=np.zeros(count),
+            inflation=np.full((count, 8, columns), 0.01), grip=np.zeros((count, 2, columns)),
+        )  # fmt: skip

@@ -1,0 +1,64 @@
+"""Motions of small robots that tests look at, simulated once."""
+
+from functools import cache
+
+import numpy as np
+
+from robots import quadruped, rover
+from robots.braitenberg import PUBLISHED, VehicleBody, contralateral, trace
+from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
+from robots.inflatable.schedule import GaitSchedule
+from robots.lattice_robot import walker
+from robots.view.motion import Motion
+from robots.view.rigid_motion import quadruped_motion, rover_motion
+from robots.view.soft_motion import inflatable_motion, walker_motion
+from robots.view.vehicle_motion import vehicle_motion
+
+QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
+TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
+DESIGN = InflatableDesign(6e3, 30.0, GaitSchedule(np.eye(10)[:, [0, 4, 8]], repeats=1))
+LIGHTS = [(9.0, 0.0)]
+
+
+@cache
+def inflatable() -> Motion:
+    """Bladders 1 and 5, then foot 1, one after the other."""
+    result = simulate(DESIGN, geometry=TINY, actuation=QUICK, precision="f32", record_every=10, threads=1)
+    return inflatable_motion(result, DESIGN, actuation=QUICK)
+
+
+@cache
+def soft_walker() -> Motion:
+    """Active legs in antiphase."""
+    materials = np.full((3, 2, 2), walker.PASSIVE)
+    materials[0], materials[2], materials[1, :, 0] = walker.ACTIVE, walker.ANTIPHASE, walker.EMPTY
+    drive = walker.WalkerActuation(cycles=1, settling=0.05)
+    design = walker.WalkerDesign(materials)
+    result = walker.simulate(design, actuation=drive, precision="f32", record_every=40, threads=1)
+    return walker_motion(result, design, actuation=drive)
+
+
+@cache
+def legged() -> Motion:
+    """A legged quadruped that fidgets."""
+    weights = np.random.default_rng(0).uniform(-1, 1, (1, 5, 8))
+    result = quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=40, record_every=4, threads=1)
+    return quadruped_motion(quadruped.LEGGED, result, LIGHTS)
+
+
+@cache
+def two_wheels() -> Motion:
+    """A two-wheel vehicle that drives."""
+    result = rover.simulate(rover.Rover(), (1.0, 1.0), steps=200, record_every=20, threads=1)
+    return rover_motion(rover.Rover(), result, rover.LIGHTS)
+
+
+@cache
+def vehicle() -> Motion:
+    """A Braitenberg vehicle that reaches its light."""
+    body = VehicleBody.published(6553)
+    traces = trace([body], contralateral(np.ones(2))[None, None], PUBLISHED, threads=1)
+    return vehicle_motion(traces, body, PUBLISHED).every(20)
+
+
+ALL = (inflatable, soft_walker, legged, two_wheels, vehicle)

@@ -1,0 +1,74 @@
+"""Checks of what comes from outside."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.inflatable import ROLLING, InflatableDesign, simulate
+from robots.world import Terrain
+from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.files import read_record
+
+
+@given(st.integers(0, 2**63 - 1))
+def test_whole_numbers_keep_every_digit(value):
+    """As floats, those beyond 2^53 are others."""
+    assert whole_number("seed", value, 0) == value
+    assert whole_number("seed", np.int64(value), 0) == value
+
+
+@given(st.one_of(st.integers(), st.floats(), st.text(), st.booleans(), st.none(), st.lists(st.integers())))
+def test_anything_is_a_number_or_refused_in_one_line(value):
+    for check in (lambda: number("field", value, -5.0, 5.0, "m"), lambda: whole_number("field", value, 0, 10)):
+        try:
+            found = check()
+        except ValueError as error:
+            assert str(error).startswith("field: ") and "\n" not in str(error)
+        else:
+            assert found == value and not isinstance(value, bool)
+
+
+@pytest.mark.parametrize("digits", [309, 5000])
+@pytest.mark.parametrize("check", [number, lambda field, value: whole_number(field, value, 0)])
+def test_numbers_that_no_float_can_be_are_refused_briefly(check, digits):
+    with pytest.raises(ValueError, match=r"^mass: .* is not allowed; give a (finite|whole) number") as error:
+        check("mass", 10**digits)
+    assert len(str(error.value)) < 200
+
+
+@pytest.mark.parametrize("value", ["smal", 3, ["small"], {}, None])
+def test_a_name_must_be_known(value):
+    assert choice("geometry", "small", ("small", "published")) == "small"
+    with pytest.raises(ValueError, match=r"^geometry: .* is unknown; choose one of small, published$"):
+        choice("geometry", value, ("small", "published"))
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"format": "a", "x": 1' + "0" * 400 + "}", '{"format": "a"}', "3"])
+def test_a_file_that_cannot_be_understood_is_named(tmp_path, text):
+    path = tmp_path / "design.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f"^{re.escape(str(path))}: ") as error:
+        read_record(path, "a", lambda record: float(record["x"]))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"terrain": "flat"}, "terrain: 'flat' is not allowed; give a Terrain"),
+        ({"terrain": [Terrain(), "flat"]}, "terrain: 'flat' is not allowed; give a Terrain"),
+        ({"geometry": "small"}, "geometry: 'small' is not allowed; give an InflatableGeometry"),
+        ({"actuation": "physical"}, "actuation: 'physical' is not allowed; give an InflatableActuation"),
+    ],
+)
+def test_names_that_only_commands_know_are_refused(options, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        simulate([ROLLING, ROLLING], **options)
+
+
+def test_a_pressure_of_too_many_digits_is_refused():
+    with pytest.raises(ValueError, match=r"^pressure: 1000"):
+        InflatableDesign(10**400, 0.0, ROLLING.schedule)

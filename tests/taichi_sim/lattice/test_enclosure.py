@@ -1,0 +1,176 @@
+"""Pressure on closed surfaces: it neither pushes nor turns a free body, and its work is P dV."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pouches import EDGE, RUBBER, TIME_STEP, lopsided
+
+from robots.inflatable import PUBLISHED, SMALL, InflatableGeometry
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeState, ProgramBuilder, Quantity
+from taichi_sim.lattice.laws.enclosure import closed_surface, enclosed_volume, pressed_square
+
+PRESSURE = 3e3
+TINY = InflatableGeometry(bladder_columns=1, rows=6, foot_rows=1)
+
+
+def shell(shape=(4, 4, 4), **options) -> LatticeBody:
+    """A hollow box, its outer faces under pressure."""
+    places = np.argwhere(np.ones(shape))
+    low, high = places == 0, places == np.array(shape) - 1
+    skin = (low | high).any(axis=1)
+    options = {"pressure_normals": (high.astype(int) - low)[skin]} | options
+    return LatticeBody(places[skin], (RUBBER,), np.zeros(skin.sum(), int), EDGE, **options)
+
+
+BODIES = {"box": shell(), "slab": shell((3, 5, 3)), "pouch": lopsided(), "robot": TINY.body, "solid": shell((2, 2, 2))}
+
+
+def forces(body, positions, pressures) -> np.ndarray:
+    """On every voxel, shape (V, 3)."""
+    squares = closed_surface(body)
+    corners = pressed_square(*positions[squares].reshape(-1, 12).T, *pressures[squares].T)
+    total = np.zeros_like(positions)
+    np.add.at(total, squares, np.array(corners).T.reshape(-1, 4, 3))
+    return total
+
+
+# the surface
+
+
+@pytest.mark.parametrize("geometry", [PUBLISHED, SMALL], ids=["published", "small"])
+def test_the_inflatable_robots_skins_close_around_its_core(geometry):
+    """Both skins, the two long edges that join them, and the two mouths at its ends: a sphere, by Euler."""
+    body, squares = geometry.body, closed_surface(geometry.body)
+    across, along = geometry.columns - 1, geometry.rows - 1
+    assert len(squares) == 2 * across * along + 2 * along + 2 * across
+    edges = {tuple(sorted(e)) for s in squares.tolist() for e in zip(s, s[1:] + s[:1], strict=True)}
+    assert len(np.unique(squares)) - len(edges) + len(squares) == 2
+    assert enclosed_volume(squares, body.start_positions) == pytest.approx(across * along * geometry.voxel_size**3)
+
+
+def test_each_part_of_a_body_has_a_surface_of_its_own():
+    box = shell((3, 3, 3))
+    bridge = np.array([[3, 1, 1], [4, 1, 1]])
+    voxels = np.concatenate([box.voxels, bridge, box.voxels + np.array([5, 0, 0])])
+    normals = np.concatenate([box.pressure_normals, 0 * bridge, -box.pressure_normals])
+    body = LatticeBody(voxels, (RUBBER,), np.zeros(len(voxels), int), EDGE, pressure_normals=normals)
+    squares = closed_surface(body)
+    inside = enclosed_volume(squares[squares[:, 0] < len(box.voxels)], body.start_positions)
+    assert inside == pytest.approx((2 * EDGE) ** 3)
+    assert enclosed_volume(squares, body.start_positions) == pytest.approx(0.0, abs=1e-12)  # the other is inside out
+
+
+def test_no_pressurised_voxels_are_no_surface():
+    assert closed_surface(shell(pressure_normals=None)).shape == (0, 4)
+
+
+@pytest.mark.parametrize("case", ["sheet", "hole", "thick", "two ways", "loose"])
+def test_a_skin_that_does_not_close_is_refused_in_one_line(case):
+    sheet = np.argwhere(np.ones((4, 4, 1)))
+    body = LatticeBody(sheet, (RUBBER,), np.zeros(16, int), EDGE, pressure_normals=np.tile([0, 0, 1], (16, 1)))
+    if case == "hole":
+        normals = shell().pressure_normals.copy()
+        normals[(shell().voxels == [3, 1, 1]).all(axis=1)] = 0
+        body = shell(pressure_normals=normals)
+    elif case == "thick":
+        body = shell((2, 2, 3))
+        body = LatticeBody(body.voxels, (RUBBER,), np.zeros(12, int), EDGE, pressure_normals=np.ones((12, 3), int))
+    elif case == "two ways":
+        box = shell()
+        body = shell(pressure_normals=np.where(box.voxels[:, :1] > 1, -1, 1) * box.pressure_normals)
+    elif case == "loose":
+        box = shell()
+        voxels = np.concatenate([box.voxels, [[4, 1, 1]]])
+        body = LatticeBody(voxels, (RUBBER,), np.zeros(len(voxels), int), EDGE,
+                           pressure_normals=np.concatenate([box.pressure_normals, [[1, 0, 0]]]))  # fmt: skip
+    message = r"^pressure_normals: voxel \(\d, \d, \d\) is [^\n]*; in a fluid, give [^\n]*$"
+    with pytest.raises(ValueError, match=message):
+        LatticeEngine(body, 1, fluid=True)
+    assert LatticeEngine(body, 1).tables.squares == 0  # without a fluid, faces bear pressure each for itself
+
+
+# the forces
+
+
+@settings(max_examples=30)
+@given(st.sampled_from(sorted(BODIES)), st.integers(0, 2**32 - 1))
+def test_forces_and_torques_add_up_to_nothing_and_do_the_work_of_a_volume(name, seed):
+    body, rng = BODIES[name], np.random.default_rng(seed)
+    squares = closed_surface(body)
+    positions = body.start_positions + rng.normal(0, 0.4 * EDGE, body.voxels.shape)
+    force = forces(body, positions, np.full(body.voxel_count, PRESSURE))
+    scale = np.abs(force).sum()
+    assert np.abs(force.sum(axis=0)).max() <= 1e-13 * scale
+    assert np.abs(np.cross(positions, force).sum(axis=0)).max() <= 1e-13 * scale * np.abs(positions).max()
+    move = rng.normal(size=positions.shape)
+    step = 1e-5
+    gain = enclosed_volume(squares, positions + step * move) - enclosed_volume(squares, positions - step * move)
+    assert (force * move).sum() == pytest.approx(PRESSURE * gain / (2 * step), rel=1e-6, abs=1e-6 * scale)
+
+
+def test_a_square_feels_the_mean_of_its_corners_pressures():
+    body = shell()
+    pressures = np.random.default_rng(0).uniform(0, 2 * PRESSURE, body.voxel_count)
+    squares, force = closed_surface(body), forces(body, body.start_positions, pressures)
+    corners = body.start_positions[squares]
+    areas = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    expected = (pressures[squares].mean(axis=1)[:, None] * areas).sum(axis=0)
+    assert force.sum(axis=0) == pytest.approx(expected, rel=1e-12)
+
+
+# motion
+
+
+def inflated(body, steps, pressure=PRESSURE, start=None, **options) -> LatticeState:
+    """The state after the pressure has risen for half the steps; in a fluid without resistance by default."""
+    lab = LatticeEngine(body, 1, time_step=TIME_STEP, **{"fluid": True} | options)
+    if start is not None:
+        lab.set_state(start)
+    builder = ProgramBuilder(1)
+    regions = np.arange(body.region_count)
+    builder.set(Quantity.PRESSURE, 0.0, rate=pressure / (steps // 2), regions=regions)
+    builder.set(Quantity.PRESSURE, pressure, regions=regions, step=steps // 2)
+    assert lab.run(builder.build(steps)).status.tolist() == ["ok"]
+    return lab.state()
+
+
+def test_a_cube_at_pressure_swells_alike_on_all_sides():
+    """To the accuracy to which links, whose frame is that of one end, are alike both ways."""
+    body = shell((5, 5, 5))
+    shape = body.voxels - 2
+    grown = inflated(body, 1500, 8e3).positions[0] - 2 * EDGE - EDGE * shape
+    faces = (np.abs(shape) == 2).sum(axis=1) == 1
+    assert (grown * shape).sum(axis=1)[faces].min() > 0.05 * EDGE
+    by_place = {tuple(v): g for v, g in zip(shape.tolist(), grown, strict=True)}
+    for (x, y, z), growth in by_place.items():
+        assert by_place[-x, y, z] == pytest.approx(growth * [-1, 1, 1], abs=0.03 * np.abs(grown).max())
+        assert by_place[y, z, x] == pytest.approx(growth[[1, 2, 0]], abs=0.03 * np.abs(grown).max())
+
+
+def test_pressure_does_not_move_a_free_body_without_symmetry():
+    """Its centre stays where it is, as with pressure on the faces of each voxel it would not."""
+    body = lopsided()
+    state = inflated(body, 3000, 8e3)
+    assert np.abs(state.positions[0] - body.start_positions).max() > 0.2 * EDGE
+    assert np.abs((state.positions[0] - body.start_positions).mean(axis=0)).max() <= 1e-12 * EDGE
+    assert np.abs(state.velocities[0].mean(axis=0)).max() <= 1e-14
+    pushed = inflated(body, 3000, 8e3, fluid=False)
+    assert np.abs((pushed.positions[0] - body.start_positions).mean(axis=0)).max() > 0.01 * EDGE
+
+
+@pytest.mark.parametrize(("precision", "native"), [("f64", 8), ("f32", 16)])
+def test_every_driver_gives_the_same_bits(precision, native):
+    body = lopsided()
+    rng = np.random.default_rng(0)
+    count = body.voxel_count
+    moving = LatticeState(body.start_positions[None] + rng.normal(0, 2e-4, (1, count, 3)),
+                          np.tile([1.0, 0, 0, 0], (1, count, 1)), rng.normal(0, 0.1, (1, count, 3)),
+                          np.zeros((1, count, 3)))  # fmt: skip
+    runs = [
+        inflated(body, 300, 8e3, moving, precision=precision, **options)
+        for options in ({"width": 1}, {"width": native}, {"driver": "stepped"})
+    ]
+    for state in runs[1:]:
+        assert np.array_equal(state.positions, runs[0].positions)
+        assert np.array_equal(state.velocities, runs[0].velocities)
