@@ -35,6 +35,7 @@ same-bits: $(venv)/dev
 
 lint: $(venv)/dev
 	$(python) -m ruff check
+	$(python) -m ruff format --check
 	$(python) -m mypy
 
 wheel: $(venv)/dev

@@ -33,11 +33,13 @@ def walkers(encoding: str) -> WalkerProblem:
 
 
 ENTRIES = {
-    "gaits": {name: Entry(partial(gaits, name), "hill-climb", {"climbers": CLIMBERS})
-              for name in ("codes", "bits", "pattern")},
-    "walkers": {name: Entry(partial(walkers, name), "hill-climb", {"climbers": CLIMBERS})
-                for name in ("direct", "pattern")},
-}  # fmt: skip
+    "gaits": {
+        name: Entry(partial(gaits, name), "hill-climb", {"climbers": CLIMBERS}) for name in ("codes", "bits", "pattern")
+    },
+    "walkers": {
+        name: Entry(partial(walkers, name), "hill-climb", {"climbers": CLIMBERS}) for name in ("direct", "pattern")
+    },
+}
 
 
 def main() -> None:

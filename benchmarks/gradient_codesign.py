@@ -20,14 +20,21 @@ def problem() -> GaitProblem:
 
 ENTRIES = {
     "hill climbing": Entry(problem, "hill-climb", {"climbers": 16}),
-    "exact gradient": Entry(
-        problem, "gradient", {"climbers": 16, "learning_rate": 0.15, "verify": True, "stage": 4}
+    "exact gradient": Entry(problem, "gradient", {"climbers": 16, "learning_rate": 0.15, "verify": True, "stage": 4}),
+    "smoothed gradient": Entry(
+        problem,
+        "gradient",
+        {
+            "climbers": 2,
+            "gradient": "smoothed",
+            "samples": 4,
+            "smoothing": 0.1,
+            "learning_rate": 0.1,
+            "verify": True,
+            "stage": 10,
+        },
     ),
-    "smoothed gradient": Entry(problem, "gradient", {
-        "climbers": 2, "gradient": "smoothed", "samples": 4, "smoothing": 0.1,
-        "learning_rate": 0.1, "verify": True, "stage": 10,
-    }),
-}  # fmt: skip
+}
 
 
 if __name__ == "__main__":

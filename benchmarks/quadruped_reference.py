@@ -109,14 +109,21 @@ def agreement(name: str, ours: Floats, reference: Floats, seed: int = 0) -> Agre
     """Compare two samples; intervals are those of all comparisons together at the 5 % level."""
     generator = np.random.default_rng(seed)
     tests = 1 - LEVEL / COMPARISONS
-    drawn = [np.quantile(x[generator.integers(len(x), size=(RESAMPLES, len(x)))], QUANTILES, axis=1)
-             for x in (ours, reference)]  # fmt: skip
+    drawn = [
+        np.quantile(x[generator.integers(len(x), size=(RESAMPLES, len(x)))], QUANTILES, axis=1)
+        for x in (ours, reference)
+    ]
     spread = np.std(drawn[0] - drawn[1], axis=1) * norm.ppf((1 + tests) / 2)
     quantiles = np.quantile(np.column_stack([ours, reference]), QUANTILES, axis=0)
     difference = quantiles[:, 0] - quantiles[:, 1]
     limit = np.sqrt(-np.log(LEVEL / 2) / 2 * (1 / len(ours) + 1 / len(reference)))
-    return Agreement(name, float(ks_2samp(ours, reference).statistic), float(limit), quantiles,
-                     np.column_stack([difference - spread, difference + spread]))  # fmt: skip
+    return Agreement(
+        name,
+        float(ks_2samp(ours, reference).statistic),
+        float(limit),
+        quantiles,
+        np.column_stack([difference - spread, difference + spread]),
+    )
 
 
 def page(runs: Mapping[str, Floats], precision: str) -> tuple[str, bool]:
@@ -134,18 +141,25 @@ def page(runs: Mapping[str, Floats], precision: str) -> tuple[str, bool]:
             note = "" if holds else "**missed**"
             if steps < len(found):
                 note += f"ill-conditioned: {1e3 * found[:steps].max():.3f} mm up to step {steps}"
-            lines.append(f"| {robot.kind} | {case} | {1e3 * found.max():.4f} | {found.argmax()} "
-                         f"| {1e3 * BOUNDS[case]:g} | {note} |")  # fmt: skip
-    lines += ["", "| robot | quantity | KS distance (limit) | 90 %: ours, reference | 99 %: ours, reference | |",
-              "| --- | --- | ---: | ---: | ---: | --- |"]  # fmt: skip
+            lines.append(
+                f"| {robot.kind} | {case} | {1e3 * found.max():.4f} | {found.argmax()} "
+                f"| {1e3 * BOUNDS[case]:g} | {note} |"
+            )
+    lines += [
+        "",
+        "| robot | quantity | KS distance (limit) | 90 %: ours, reference | 99 %: ours, reference | |",
+        "| --- | --- | ---: | ---: | ---: | --- |",
+    ]
     for robot in ROBOTS:
         theirs = quantities(runs[f"{robot.kind}_random_end"])
         for name, ours in quantities(random_ends(runs, robot, precision)).items():
             found = agreement(name, ours, theirs[name])
             sound &= found.holds
             pairs = " | ".join(f"{a:.5g}, {b:.5g}" for a, b in found.quantiles)
-            lines.append(f"| {robot.kind} | {name} | {found.distance:.3f} ({found.limit:.3f}) | {pairs} "
-                         f"| {'' if found.holds else '**differs**'} |")  # fmt: skip
+            lines.append(
+                f"| {robot.kind} | {name} | {found.distance:.3f} ({found.limit:.3f}) | {pairs} "
+                f"| {'' if found.holds else '**differs**'} |"
+            )
     return "\n".join(lines) + "\n", sound
 
 

@@ -57,8 +57,23 @@ def build_parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="morpholab", description="Simulate soft and rigid robots, and design bodies and behaviours.")
     parser.add_argument("--version", action=_Version, nargs=0, help="show versions, also of what results depend on")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, view, codesign, status, compare, report, gradient_check, export, sweep, train,
-                    interference, reproduce, pipeline, calibrate, bench):  # fmt: skip
+    for command in (
+        simulate,
+        view,
+        codesign,
+        status,
+        compare,
+        report,
+        gradient_check,
+        export,
+        sweep,
+        train,
+        interference,
+        reproduce,
+        pipeline,
+        calibrate,
+        bench,
+    ):
         command.add_parser(commands)
     return parser
 

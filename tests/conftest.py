@@ -21,9 +21,20 @@ runtime.available_threads = lambda: _SHARE
 
 
 # In the names of tests in single precision, and of files that are so for the most part.
-SINGLE = ("f32", "single_precision", "picture", "test_bench.py", "test_graded_commands.py", "test_lattice_states.py",
-          "test_motion.py", "test_paraview.py", "test_pipeline.py", "test_ray.py", "test_several_cores_searches.py",
-          "test_view.py")  # fmt: skip
+SINGLE = (
+    "f32",
+    "single_precision",
+    "picture",
+    "test_bench.py",
+    "test_graded_commands.py",
+    "test_lattice_states.py",
+    "test_motion.py",
+    "test_paraview.py",
+    "test_pipeline.py",
+    "test_ray.py",
+    "test_several_cores_searches.py",
+    "test_view.py",
+)
 
 
 def _single(name):

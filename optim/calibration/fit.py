@@ -96,12 +96,15 @@ def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None
     informed = {name for experiment in experiments for name in experiment.informs}
     if missing := [name for name in names if name not in informed]:
         kinds = {"low_friction": "a drag of a foot that slides, or a gait", "inflation_rate": "a gait"}
-        raise ValueError(f"fit: {missing[0]} does not act in these experiments; add "
-                         f"{kinds.get(missing[0], 'a gait')}, or do not fit it")  # fmt: skip
+        raise ValueError(
+            f"fit: {missing[0]} does not act in these experiments; add "
+            f"{kinds.get(missing[0], 'a gait')}, or do not fit it"
+        )
     points = sum(len(experiment.values) for experiment in experiments)
     if points <= len(names):
-        raise ValueError(f"data: {points} points are not enough for {len(names)} properties; give at least "
-                         f"{len(names) + 1}")  # fmt: skip
+        raise ValueError(
+            f"data: {points} points are not enough for {len(names)} properties; give at least {len(names) + 1}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,18 +188,29 @@ class _Search:
                 self.told(0.6 + 0.4 * len(seen) / (_STEPS + 1), f"all: {_listed(self.names, misfit.properties(x))}")
             return seen[x.tobytes()]
 
-        end = least_squares(lambda x: around(x).residuals, point, jac=lambda x: around(x).slopes, bounds=(low, high),
-                            xtol=1e-3, ftol=1e-4, max_nfev=_STEPS).x  # fmt: skip
+        end = least_squares(
+            lambda x: around(x).residuals,
+            point,
+            jac=lambda x: around(x).slopes,
+            bounds=(low, high),
+            xtol=1e-3,
+            ftol=1e-4,
+            max_nfev=_STEPS,
+        ).x
         found, began = around(end), misfit.predictions([Trial(before)])[0]
         predictions = np.array([began, found.predictions])
         misses = np.sqrt(np.mean(((predictions - misfit.measured) / misfit.deviations * factors) ** 2, axis=1))
         near = np.minimum(end - low, high - end) < _NEAR_BOUND
         given = deviations_of(self.experiments)[1]
         return Calibration(
-            before, misfit.properties(end), self.names, uncertainty(found, given, factors**2), predictions,
+            before,
+            misfit.properties(end),
+            self.names,
+            uncertainty(found, given, factors**2),
+            predictions,
             (float(misses[0]), float(misses[1])),
             tuple(name for name, flag in zip(self.names, near, strict=True) if flag),
-        )  # fmt: skip
+        )
 
 
 def _simulated(misfit: Misfit, point: Array) -> Linearised:

@@ -55,8 +55,9 @@ def table(found: Calibration) -> str:
         interval = f"{low:.4g} to {high:.4g} {UNITS[name]}"
         others = " ".join(f"{value:5.2f}" for value in found.uncertainty.correlation[row, : row + 1])
         rows.append(f"{name:<16}{before:>10}{after:>10}{100 * error:>6.1f} %  {interval:<26}{others}")
-    rows.append(f"residuals (root mean square): {found.misfit[0]:.3g} standard deviations before, "
-                f"{found.misfit[1]:.3g} after")  # fmt: skip
+    rows.append(
+        f"residuals (root mean square): {found.misfit[0]:.3g} standard deviations before, {found.misfit[1]:.3g} after"
+    )
     return "\n".join(rows + [f"warning: {line}" for line in warnings(found)])
 
 

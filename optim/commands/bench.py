@@ -9,8 +9,11 @@ from optim.commands import Report, options
 
 # Of which robot options are.
 WHOSE = {
-    "precision": "inflatable", "prototype": "inflatable", "vehicle_prototype": "vehicle", "rigid_prototype": "rigid"
-}  # fmt: skip
+    "precision": "inflatable",
+    "prototype": "inflatable",
+    "vehicle_prototype": "vehicle",
+    "rigid_prototype": "rigid",
+}
 
 
 def add_parser(commands: Any) -> None:

@@ -22,18 +22,24 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("data", nargs="?", type=Path, metavar="DATA", help="file of measurements (TOML)")
     parser.add_argument(
-        "--fit", metavar="NAMES", help="of friction, low_friction, modulus, inflation_rate (default: all that the "
-        "experiments are made for)",
-    )  # fmt: skip
+        "--fit",
+        metavar="NAMES",
+        help="of friction, low_friction, modulus, inflation_rate (default: all that the experiments are made for)",
+    )
     parser.add_argument(
-        "--bounds", action="append", default=[], metavar="NAME=LOW:HIGH",
+        "--bounds",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
         help="of a property, such as modulus=200e3:800e3 (Pa) or inflation_rate=0.5:8 (1/s); may be repeated",
-    )  # fmt: skip
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="new folder for calibration.json and calibration.png")
     parser.add_argument(
-        "--example", type=Path, metavar="FILE", help="write measurements of a robot of known properties instead, with "
-        "2 %% noise",
-    )  # fmt: skip
+        "--example",
+        type=Path,
+        metavar="FILE",
+        help="write measurements of a robot of known properties instead, with 2 %% noise",
+    )
     parser.add_argument(
         "--geometry",
         choices=options.GEOMETRIES,
@@ -87,9 +93,7 @@ def _fit(args: argparse.Namespace) -> Report:
     check_names(found.experiments, names)
     geometry = NAMED_GEOMETRIES[found.geometry]
     stiffest = bounds["modulus"][1] if "modulus" in names else geometry.youngs_modulus
-    laboratory = Laboratory(
-        geometry, stiffest=stiffest, seed=args.seed, precision=args.precision, threads=args.threads
-    )  # fmt: skip
+    laboratory = Laboratory(geometry, stiffest=stiffest, seed=args.seed, precision=args.precision, threads=args.threads)
     with shown_progress("fit", 1.0, args.quiet) as update:
         result = calibrate(found.experiments, laboratory, names, bounds, update)
     record, text = document(result, found.geometry), table(result)

@@ -89,9 +89,12 @@ def _add_search(search: Any) -> None:
 
 def _add_design(design: Any) -> None:
     design.add_argument(
-        "--robot", type=Path, metavar="FILE", help="a robot of your own instead, see docs/own-robots.md: Python that "
+        "--robot",
+        type=Path,
+        metavar="FILE",
+        help="a robot of your own instead, see docs/own-robots.md: Python that "
         "sets robot, a .json design, .vxa or .vxd; of this group it takes one --terrain (default: flat)",
-    )  # fmt: skip
+    )
     design.add_argument(
         "--terrain",
         type=options.terrain,

@@ -25,15 +25,19 @@ def add_parser(commands: Any) -> None:
         description="Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
     )
     parser.add_argument(
-        "source", type=Path, metavar="RUN",
+        "source",
+        type=Path,
+        metavar="RUN",
         help="inching or rolling, folder of a run, file of a design, or a gait table as CSV",
-    )  # fmt: skip
+    )
     parser.add_argument("--csv", type=Path, metavar="FILE", help="to write; replaced if it exists")
     parser.add_argument("--units", choices=("kpa", "psi"), default="kpa", help="(default: kpa)")
     parser.add_argument(
-        "--rig", metavar="RIG", default="dissertation",
+        "--rig",
+        metavar="RIG",
+        default="dissertation",
         help="dissertation, dissertation-gentle, or a TOML file with channels and limits (default: dissertation)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--rate",
         type=options.number(0.0, unit="Hz"),

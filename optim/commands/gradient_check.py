@@ -33,13 +33,18 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--gait", metavar="GAIT", help="inching, rolling, or the file of a design (default: inching)")
     parser.add_argument(
-        "--robot", type=Path, metavar="FILE", help="a robot of your own instead, by all that is free of it, see "
-        "docs/own-robots.md",
-    )  # fmt: skip
+        "--robot",
+        type=Path,
+        metavar="FILE",
+        help="a robot of your own instead, by all that is free of it, see docs/own-robots.md",
+    )
     parser.add_argument(
-        "--terrain", type=options.terrain, default=Terrain(), metavar="TERRAIN",
+        "--terrain",
+        type=options.terrain,
+        default=Terrain(),
+        metavar="TERRAIN",
         help="flat, hill:15 or water (default: flat)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--horizons",
         metavar="COLUMNS",
@@ -51,9 +56,12 @@ def add_parser(commands: Any) -> None:
         "--samples", type=options.whole(2), default=48, metavar="N", help="pairs of the smoothed gradient (default: 48)"
     )
     parser.add_argument(
-        "--smoothing", type=options.number(1e-6, INSIDE / 3), default=0.05, metavar="S",
+        "--smoothing",
+        type=options.number(1e-6, INSIDE / 3),
+        default=0.05,
+        metavar="S",
         help="its standard deviation in ranges of the variables, at most 0.05 (default: 0.05)",
-    )  # fmt: skip
+    )
     parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="(default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for gradient.png and gradient.json")
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -71,9 +79,13 @@ def run(args: argparse.Namespace) -> Report:
     options.check_new_folder(args.out)
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
-            problems, directions=args.directions, smoothing=args.smoothing, samples=args.samples, seed=args.seed,
+            problems,
+            directions=args.directions,
+            smoothing=args.smoothing,
+            samples=args.samples,
+            seed=args.seed,
             progress=update,
-        )  # fmt: skip
+        )
     document, text = report.document(), report.text()
     if args.out:
         import json

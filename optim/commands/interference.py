@@ -29,9 +29,11 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--generations", type=options.whole(0), default=400, metavar="N", help="(default: 400)")
     parser.add_argument("--population", type=options.whole(1), default=100, metavar="N", help="climbers (default: 100)")
     parser.add_argument(
-        "--variant", choices=("as-run", "text"), default="as-run",
+        "--variant",
+        choices=("as-run", "text"),
+        default="as-run",
         help="the published experiment, or its text where that differs (default: as-run)",
-    )  # fmt: skip
+    )
     parser.add_argument("--alone", action="store_true", help="also train each robot on each light alone")
     parser.add_argument("--figures", action="store_true", help="also draw mutations, curves and paths")
     group = parser.add_argument_group("simulation")
@@ -58,8 +60,16 @@ def run(args: argparse.Namespace) -> Report:
     alone = None
     try:
         with shown_progress(counted(len(chosen), "treatment"), 1.0, args.quiet) as update:
-            summary = train(settings, chosen, args.runs, args.generations, args.out, figures=args.figures,
-                            threads=args.threads, progress=update)  # fmt: skip
+            summary = train(
+                settings,
+                chosen,
+                args.runs,
+                args.generations,
+                args.out,
+                figures=args.figures,
+                threads=args.threads,
+                progress=update,
+            )
             if args.alone:
                 update(0.0, "each light alone")
                 effort = Alone(args.runs, args.generations)
@@ -84,8 +94,10 @@ def _report(summary: dict[str, Any], alone: list[dict[str, Any]] | None, out: Pa
         lines.append(f"  {name}: {', '.join(told)}")
     for row in alone or ():
         x, y = row["light"]
-        lines.append(f"  {row['robot']} on the light at ({x:g}, {y:g}) alone: ends {row['distance']:.2f} m from it, "
-                     f"near it for {row['time_near']:.1f} s")  # fmt: skip
+        lines.append(
+            f"  {row['robot']} on the light at ({x:g}, {y:g}) alone: ends {row['distance']:.2f} m from it, "
+            f"near it for {row['time_near']:.1f} s"
+        )
     lines.append(f"{out}: {', '.join(files)}")
     return Report({"folder": str(out), **summary, "alone": alone, "files": files}, "\n".join(lines))
 

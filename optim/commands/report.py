@@ -35,9 +35,11 @@ def add_parser(commands: Any) -> None:
         "--rig", metavar="RIG", help="that shall play the gait: a preset or a TOML file (default: dissertation)"
     )
     parser.add_argument(
-        "--by", choices=("evaluations", "generations", "seconds"), default="evaluations",
+        "--by",
+        choices=("evaluations", "generations", "seconds"),
+        default="evaluations",
         help="what several runs are compared by (default: evaluations)",
-    )  # fmt: skip
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress and no notes")
     options.add_json(parser)
     parser.set_defaults(run=run)

@@ -28,9 +28,11 @@ def add_parser(commands: Any) -> None:
         "--sweep", type=Path, metavar="DIR", help="folder of a sweep, of studies that read bodies from one"
     )
     parser.add_argument(
-        "--jobs", type=options.whole(1), metavar="N",
+        "--jobs",
+        type=options.whole(1),
+        metavar="N",
         help="runs that go on at the same time, of studies of many runs (default: one after the other)",
-    )  # fmt: skip
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_json(parser)
     parser.set_defaults(run=run)

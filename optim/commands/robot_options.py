@@ -14,9 +14,29 @@ if TYPE_CHECKING:
     from optim.problems.lattice_robot import LatticeRobotProblem
 
 # Options about gaits of the inflatable robot.
-_GAITS = ("free", "encoding", "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "gait",
-          "orientation", "pressure", "objective", "start", "start_orientation", "start_pressure", "geometry", "columns",
-          "repeats", "weight", "calibration")  # fmt: skip
+_GAITS = (
+    "free",
+    "encoding",
+    "steps",
+    "warm_up",
+    "stages",
+    "ladder",
+    "ahead",
+    "hard",
+    "effort",
+    "gait",
+    "orientation",
+    "pressure",
+    "objective",
+    "start",
+    "start_orientation",
+    "start_pressure",
+    "geometry",
+    "columns",
+    "repeats",
+    "weight",
+    "calibration",
+)
 CYCLES = (1, 2, 4)  # horizons of ``gradient-check``
 
 
@@ -66,9 +86,12 @@ def horizons_of_robot(args: argparse.Namespace) -> dict[str, tuple["LatticeRobot
     robot, problems = _loaded(args), {}
     for cycles in _cycles(args.horizons):
         problem = LatticeRobotProblem(
-            dataclasses.replace(robot, cycles=cycles), args.terrain, args.precision or "f64", args.device or "cpu",
+            dataclasses.replace(robot, cycles=cycles),
+            args.terrain,
+            args.precision or "f64",
+            args.device or "cpu",
             args.threads,
-        )  # fmt: skip
+        )
         problems[counted(cycles, "cycle")] = problem, robot.start
     return problems
 

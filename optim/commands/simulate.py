@@ -147,9 +147,15 @@ def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, rob
     title = f"{args.gait} {terrain.where}"
     with shown_progress(f"{title}, judged", 1.0) as update:
         found = judge_gait(
-            design, terrain, **robot, seed=args.seed, precision=args.precision or "f64", device=args.device or "cpu",
-            threads=args.threads, progress=update,
-        )  # fmt: skip
+            design,
+            terrain,
+            **robot,
+            seed=args.seed,
+            precision=args.precision or "f64",
+            device=args.device or "cpu",
+            threads=args.threads,
+            progress=update,
+        )
     document = {"gait": args.gait, "terrain": terrain.name, **_rig(args), **found.to_document()}
     if found.diverged:
         return Report(document, f"{title}: {'; '.join(found.faults)}", FAILED)

@@ -22,9 +22,12 @@ def add_parser(commands: Any) -> None:
         "environments, and in any. The same command goes on where an earlier one was, also with other bodies.",
     )
     parser.add_argument(
-        "--designs", type=options.checked(design_numbers), required=True, metavar="NUMBERS",
+        "--designs",
+        type=options.checked(design_numbers),
+        required=True,
+        metavar="NUMBERS",
         help="bodies of the published grid, from 1 to 6561: 162,6553 or 1-100, or all",
-    )  # fmt: skip
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the sweep")
     parser.add_argument(
         "--weights", type=options.whole(2), default=121, metavar="N", help="values of each weight (default: 121)"

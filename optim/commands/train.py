@@ -28,9 +28,11 @@ def add_parser(commands: Any) -> None:
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
-        "--designs", type=options.checked(design_numbers), metavar="NUMBERS",
+        "--designs",
+        type=options.checked(design_numbers),
+        metavar="NUMBERS",
         help="bodies of the published grid, from 1 to 6561: 162,6553 or 1-100, or all",
-    )  # fmt: skip
+    )
     which.add_argument("--sample", type=options.whole(1), metavar="N", help="of them, at random (default: 500)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study")
     parser.add_argument("--methods", metavar="NAMES", help="(default: random,generating-set,nes,de)")

@@ -20,10 +20,12 @@ def add_parser(commands: Any) -> None:
         "ParaView.",
     )
     parser.add_argument(
-        "sources", nargs="+", metavar="ROBOT",
+        "sources",
+        nargs="+",
+        metavar="ROBOT",
         help="inching or rolling; folder of a run, file of a design or gait table; legged, wheeled or whegged "
         "quadruped; vehicle or rover; up to four",
-    )  # fmt: skip
+    )
     add_outputs(parser)
     parser.add_argument("--title", default="", help="of the page")
     parser.add_argument(
@@ -35,19 +37,24 @@ def add_parser(commands: Any) -> None:
     )
     group = parser.add_argument_group("rigid robots and vehicles")
     group.add_argument(
-        "--controller", metavar="W",
+        "--controller",
+        metavar="W",
         help="two numbers such as 1,-0.5 for vehicle and rover (default: 1,1); for quadrupeds a .npy or .json file "
         "with 5 rows, the sensors, of 8 weights (default: random)",
-    )  # fmt: skip
+    )
     group.add_argument("--seed", type=options.whole(0), metavar="N", help="of random weights (default: 0)")
     group.add_argument(
-        "--design", type=options.whole(1), metavar="N", help="sensors of vehicle and rover: a body of "
-        "the published grid, 1 to 6561 (default: 6553)",
-    )  # fmt: skip
+        "--design",
+        type=options.whole(1),
+        metavar="N",
+        help="sensors of vehicle and rover: a body of the published grid, 1 to 6561 (default: 6553)",
+    )
     group.add_argument(
-        "--environment", type=int, choices=(1, 2, 3, 4), help="place of the light, or of the vehicle "
-        "(default: 1)",
-    )  # fmt: skip
+        "--environment",
+        type=int,
+        choices=(1, 2, 3, 4),
+        help="place of the light, or of the vehicle (default: 1)",
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options.add_robot(parser, precision="f32, of rigid robots and vehicles f64", own=", of runs their own")
     options.add_calibration(parser, own=", of runs their own")
@@ -72,9 +79,16 @@ def run(args: argparse.Namespace) -> Report:
             motions.append(motion_of(source, args, partial(_tick, update, done)))
     files = write_outputs(motions, args)
     lines = [f"{path}: {spoken_size(size)}" for path, size in files]
-    about = [{"source": source, "name": m.name, "frames": len(m.times), "nodes": len(m.nodes),
-              "seconds": float(m.times[-1] - m.times[0])}
-             for source, m in zip(args.sources, motions, strict=True)]  # fmt: skip
+    about = [
+        {
+            "source": source,
+            "name": m.name,
+            "frames": len(m.times),
+            "nodes": len(m.nodes),
+            "seconds": float(m.times[-1] - m.times[0]),
+        }
+        for source, m in zip(args.sources, motions, strict=True)
+    ]
     document = {"robots": about, "files": [{"path": str(path), "bytes": size} for path, size in files]}
     told = [
         f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {a['seconds']:.1f} s"

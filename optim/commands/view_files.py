@@ -41,13 +41,23 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     for output in OUTPUTS:
         parser.add_argument(f"--{output.option}", type=Path, metavar=output.metavar, help=output.told)
     group = parser.add_argument_group("pictures and films")
-    group.add_argument("--at", type=options.number(0.0, unit="s"), metavar="SECONDS", help="time of the picture "
-                       "(default: the end)")  # fmt: skip
-    group.add_argument("--colour", choices=COLOURS, default="material", help="of voxel robots: material; strain of "
-                       "links; contact with the floor and the robot itself; friction of feet; or beams and pressure "
-                       "(default: material)")  # fmt: skip
-    group.add_argument("--seconds", type=options.number(0.5, 600.0, "s"), metavar="S", help="that films take "
-                       f"(default: as long as the motion, at most {LONGEST_FILM:g})")  # fmt: skip
+    group.add_argument(
+        "--at", type=options.number(0.0, unit="s"), metavar="SECONDS", help="time of the picture (default: the end)"
+    )
+    group.add_argument(
+        "--colour",
+        choices=COLOURS,
+        default="material",
+        help="of voxel robots: material; strain of "
+        "links; contact with the floor and the robot itself; friction of feet; or beams and pressure "
+        "(default: material)",
+    )
+    group.add_argument(
+        "--seconds",
+        type=options.number(0.5, 600.0, "s"),
+        metavar="S",
+        help=f"that films take (default: as long as the motion, at most {LONGEST_FILM:g})",
+    )
 
 
 def check_outputs(args: argparse.Namespace) -> None:
@@ -144,13 +154,15 @@ def _page(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> 
 
 # What may be refused for a robot comes first, so that nothing is written then.
 OUTPUTS = (
-    Output("picture", "FILE", "picture to write, of one robot (png, pdf, svg)", _picture,
-           endings=(".png", ".pdf", ".svg")),
-    Output("strip", "FILE", "film strip to write, of one robot (png, pdf, svg)", _strip,
-           endings=(".png", ".pdf", ".svg")),
+    Output(
+        "picture", "FILE", "picture to write, of one robot (png, pdf, svg)", _picture, endings=(".png", ".pdf", ".svg")
+    ),
+    Output(
+        "strip", "FILE", "film strip to write, of one robot (png, pdf, svg)", _strip, endings=(".png", ".pdf", ".svg")
+    ),
     Output("gif", "FILE", "moving picture to write", _gif, several=True, endings=(".gif",)),
     Output("mp4", "FILE", "video to write; needs the extra 'video'", _mp4, several=True, endings=(".mp4",)),
     Output("paraview", "FOLDER", "folder to write, of one robot, for ParaView", _paraview),
     Output("glb", "FILE", "animation to write, of one robot, for Blender", _glb, endings=(".glb",)),
     Output("out", "FILE", "page to write, such as gait.html", _page, several=True, endings=(".html", ".htm")),
-)  # fmt: skip
+)

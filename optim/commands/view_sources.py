@@ -168,8 +168,9 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
     robot = options.inflatable_robot(geometry, weight, properties, design)
     terrain = _terrain(args, run.terrains[0] if run else None)
     steps = gaits.steps_of(design, robot["actuation"])
-    result = gaits.simulate([design], terrain, **robot, **_where(args), record_every=record_every(steps, args.frames),
-                            progress=progress)  # fmt: skip
+    result = gaits.simulate(
+        [design], terrain, **robot, **_where(args), record_every=record_every(steps, args.frames), progress=progress
+    )
     return inflatable_motion(result, design, terrain, actuation=robot["actuation"], name=f"{name} {terrain.where}")
 
 
@@ -182,8 +183,14 @@ def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress
         raise ValueError(f"source: {name} is no robot: {design.fault}")
     seconds = (drive.cycles + 1) / drive.frequency
     steps = seconds / drive.time_step(walker.WalkerTissue().on(terrain).time_step)
-    result = walker.simulate(design, terrain, actuation=drive, **_where(args), progress=progress,
-                             record_every=record_every(steps, args.frames))  # fmt: skip
+    result = walker.simulate(
+        design,
+        terrain,
+        actuation=drive,
+        **_where(args),
+        progress=progress,
+        record_every=record_every(steps, args.frames),
+    )
     return walker_motion(result, design, terrain, actuation=drive, name=f"{name} {terrain.where}")
 
 
@@ -193,8 +200,9 @@ def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain
 
     terrain = _terrain(args, own)
     steps = robot.cycle.end - robot.cycle.begin
-    result = simulate(robot, None, terrain, **_where(args), record_every=record_every(steps, args.frames),
-                      progress=progress)  # fmt: skip
+    result = simulate(
+        robot, None, terrain, **_where(args), record_every=record_every(steps, args.frames), progress=progress
+    )
     if result.reason[0]:
         raise ValueError(f"source: {name} is no robot: {result.reason[0]}")
     return lattice_robot_motion(result, robot, terrain, name=f"{name} {terrain.where}")
@@ -219,8 +227,11 @@ def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
 
     robot = {"legged": quadruped.LEGGED, "wheeled": quadruped.WHEELED, "whegged": quadruped.WHEGGED}[kind]
     sizes = quadruped.SENSORS, quadruped.MOTORS
-    weights = (random_weights(1, *sizes, np.random.default_rng(args.seed or 0)) if args.controller is None
-               else _matrix(Path(args.controller), sizes))  # fmt: skip
+    weights = (
+        random_weights(1, *sizes, np.random.default_rng(args.seed or 0))
+        if args.controller is None
+        else _matrix(Path(args.controller), sizes)
+    )
     lights = [quadruped.ENVIRONMENTS[(args.environment or 1) - 1]]
     every = _every(quadruped.STEPS, args)
     found = quadruped.simulate(robot, weights, lights, record_every=every, **_where(args, "f64"))

@@ -34,13 +34,19 @@ def compare(
         low, high = np.percentile(differences, [2.5, 97.5]).tolist()
         found.append(
             {
-                "first": first, "second": second, "n": [len(a), len(b)],
+                "first": first,
+                "second": second,
+                "n": [len(a), len(b)],
                 "medians": [float(np.median(a)), float(np.median(b))],
-                "U": (1 - larger) * len(a) * len(b), "alternative": alternative, "method": "asymptotic",
+                "U": (1 - larger) * len(a) * len(b),
+                "alternative": alternative,
+                "method": "asymptotic",
                 "p": mann_whitney(a, b, alternative, "asymptotic") if np.ptp(np.concatenate([a, b])) else 1.0,
-                "A12": larger, "difference": float(b.mean() - a.mean()), "interval": [low, high],
+                "A12": larger,
+                "difference": float(b.mean() - a.mean()),
+                "interval": [low, high],
             }
-        )  # fmt: skip
+        )
     for row, p in zip(found, bonferroni([row["p"] for row in found]), strict=True):
         row["p_bonferroni"] = p
     return found

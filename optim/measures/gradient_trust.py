@@ -148,9 +148,15 @@ def check_gradient(
 
 
 def _check(
-    name: str, problem: RelaxableProblem, point: Floats, steps: tuple[float, ...], directions: int, smoothing: float,
-    samples: int, seed: int,
-) -> Horizon:  # fmt: skip
+    name: str,
+    problem: RelaxableProblem,
+    point: Floats,
+    steps: tuple[float, ...],
+    directions: int,
+    smoothing: float,
+    samples: int,
+    seed: int,
+) -> Horizon:
     space, rng = problem.space.relaxed(), np.random.default_rng(seed)
     count = min(directions, space.size)
     basis = np.linalg.qr(rng.standard_normal((space.size, count)))[0].T

@@ -45,9 +45,10 @@ def find_gaits(
         if best is not None:
             found[FOUND + slug(terrain)] = best
     return {
-        name: design for name, design in found.items()
+        name: design
+        for name, design in found.items()
         if steps_of(design, task.robot["actuation"]) <= task.limits.most_steps and not task.refusal(design)
-    }  # fmt: skip
+    }
 
 
 def _search(
@@ -57,20 +58,29 @@ def _search(
     assert task.search is not None
     search, settings = task.search, task.method_settings(task.search)
     problem = task.problem(terrain, threads=threads)
-    config = {"problem": problem.describe(), "method": {"name": search.method, **settings},
-              "generations": search.generations}  # fmt: skip
+    config = {
+        "problem": problem.describe(),
+        "method": {"name": search.method, **settings},
+        "generations": search.generations,
+    }
     with open_run(folder, config, resume=True) as run:
         last = run_search(
-            problem, build_method(search.method, problem.space, settings), run, search.generations,
+            problem,
+            build_method(search.method, problem.space, settings),
+            run,
+            search.generations,
             lambda done: progress((done.generation + 1) / (search.generations + 1)) if progress else None,
-        )  # fmt: skip
+        )
     return problem.in_full().design(problem.space.from_dict(last.best_point)) if last.best_point else None
 
 
 def speeds_of(
-    designs: Mapping[str, GaitDesign], task: PipelineTask, folder: ResultsFolder, progress: Progress = None,
+    designs: Mapping[str, GaitDesign],
+    task: PipelineTask,
+    folder: ResultsFolder,
+    progress: Progress = None,
     threads: int | None = None,
-) -> dict[str, np.ndarray]:  # fmt: skip
+) -> dict[str, np.ndarray]:
     """Speeds of gaits on all terrains, with noise [body lengths/s], shape (terrains, runs) each; NaN of failures.
 
     Args:
@@ -106,8 +116,9 @@ def check_working(speeds: Mapping[str, np.ndarray], task: PipelineTask) -> None:
     for place, terrain in enumerate(task.terrains):
         means = {name: float(each[place].mean()) for name, each in speeds.items()}
         if not any(speed >= task.limits.least_speed for speed in means.values()):
-            tried = ", ".join(f"{name} {'diverged' if np.isnan(speed) else f'{speed:.4f}'}"
-                              for name, speed in means.items())  # fmt: skip
+            tried = ", ".join(
+                f"{name} {'diverged' if np.isnan(speed) else f'{speed:.4f}'}" for name, speed in means.items()
+            )
             raise NoWorkingGait(
                 f"{terrain.name}: no gait reaches {task.limits.least_speed:g} BL/s; tried: {tried or 'none'}"
             )

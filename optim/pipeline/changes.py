@@ -49,9 +49,14 @@ class Change:
 
 
 def find_change(
-    names: tuple[str, str], designs: tuple[GaitDesign, GaitDesign], terrains: tuple[Terrain, Terrain],
-    task: PipelineTask, folder: ResultsFolder, progress: Progress = None, threads: int | None = None,
-) -> Change:  # fmt: skip
+    names: tuple[str, str],
+    designs: tuple[GaitDesign, GaitDesign],
+    terrains: tuple[Terrain, Terrain],
+    task: PipelineTask,
+    folder: ResultsFolder,
+    progress: Progress = None,
+    threads: int | None = None,
+) -> Change:
     """The first way from a gait to another that goes well; else the one with the fewest faults.
 
     The shape changes where the robot comes from, or where it goes to. Into water and out of it, it changes there, and
@@ -73,9 +78,14 @@ def find_change(
     for number, (ground, together, grip) in enumerate(ways):
         core = task.rig.channels[0]
         design = change_of_shape(
-            core_of(designs[0]), core_of(designs[1]), designs[1].orientation, grip=grip, together=together,
-            times=(core.rise_s, core.fall_s), **task.robot,
-        )  # fmt: skip
+            core_of(designs[0]),
+            core_of(designs[1]),
+            designs[1].orientation,
+            grip=grip,
+            together=together,
+            times=(core.rise_s, core.fall_s),
+            **task.robot,
+        )
         first = [] if apart else [Leg(designs[0], terrains[0])]
         legs = [*first, Leg(design, ground), Leg(designs[1], terrains[1])]
         key = f"change {names} {[slug(t) for t in terrains]} {slug(ground)} {together} {grip}"
@@ -97,9 +107,13 @@ def _play(legs: Sequence[Leg], task: PipelineTask, progress: Progress, threads: 
     """What the runs of a change and the next gait, the last two legs, came to; and that of the next gait alone."""
     place = len(legs) - 2
     options: dict[str, Any] = {
-        **task.robot, "runs": task.runs, "precision": task.precision, "threads": threads,
-        "perturbation": NOISE, "seed": task.seed,
-    }  # fmt: skip
+        **task.robot,
+        "runs": task.runs,
+        "precision": task.precision,
+        "threads": threads,
+        "perturbation": NOISE,
+        "seed": task.seed,
+    }
     run = simulate_journey(legs, **options, record_every=RECORD_EVERY, progress=part_of(progress, 0, 3, 2))
     alone = simulate_journey(legs[-1:], **options, progress=part_of(progress, 2, 3))
     assert run.frames is not None
@@ -111,12 +125,18 @@ def _play(legs: Sequence[Leg], task: PipelineTask, progress: Progress, threads: 
         "shape_error": np.array([shape_error(last[r], alone.positions[r, 0]) for r in robots]),
         "moved": np.linalg.norm((last - start).mean(axis=1)[:, :2], axis=1) / task.robot["geometry"].body_length,
         "turned": np.array([turned_by(last[r], start[r]) for r in robots]),
-        "deepest": np.array([
-            max(deepest_contact(run.body, frames.positions[f, r], frames.sizes[f, r]) for f in range(begin, end + 1))
-            for r in robots
-        ]),
-        "next": run.speeds[:, -1], "alone": alone.speeds[:, 0], "ok": (run.status == "ok").astype(float),
-    }  # fmt: skip
+        "deepest": np.array(
+            [
+                max(
+                    deepest_contact(run.body, frames.positions[f, r], frames.sizes[f, r]) for f in range(begin, end + 1)
+                )
+                for r in robots
+            ]
+        ),
+        "next": run.speeds[:, -1],
+        "alone": alone.speeds[:, 0],
+        "ok": (run.status == "ok").astype(float),
+    }
 
 
 def _judged(

@@ -41,9 +41,14 @@ class Crossing:
 
 
 def cross(
-    states: tuple[State, State], change: Change | None, single: tuple[str, GaitDesign], task: PipelineTask,
-    folder: ResultsFolder, progress: Progress = None, threads: int | None = None,
-) -> Crossing:  # fmt: skip
+    states: tuple[State, State],
+    change: Change | None,
+    single: tuple[str, GaitDesign],
+    task: PipelineTask,
+    folder: ResultsFolder,
+    progress: Progress = None,
+    threads: int | None = None,
+) -> Crossing:
     """Simulate a change of terrain; both terrains are ground, or both fluids.
 
     Args:
@@ -71,9 +76,11 @@ def cross(
     key = f"crossing {[f'{slug(state.terrain)} {state.gait}' for state in states]} {way} {single[0]}"
     played = kept(folder, part_name(key), play)
     shown = simulate_journey(
-        legs, **{**where, "precision": "f32"}, progress=part_of(progress, 2, 3),
+        legs,
+        **{**where, "precision": "f32"},
+        progress=part_of(progress, 2, 3),
         record_every=-(-int(played["steps"].sum()) // task.frames),
-    )  # fmt: skip
+    )
     return Crossing(legs, shown, played["machine"], played["single"], single[0])
 
 

@@ -66,8 +66,13 @@ def machine_document(
         changes: of shape from state to state; None where the shape stays.
         task: what it was made for.
     """
-    simulated = {"geometry": task.geometry, "precision": task.precision, "runs": task.runs, "seed": task.seed,
-                 **({"properties": asdict(task.calibration)} if task.calibration else {})}  # fmt: skip
+    simulated = {
+        "geometry": task.geometry,
+        "precision": task.precision,
+        "runs": task.runs,
+        "seed": task.seed,
+        **({"properties": asdict(task.calibration)} if task.calibration else {}),
+    }
     return {
         "format": FORMAT,
         "initial": states[0].name,

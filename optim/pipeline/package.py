@@ -68,13 +68,17 @@ class Package:
             "rejected": list(self.rejected),
             "crossings": [
                 {
-                    "from": first, "to": second, "single_gait": crossing.gait,
-                    "machine": crossing.machine.mean(axis=0).tolist(), "single": crossing.single.mean(axis=0).tolist(),
-                    "machine_survives": crossing.survived[0], "single_survives": crossing.survived[1],
+                    "from": first,
+                    "to": second,
+                    "single_gait": crossing.gait,
+                    "machine": crossing.machine.mean(axis=0).tolist(),
+                    "single": crossing.single.mean(axis=0).tolist(),
+                    "machine_survives": crossing.survived[0],
+                    "single_survives": crossing.survived[1],
                 }
                 for (first, second), crossing in self.crossings.items()
             ],
-        }  # fmt: skip
+        }
 
 
 def _plan(plan: Plan) -> dict[str, Any]:
@@ -110,8 +114,9 @@ def write_package(package: Package, folder: Path) -> list[str]:
         export_csv(design, folder / "tables" / f"{name}.csv", package.task.rig, seed=package.task.seed)
         written += [f"gaits/{name}.json", f"tables/{name}.csv"]
     for state in package.states:
-        save_motion_picture(state.design, state.terrain, folder / "pictures" / f"{state.name}.png",
-                            **package.task.robot)  # fmt: skip
+        save_motion_picture(
+            state.design, state.terrain, folder / "pictures" / f"{state.name}.png", **package.task.robot
+        )
         written.append(f"pictures/{state.name}.png")
     if package.crossings:
         motions = [

@@ -30,10 +30,14 @@ def _plans(package: Package) -> Section:
     """Candidates, and the plans that were compared."""
     terrains = [terrain.name for terrain in package.task.terrains]
     rows = [
-        (name, number(core_of(design) / 1000, 2), number(design.orientation, 1),
-         *(number(float(row.mean())) for row in package.speeds[name]))
+        (
+            name,
+            number(core_of(design) / 1000, 2),
+            number(design.orientation, 1),
+            *(number(float(row.mean())) for row in package.speeds[name]),
+        )
         for name, design in package.candidates.items()
-    ]  # fmt: skip
+    ]
     header = ("Gait", "Core [kPa]", "Heading [°]", *(f"On {name} [BL/s]" for name in terrains))
     plans = [("chosen", package.plan), ("best of one gait", package.one_gait), ("best of one shape", package.one_shape)]
     compared = [(label, *_of_plan(plan)) for label, plan in plans]
@@ -41,10 +45,11 @@ def _plans(package: Package) -> Section:
         table(f"Candidates, means of {package.task.runs} noisy runs", header, rows),
         table(
             f"Plans, by the mean speed over stretches of {package.task.stretch:g} body lengths with changes of shape",
-            ("Plan", "Gaits", "Speed [BL/s]"), compared,
+            ("Plan", "Gaits", "Speed [BL/s]"),
+            compared,
         ),
         *(paragraph(f"With faults in changes of shape: {line}") for line in package.rejected),
-    ]  # fmt: skip
+    ]
     return Section("Which gait where", content)
 
 
@@ -65,8 +70,17 @@ def _states(package: Package, folder: Path) -> Section:
 def _changes(package: Package) -> Section:
     """How shapes change, and how well."""
     rows = [_change(pair, change) for pair, change in package.changes.items()]
-    header = ("Change", "Where", "How", "From the shape [mm]", "Moves [BL]", "Turns [°]", "Contact [voxels]",
-              "Next gait", "Faults")  # fmt: skip
+    header = (
+        "Change",
+        "Where",
+        "How",
+        "From the shape [mm]",
+        "Moves [BL]",
+        "Turns [°]",
+        "Contact [voxels]",
+        "Next gait",
+        "Faults",
+    )
     meaning = (
         "Numbers are of the worst of the runs, one by one. From the shape: mean distance of voxels, rigid motion "
         "removed. Contact: the deepest overlap of voxels that may collide. Next gait: its mean speed from there, per "
@@ -81,10 +95,16 @@ def _change(pair: tuple[str, str], change: Change | None) -> tuple[Text, ...]:
         return (name, None, "the shape stays", None, None, None, None, None, "none")
     found = change.judgement
     return (
-        name, change.terrain.where, change.way, number(1e3 * found.shape_error, 2), number(found.moved, 3),
-        number(found.turned, 1), number(found.deepest, 2), number(100 * change.next_speed, 0, "%"),
+        name,
+        change.terrain.where,
+        change.way,
+        number(1e3 * found.shape_error, 2),
+        number(found.moved, 3),
+        number(found.turned, 1),
+        number(found.deepest, 2),
+        number(100 * change.next_speed, 0, "%"),
         "; ".join(change.faults) or "none",
-    )  # fmt: skip
+    )
 
 
 def _crossings(package: Package) -> Section:

@@ -33,9 +33,12 @@ def route_speed(speeds: Sequence[float], changes: Sequence[float], stretch: floa
 
 
 def rank_plans(
-    designs: Mapping[str, GaitDesign], speeds: Mapping[str, Sequence[float]], stretch: float, least: float,
+    designs: Mapping[str, GaitDesign],
+    speeds: Mapping[str, Sequence[float]],
+    stretch: float,
+    least: float,
     times: tuple[float, float],
-) -> list[Plan]:  # fmt: skip
+) -> list[Plan]:
     """All plans whose gaits work on their terrains, the fastest first.
 
     Args:

@@ -70,8 +70,14 @@ def _speed(
     design = design_of_rows(folder / state["table"])
     geometry, actuation = robot_of(simulated["geometry"], "published", properties_of(simulated))
     run = gaits.simulate(
-        [design] * simulated["runs"], Terrain(**state["terrain"]), geometry=geometry, actuation=actuation,
-        precision=simulated["precision"], perturbation=NOISE, seed=simulated["seed"], threads=threads,
+        [design] * simulated["runs"],
+        Terrain(**state["terrain"]),
+        geometry=geometry,
+        actuation=actuation,
+        precision=simulated["precision"],
+        perturbation=NOISE,
+        seed=simulated["seed"],
+        threads=threads,
         progress=progress,
-    )  # fmt: skip
+    )
     return float(np.mean(run.speed))

@@ -51,10 +51,17 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
     single = best_single_gait(speeds)
     pairs = [(a, b) for a, b in pairwise(states) if a.terrain.is_fluid == b.terrain.is_fluid and a.gait != b.gait]
     crossings = {
-        (a.name, b.name): cross((a, b), changes[a.name, b.name], (single, candidates[single]), task,
-                                beside, part_of(progress, 18, 20, 2), threads)
+        (a.name, b.name): cross(
+            (a, b),
+            changes[a.name, b.name],
+            (single, candidates[single]),
+            task,
+            beside,
+            part_of(progress, 18, 20, 2),
+            threads,
+        )
         for a, b in pairs
-    }  # fmt: skip
+    }
     others = best_of_one_gait(plans), best_of_one_shape(plans, candidates)
     return Package(task, candidates, speeds, plan, *others, states, changes, crossings, rejected)
 
@@ -63,27 +70,37 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
     """All that results depend on, as JSON."""
     return {
         "terrains": [dataclasses.asdict(terrain) for terrain in task.terrains],
-        "gaits": {name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats]
-                  for name, d in task.gaits.items()},
+        "gaits": {
+            name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats]
+            for name, d in task.gaits.items()
+        },
         "search": None if task.search is None else dataclasses.asdict(task.search),
-        "geometry": task.geometry, "runs": task.runs, "seed": task.seed, "precision": task.precision,
+        "geometry": task.geometry,
+        "runs": task.runs,
+        "seed": task.seed,
+        "precision": task.precision,
         "rig": dataclasses.asdict(task.rig),
         **({"calibration": dataclasses.asdict(task.calibration)} if task.calibration else {}),
-    }  # fmt: skip
+    }
 
 
 def _choose(
-    plans: Sequence[Plan], candidates: Mapping[str, GaitDesign], task: PipelineTask, folder: ResultsFolder,
-    progress: Progress, threads: int | None,
-) -> tuple[Plan, dict[tuple[str, str], Change | None], list[str]]:  # fmt: skip
+    plans: Sequence[Plan],
+    candidates: Mapping[str, GaitDesign],
+    task: PipelineTask,
+    folder: ResultsFolder,
+    progress: Progress,
+    threads: int | None,
+) -> tuple[Plan, dict[tuple[str, str], Change | None], list[str]]:
     """The fastest plan whose changes of shape go well; if none does, the fastest of all, faults and all."""
     rejected: list[str] = []
     first: tuple[Plan, dict[tuple[str, str], Change | None]] | None = None
     for number, plan in enumerate(plans[:MOST_PLANS]):
         part = part_of(progress, number, min(len(plans), MOST_PLANS))
         changes = _changes(plan, candidates, task, folder, part, threads)
-        faults = [f"{change_name(pair)}: {fault}" for pair, change in changes.items() if change
-                  for fault in change.faults]  # fmt: skip
+        faults = [
+            f"{change_name(pair)}: {fault}" for pair, change in changes.items() if change for fault in change.faults
+        ]
         if not faults:
             return plan, changes, rejected
         first = first or (plan, changes)
@@ -93,9 +110,13 @@ def _choose(
 
 
 def _changes(
-    plan: Plan, candidates: Mapping[str, GaitDesign], task: PipelineTask, folder: ResultsFolder, progress: Progress,
+    plan: Plan,
+    candidates: Mapping[str, GaitDesign],
+    task: PipelineTask,
+    folder: ResultsFolder,
+    progress: Progress,
     threads: int | None,
-) -> dict[tuple[str, str], Change | None]:  # fmt: skip
+) -> dict[tuple[str, str], Change | None]:
     """The changes of shape of a plan, there and back: from each terrain to each other."""
     places = range(len(task.terrains))
     ways = [(a, b) for a in places for b in places if a != b]
@@ -104,7 +125,9 @@ def _changes(
         names, terrains = (plan.gaits[a], plan.gaits[b]), (task.terrains[a], task.terrains[b])
         designs = (candidates[names[0]], candidates[names[1]])
         same = core_of(designs[0]) == core_of(designs[1])
-        found[slug(terrains[0]), slug(terrains[1])] = None if same else find_change(
-            names, designs, terrains, task, folder, part_of(progress, number, len(ways)), threads
-        )  # fmt: skip
+        found[slug(terrains[0]), slug(terrains[1])] = (
+            None
+            if same
+            else find_change(names, designs, terrains, task, folder, part_of(progress, number, len(ways)), threads)
+        )
     return found

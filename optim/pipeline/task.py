@@ -144,8 +144,13 @@ class PipelineTask:
     def problem(self, terrain: Terrain, **where: Any) -> GaitProblem:
         """What is searched on a terrain: orientation, shape and control."""
         assert self.search is not None
-        given = {"geometry": self.geometry, "precision": self.precision, "properties": self.calibration,
-                 **self.search.problem, **where}  # fmt: skip
+        given = {
+            "geometry": self.geometry,
+            "precision": self.precision,
+            "properties": self.calibration,
+            **self.search.problem,
+            **where,
+        }
         return GaitProblem((terrain,), **given)
 
     def method_settings(self, search: SearchSettings) -> dict[str, Any]:
@@ -174,10 +179,14 @@ def read_task(path: Path) -> PipelineTask:
     if not isinstance(terrains, list) or not all(isinstance(name, str) for name in terrains):
         raise ValueError(f"terrains: {terrains!r} is not allowed; give names, such as ['flat', 'hill:15']")
     return PipelineTask(
-        tuple(map(Terrain.parse, terrains)), _gaits(path, given.get("gaits", [])), _search(path, given.get("search")),
-        limits=_limits(path, given.get("limits", {}), calibration), rig=_rig(path, given.get("rig")),
-        calibration=calibration, **plain,
-    )  # fmt: skip
+        tuple(map(Terrain.parse, terrains)),
+        _gaits(path, given.get("gaits", [])),
+        _search(path, given.get("search")),
+        limits=_limits(path, given.get("limits", {}), calibration),
+        rig=_rig(path, given.get("rig")),
+        calibration=calibration,
+        **plain,
+    )
 
 
 def _check_keys(path: Path, table: str, given: Any, known: list[str]) -> None:

@@ -35,11 +35,20 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
             order = np.argsort(at)
             noise = None if experiment.deviations is None else up * experiment.deviations
             handles = [
-                axes.errorbar(at, up * experiment.values, noise, fmt="o", ms=3, color=COLOURS[7], lw=0.8,
-                              label="measured", zorder=3),
+                axes.errorbar(
+                    at,
+                    up * experiment.values,
+                    noise,
+                    fmt="o",
+                    ms=3,
+                    color=COLOURS[7],
+                    lw=0.8,
+                    label="measured",
+                    zorder=3,
+                ),
                 *axes.plot(at[order], up * before[order], ".--", ms=3, color=COLOURS[1], label="before"),
                 *axes.plot(at[order], up * after[order], ".-", ms=3, color=COLOURS[0], label="after"),
-            ]  # fmt: skip
+            ]
             axes.set_title(experiment.title, fontsize=7)
             axes.set(xlabel=xlabel, ylabel=ylabel)
         legend_above(drawn, handles)

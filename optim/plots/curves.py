@@ -68,9 +68,16 @@ def _by_generation(axes: "Axes") -> None:
 
 
 def draw_band(
-    axes: "Axes", x: ArrayLike, mean: ArrayLike, low: ArrayLike, high: ArrayLike, *, colour: str, label: str = "",
+    axes: "Axes",
+    x: ArrayLike,
+    mean: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    *,
+    colour: str,
+    label: str = "",
     steps: bool = False,
-) -> None:  # fmt: skip
+) -> None:
     """A mean and the band of its interval.
 
     Args:

@@ -50,8 +50,15 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
     else:
         shown = axes.scatter(values[front, 0], values[front, 1], c=values[front, 2], s=18, cmap="viridis", linewidths=0)
     if best is not None:
-        axes.plot(*values[best, :2], "o", color=COLOURS[1], markersize=8, fillstyle="none", markeredgewidth=1.4,
-                  label="best mean")  # fmt: skip
+        axes.plot(
+            *values[best, :2],
+            "o",
+            color=COLOURS[1],
+            markersize=8,
+            fillstyle="none",
+            markeredgewidth=1.4,
+            label="best mean",
+        )
     axes.set(xlabel=names[0], ylabel=names[1])
     return shown
 

@@ -23,8 +23,15 @@ def draw_overlap(axes: "Axes", overlap: NDArray[np.uint8], weights: NDArray[np.f
 
     outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights
     levels = len(OVERLAP_COLOURS)
-    image = axes.imshow(overlap.T, origin="lower", extent=(-outer, outer, -outer, outer), interpolation="nearest",
-                        cmap=ListedColormap(OVERLAP_COLOURS), vmin=-0.5, vmax=levels - 0.5)  # fmt: skip
+    image = axes.imshow(
+        overlap.T,
+        origin="lower",
+        extent=(-outer, outer, -outer, outer),
+        interpolation="nearest",
+        cmap=ListedColormap(OVERLAP_COLOURS),
+        vmin=-0.5,
+        vmax=levels - 0.5,
+    )
     if weights is not None:
         axes.plot(*weights, "+", color=COLOURS[4], markersize=6, markeredgewidth=1.2)
     axes.set(xlabel="$w_1$", ylabel="$w_2$")

@@ -61,12 +61,15 @@ class LatticeRobotProblem:
         return Space(
             tuple(
                 Variable(
-                    name, free.low, free.high, step=STEP * (free.high - free.low),
+                    name,
+                    free.low,
+                    free.high,
+                    step=STEP * (free.high - free.low),
                     kind="angle" if name in phases and free.high - free.low == 1 else "continuous",
                 )
                 for name, free in self.robot.free.items()
             )
-        )  # fmt: skip
+        )
 
     def design(self, point: ArrayLike) -> LatticeRobot:
         """The robot of a point, shape (D,), without anything free."""

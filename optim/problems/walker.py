@@ -81,9 +81,14 @@ class WalkerProblem:
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
         result = walker.simulate(
-            designs, self.terrain, actuation=self.actuation, precision=self.precision, device=self.device,
-            threads=self.threads, progress=self.progress,
-        )  # fmt: skip
+            designs,
+            self.terrain,
+            actuation=self.actuation,
+            precision=self.precision,
+            device=self.device,
+            threads=self.threads,
+            progress=self.progress,
+        )
         voxels = np.array([len(design.connected[1]) for design in designs])
         status = np.where(result.reason == "", result.status, result.reason)
         return Evaluation(result.speed, status, {"distance": result.distance, "voxels": voxels})

@@ -102,9 +102,14 @@ def _runs(paths: Sequence[Path]) -> list[Path]:
 
 
 def _page(
-    run: OneRun, title: str, lead: Sequence[Html], before: Sequence[Section], more: dict[str, Any], settings: Settings,
+    run: OneRun,
+    title: str,
+    lead: Sequence[Html],
+    before: Sequence[Section],
+    more: dict[str, Any],
+    settings: Settings,
     progress: Progress,
-) -> Built:  # fmt: skip
+) -> Built:
     """The page of a run, after sections of several."""
     last, problem = run.history.generations[-1], run.kind.problem
     replay = Replay()
@@ -128,10 +133,17 @@ def _page(
             "every other is left"
         )
     document = {
-        "kind": "run", "folder": str(run.history.path), "state": state_of(run.history), "damages": run.damages,
-        "generation": last.generation, "evaluations": last.evaluations, "best": last.best,
-        "design": best.document if best else None, "frames": frames, **more,
-    }  # fmt: skip
+        "kind": "run",
+        "folder": str(run.history.path),
+        "state": state_of(run.history),
+        "damages": run.damages,
+        "generation": last.generation,
+        "evaluations": last.evaluations,
+        "best": last.best,
+        "design": best.document if best else None,
+        "frames": frames,
+        **more,
+    }
     return Built(text, document, notes)
 
 

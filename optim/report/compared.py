@@ -42,8 +42,11 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
         _differences(differences),
     ]
     document = {
-        "by": axis, "at": end, "groups": list(map(asdict, standings)), "differences": list(map(asdict, differences))
-    }  # fmt: skip
+        "by": axis,
+        "at": end,
+        "groups": list(map(asdict, standings)),
+        "differences": list(map(asdict, differences)),
+    }
     return [Section("The runs", [_overview(runs)]), Section("How they compare", compared)], document
 
 
@@ -51,19 +54,34 @@ def _overview(runs: Sequence[OneRun]) -> Html:
     rows = []
     for run in runs:
         last, method = run.history.generations[-1], run.history.config["method"]
-        rows.append((code(str(run.history.path)), method["name"], str(method.get("seed", "")), state_of(run.history),
-                     f"{last.generation} of {run.history.config['generations']}", number(last.evaluations, 0),
-                     number(last.best), number(last.mean)))  # fmt: skip
+        rows.append(
+            (
+                code(str(run.history.path)),
+                method["name"],
+                str(method.get("seed", "")),
+                state_of(run.history),
+                f"{last.generation} of {run.history.config['generations']}",
+                number(last.evaluations, 0),
+                number(last.best),
+                number(last.mean),
+            )
+        )
     header = ("Run", "Method", "Seed", "State", "Generations", "Evaluations", "Best", "Mean")
     return table(f"{len(runs)} runs", header, rows)
 
 
 def _standings(standings: Sequence[Standing], caption: str) -> Html:
     rows = [
-        (one.label, counted(one.count, one.unit[:-1]), number(one.mean), number(one.low),
-         number(one.high), number(one.best))
+        (
+            one.label,
+            counted(one.count, one.unit[:-1]),
+            number(one.mean),
+            number(one.low),
+            number(one.high),
+            number(one.best),
+        )
         for one in standings
-    ]  # fmt: skip
+    ]
     return table(caption, ("Group", "Of", "Mean", "95 % from", "to", "Best"), rows)
 
 
@@ -71,10 +89,16 @@ def _differences(differences: Sequence[Difference]) -> Html:
     if not differences:
         return paragraph("No effect sizes: that takes at least two groups of two runs each, with other seeds.")
     rows = [
-        (f"{one.second} minus {one.first}", number(one.effect.difference), number(one.effect.low),
-         number(one.effect.high), number(one.effect.superiority, 2), number(one.effect.cohens_d, 2),
-         number(one.adjusted_p, 3))
+        (
+            f"{one.second} minus {one.first}",
+            number(one.effect.difference),
+            number(one.effect.low),
+            number(one.effect.high),
+            number(one.effect.superiority, 2),
+            number(one.effect.cohens_d, 2),
+            number(one.adjusted_p, 3),
+        )
         for one in differences
-    ]  # fmt: skip
+    ]
     header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")
     return table("Effect sizes", header, rows)

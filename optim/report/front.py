@@ -38,8 +38,13 @@ def _front(result: SearchResult, kind: RunKind) -> list[Html]:
             add_bar(axes.figure, axes, shown, labels[2])
 
     alt = f"{count} designs of the front, by {' and '.join(labels)}"
-    return [picture(chart(draw, alt, size=(4.4, 3.2)), "Designs that no other dominates; the circle has the best mean.",
-                    "narrow")]  # fmt: skip
+    return [
+        picture(
+            chart(draw, alt, size=(4.4, 3.2)),
+            "Designs that no other dominates; the circle has the best mean.",
+            "narrow",
+        )
+    ]
 
 
 def _elites(result: SearchResult, kind: RunKind, history: History) -> list[Html]:

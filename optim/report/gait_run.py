@@ -104,9 +104,13 @@ class GaitRun:
         motions, speeds, pictures = [], [], []
         for n, terrain in enumerate(problem.terrains):
             result = gaits.simulate(
-                [design], terrain, **self._robot, **where, record_every=every,
+                [design],
+                terrain,
+                **self._robot,
+                **where,
+                record_every=every,
                 progress=lambda part, n=n: progress((n + part) / len(problem.terrains)),
-            )  # fmt: skip
+            )
             result = dataclasses.replace(result, speed=problem.speeds(result))
             drive, name = self._robot["actuation"], terrain.spoken
             motion = inflatable_motion(result, design, terrain, actuation=drive, name=name)
@@ -135,9 +139,12 @@ class GaitRun:
                 for name, kpa in _kilopascals("Core pressure", design).items()
             ),
             ("Orientation", Html(f"{number(design.orientation, 1)}°, where 0° rolls and 90° inches")),
-            ("Gait", f"{design.schedule.columns} columns, played {_times(design.schedule.repeats)}, "
-                     f"{self._seconds(design):.2f} s simulated"),
-        ]  # fmt: skip
+            (
+                "Gait",
+                f"{design.schedule.columns} columns, played {_times(design.schedule.repeats)}, "
+                f"{self._seconds(design):.2f} s simulated",
+            ),
+        ]
         # Prints show poses above the same chart instead of the player.
         printed = [Html(f'<div class="print-only">{joined(replay.pictures, "")}</div>')] if replay.pictures else []
         kind = "medium screen-only" if printed else "medium"
@@ -201,13 +208,20 @@ class GaitRun:
             options += f" --calibration {shlex.quote(str(folder / RIG_FILE))}"
         return [
             ("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}"),
-            *((f"Simulate the best design {terrain.spoken}",
-               f"morpholab simulate --gait {best} {_where(terrain)} {options}")
-              for terrain in problem.terrains),
+            *(
+                (
+                    f"Simulate the best design {terrain.spoken}",
+                    f"morpholab simulate --gait {best} {_where(terrain)} {options}",
+                )
+                for terrain in problem.terrains
+            ),
             ("Watch it", f"morpholab view {where} --out best.html"),
-            *([("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi")]
-              if problem.body.cores == 1 else []),
-        ]  # fmt: skip
+            *(
+                [("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi")]
+                if problem.body.cores == 1
+                else []
+            ),
+        ]
 
 
 def _kilopascals(name: str, design: GaitDesign) -> dict[str, float]:

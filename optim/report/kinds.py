@@ -95,8 +95,11 @@ def kind_of(folder: Path, config: Mapping[str, Any]) -> RunKind:
     from optim.report.walker_run import WalkerRun
 
     kinds: dict[str, Callable[[Mapping[str, Any]], RunKind]] = {
-        GAIT: GaitRun.of, WALKER: WalkerRun.of, VEHICLE: VehicleRun.of, ROBOT: RobotRun.of
-    }  # fmt: skip
+        GAIT: GaitRun.of,
+        WALKER: WalkerRun.of,
+        VEHICLE: VehicleRun.of,
+        ROBOT: RobotRun.of,
+    }
     name = config["problem"].get("kind", GAIT)
     if name not in kinds:
         raise ValueError(f"run: {folder} designs a {name}, which has no report; {', '.join(kinds)} have one")

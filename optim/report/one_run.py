@@ -86,18 +86,21 @@ class OneRun:
         )
         found = (
             joined([f"The best {what} found is ", number(last.best, 4, unit), "."], "")
-            if last.best is not None else Html("Every evaluation has failed.")
-        )  # fmt: skip
+            if last.best is not None
+            else Html("Every evaluation has failed.")
+        )
         return [
             paragraph(joined([found, said], " "), "lead"),
             *(paragraph(damage, "note") for damage in self.damages),
-            tiles([
-                (f"best {what}", number(last.best, 4, unit)),
-                ("evaluations", number(last.evaluations, 0)),
-                ("wall time", spoken_duration(sum(known)) if known else None),
-                ("state", state_of(history)),
-            ]),
-        ]  # fmt: skip
+            tiles(
+                [
+                    (f"best {what}", number(last.best, 4, unit)),
+                    ("evaluations", number(last.evaluations, 0)),
+                    ("wall time", spoken_duration(sum(known)) if known else None),
+                    ("state", state_of(history)),
+                ]
+            ),
+        ]
 
     @property
     def damages(self) -> list[str]:
@@ -191,19 +194,30 @@ class OneRun:
                 axes.set_ylabel(f"of the best design [{unit}]" if others else one)
 
             told = ", ".join(self.kind.curves.values())
-            parts.append(picture(chart(details, f"The best design over generations: {told}"),
-                                 f"What the best design so far does: {told}."))  # fmt: skip
+            parts.append(
+                picture(
+                    chart(details, f"The best design over generations: {told}"),
+                    f"What the best design so far does: {told}.",
+                )
+            )
         return [side_by_side(parts), folded("The curves as a table", self._generations())]
 
     def _generations(self) -> Html:
         generations = self.history.generations
         chosen = np.unique(np.linspace(0, len(generations) - 1, min(len(generations), MOST_ROWS)).round().astype(int))
         rows = [
-            (str(one.generation), number(one.evaluations, 0), number(one.best), number(one.mean), number(one.median),
-             str(one.failed), number(self.history.seconds[n], 1),
-             *(number((one.best_details or {}).get(name)) for name in self.kind.curves))
+            (
+                str(one.generation),
+                number(one.evaluations, 0),
+                number(one.best),
+                number(one.mean),
+                number(one.median),
+                str(one.failed),
+                number(self.history.seconds[n], 1),
+                *(number((one.best_details or {}).get(name)) for name in self.kind.curves),
+            )
             for n, one in ((n, generations[n]) for n in chosen.tolist())
-        ]  # fmt: skip
+        ]
         named = "Generation", "Evaluations", "Best", "Mean", "Median", "Failed", "Time [s]"
         header = (*named, *self.kind.curves.values())
         part = "" if len(rows) == len(generations) else f", {len(rows)} of {len(generations)}; log.jsonl has all"
@@ -221,10 +235,14 @@ class OneRun:
         folder = self.history.path
         found = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
         rows = [
-            (code(path.name), FILES.get(path.name, _guessed(path)), number(path.stat().st_size, 0),
-             code(files.sha256(path.read_bytes())[:12]))
+            (
+                code(path.name),
+                FILES.get(path.name, _guessed(path)),
+                number(path.stat().st_size, 0),
+                code(files.sha256(path.read_bytes())[:12]),
+            )
             for path in found
-        ]  # fmt: skip
+        ]
         return table(f"Files of {folder}", ("File", "What it holds", "Bytes", "SHA-256, first 12"), rows)
 
 

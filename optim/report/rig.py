@@ -28,19 +28,39 @@ def rig_section(design: Design, rig: PneumaticRig | None, simulated: float) -> t
         f"It takes {report.shaping_s:.1f} s to give the body its shape, then {report.playing_s:.1f} s for "
         f"{report.states} states of {_range(report)}{slower}."
     )
-    header = ["Channel", "Pressure, kPa", "Allowed, kPa", "Pressure, psi", "Allowed, psi", "Rate, kPa/s",
-              "Allowed, kPa/s", "Verdict"]  # fmt: skip
+    header = [
+        "Channel",
+        "Pressure, kPa",
+        "Allowed, kPa",
+        "Pressure, psi",
+        "Allowed, psi",
+        "Rate, kPa/s",
+        "Allowed, kPa/s",
+        "Verdict",
+    ]
     content = [
         paragraph(joined([Html(f"<strong>{verdict}</strong>"), time], " "), "note" if report.exceeded else ""),
         table("What the gait asks of each channel (gauge pressures)", header, map(_row, report.uses)),
-        paragraph("Near: more than 90 % of a limit. Channels start vented; columns of the gait last until the slowest "
-                  "of them is done."),
-    ]  # fmt: skip
+        paragraph(
+            "Near: more than 90 % of a limit. Channels start vented; columns of the gait last until the slowest "
+            "of them is done."
+        ),
+    ]
     document = {
-        "exceeded": report.exceeded, "shaping_s": report.shaping_s, "playing_s": report.playing_s,
-        "channels": [{"names": use.names, "lowest_kpa": use.lowest_kpa, "highest_kpa": use.highest_kpa,
-                      "fastest_kpa_per_s": use.fastest_kpa_per_s, "verdict": use.verdict} for use in report.uses],
-    }  # fmt: skip
+        "exceeded": report.exceeded,
+        "shaping_s": report.shaping_s,
+        "playing_s": report.playing_s,
+        "channels": [
+            {
+                "names": use.names,
+                "lowest_kpa": use.lowest_kpa,
+                "highest_kpa": use.highest_kpa,
+                "fastest_kpa_per_s": use.fastest_kpa_per_s,
+                "verdict": use.verdict,
+            }
+            for use in report.uses
+        ],
+    }
     return Section("On the pneumatic rig", content), document
 
 
@@ -54,12 +74,14 @@ def _row(use: Use) -> list[Text]:
     what = "" if use.verdict == WITHIN else f" ({share})"
     return [
         _name(use.names),
-        _span(use.lowest_kpa, use.highest_kpa), _span(limits.minimum_kpa, limits.maximum_kpa),
+        _span(use.lowest_kpa, use.highest_kpa),
+        _span(limits.minimum_kpa, limits.maximum_kpa),
         _span(use.lowest_kpa / KPA_PER_PSI, use.highest_kpa / KPA_PER_PSI),
         _span(limits.minimum_kpa / KPA_PER_PSI, limits.maximum_kpa / KPA_PER_PSI),
-        number(use.fastest_kpa_per_s, 1), number(limits.slew_kpa_per_s, 1),
+        number(use.fastest_kpa_per_s, 1),
+        number(limits.slew_kpa_per_s, 1),
         Html(f'<span class="{KINDS[use.verdict]}">{use.verdict}</span>{what}'),
-    ]  # fmt: skip
+    ]
 
 
 def _span(low: float, high: float) -> Html:

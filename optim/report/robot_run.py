@@ -68,9 +68,15 @@ class RobotRun:
         problem, robot = self.problem, self.problem.design(point)
         steps = robot.cycle.end - robot.cycle.begin
         result = simulate(
-            robot, None, problem.terrain, precision=problem.precision, device=problem.device, threads=problem.threads,
-            record_every=record_every(steps, frames), progress=progress,
-        )  # fmt: skip
+            robot,
+            None,
+            problem.terrain,
+            precision=problem.precision,
+            device=problem.device,
+            threads=problem.threads,
+            record_every=record_every(steps, frames),
+            progress=progress,
+        )
         motion = lattice_robot_motion(result, robot, problem.terrain, name=f"best {self.task}")
         return Replay([motion], [finite(float(result.speed[0]))])
 

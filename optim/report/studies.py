@@ -48,23 +48,32 @@ def sweep_page(folder: Path) -> Page:
     shown = {**names, **{int(d): f"design {d}" for d in found.designs[every]}}
     designs = list(shown)[:MOST_MATRICES]
     overlaps = overlaps_of([VehicleBody.published(d) for d in designs], found.settings, folder)
-    matrices = [success_matrix(one, _matrix_caption(found, d, names.get(d)))
-                for d, one in zip(designs, overlaps, strict=True)]  # fmt: skip
+    matrices = [
+        success_matrix(one, _matrix_caption(found, d, names.get(d))) for d, one in zip(designs, overlaps, strict=True)
+    ]
     rows = [
-        (f"design {found.designs[n]}", number(int(found.solving_all[n]), 0), number(int(found.solving_any[n]), 0),
-         number(float(found.learnability[n]), 5), number(float(found.interference[n]), 5))
+        (
+            f"design {found.designs[n]}",
+            number(int(found.solving_all[n]), 0),
+            number(int(found.solving_any[n]), 0),
+            number(float(found.learnability[n]), 5),
+            number(float(found.interference[n]), 5),
+        )
         for n in every.tolist()
-    ]  # fmt: skip
+    ]
     part = "" if len(rows) == len(found.designs) else f", the best {len(rows)} of {len(found.designs)} by M_L"
     counts = {"bodies": len(found.designs), "controllers each": found.settings.weights**2}
     lead = [
-        paragraph("Every controller on a grid of two weights, in bodies of Braitenberg vehicles, in four environments.",
-                  "lead"),
+        paragraph(
+            "Every controller on a grid of two weights, in bodies of Braitenberg vehicles, in four environments.",
+            "lead",
+        ),
         tiles((name, number(count, 0)) for name, count in counts.items()),
-    ]  # fmt: skip
+    ]
     header = ("Body", "Solve all", "Solve any", "M_L", "M_CI")
-    meaning = ("M_L is the share of all controllers that solve every environment, M_CI their share of those that solve "
-               "any.")  # fmt: skip
+    meaning = (
+        "M_L is the share of all controllers that solve every environment, M_CI their share of those that solve any."
+    )
     sections = [
         Section("Bodies", [table(f"Controllers that succeed{part}", header, rows), paragraph(meaning)]),
         Section("Success matrices", [side_by_side(matrices)]),
@@ -76,8 +85,10 @@ def sweep_page(folder: Path) -> Page:
 def _matrix_caption(found: SweepTable, design: int, name: str | None) -> str:
     one = found.rows([design])
     known = f" ({name})" if name else ""
-    return (f"Design {design}{known}: {one.solving_all[0]} of {found.settings.weights**2} controllers solve all "
-            "environments")  # fmt: skip
+    return (
+        f"Design {design}{known}: {one.solving_all[0]} of {found.settings.weights**2} controllers solve all "
+        "environments"
+    )
 
 
 def training_page(folder: Path) -> Page:
@@ -86,10 +97,15 @@ def training_page(folder: Path) -> Page:
     budget = int(found.evaluations.max()) if "budget" not in settings else int(settings["budget"])
     methods = list(zip(found.methods, found.evaluations, found.solved, strict=True))
     rows = [
-        (name, number(solved.size, 0), number(int(solved.sum()), 0), number(float(spent.mean()), 1),
-         number(float(np.median(spent)), 1))
+        (
+            name,
+            number(solved.size, 0),
+            number(int(solved.sum()), 0),
+            number(float(spent.mean()), 1),
+            number(float(np.median(spent)), 1),
+        )
         for name, spent, solved in methods
-    ]  # fmt: skip
+    ]
 
     def draw(axes: Any) -> None:
         for (name, spent, solved), colour in zip(methods, COLOURS, strict=False):
@@ -106,7 +122,7 @@ def training_page(folder: Path) -> Page:
     sections = [
         Section("Methods", [table("Runs of each method", header, rows), picture(drawn, alt, "narrow")]),
         _settings(settings, folder),
-    ]  # fmt: skip
+    ]
     document = {"kind": "training", "bodies": len(found.designs), "methods": list(found.methods)}
     return f"Training {folder.resolve().name}", lead, sections, document
 
@@ -124,10 +140,13 @@ def interference_page(folder: Path) -> Page:
     ]
     counts = _counts(folder / "summary.json")
     lead = [
-        paragraph("Quadrupeds trained to reach the light in several environments, and how what helps in one harms in "
-                  "another.", "lead"),
+        paragraph(
+            "Quadrupeds trained to reach the light in several environments, and how what helps in one harms in "
+            "another.",
+            "lead",
+        ),
         tiles((name, number(count, 0)) for name, count in counts.items()),
-    ]  # fmt: skip
+    ]
     named = [
         (" ".join(row[:4]), row[4], *(number(float(cell) if cell else None, 3) for cell in row[5:])) for row in rows
     ]
@@ -158,8 +177,10 @@ PICTURE_NAMES = (
 
 def _settings(settings: Mapping[str, Any], folder: Path) -> Section:
     """Settings and files of a study."""
-    rows = [(name.replace("_", " "), json.dumps(value) if isinstance(value, dict | list) else str(value))
-            for name, value in settings.items()]  # fmt: skip
+    rows = [
+        (name.replace("_", " "), json.dumps(value) if isinstance(value, dict | list) else str(value))
+        for name, value in settings.items()
+    ]
     found = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     shown = [(code(path.name), number(path.stat().st_size, 0)) for path in found[:60]]
     return Section(

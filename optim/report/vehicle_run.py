@@ -120,10 +120,20 @@ class VehicleRun:
     def _success(self, body: VehicleBody, weights: NDArray[np.float64]) -> Html:
         """The success matrix of the best body."""
         task, problem = self.problem.task, self.problem
-        overlap = sweep([body], WEIGHTS, task.radius, task.time_step, task.steps, precision=problem.precision,
-                        device=problem.device, threads=problem.threads)[0]  # fmt: skip
-        alt = (f"Success matrix of the best body: {int((overlap == 4).sum())} of {overlap.size} controllers solve all "
-               "environments; the cross is the one found")  # fmt: skip
+        overlap = sweep(
+            [body],
+            WEIGHTS,
+            task.radius,
+            task.time_step,
+            task.steps,
+            precision=problem.precision,
+            device=problem.device,
+            threads=problem.threads,
+        )[0]
+        alt = (
+            f"Success matrix of the best body: {int((overlap == 4).sum())} of {overlap.size} controllers solve all "
+            "environments; the cross is the one found"
+        )
         return success_matrix(overlap, alt, np.diagonal(weights))
 
     def _body(self, point: Vector) -> VehicleBody:

@@ -76,12 +76,20 @@ class WalkerRun:
         seconds = (drive.cycles + 1) / drive.frequency
         steps = seconds / drive.time_step(WalkerTissue().on(problem.terrain).time_step)
         result = walker.simulate(
-            design, problem.terrain, actuation=drive, precision=problem.precision, device=problem.device,
-            threads=problem.threads, record_every=record_every(steps, frames), progress=progress,
-        )  # fmt: skip
+            design,
+            problem.terrain,
+            actuation=drive,
+            precision=problem.precision,
+            device=problem.device,
+            threads=problem.threads,
+            record_every=record_every(steps, frames),
+            progress=progress,
+        )
         name = f"best walker {problem.terrain.spoken}"
-        return Replay([walker_motion(result, design, problem.terrain, actuation=drive, name=name)],
-                      [finite(float(result.speed[0]))])  # fmt: skip
+        return Replay(
+            [walker_motion(result, design, problem.terrain, actuation=drive, name=name)],
+            [finite(float(result.speed[0]))],
+        )
 
     def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
         """Its numbers, and the layers of its body."""

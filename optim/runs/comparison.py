@@ -22,8 +22,25 @@ from optim.runs.history import History
 Axis = Literal["evaluations", "generations", "seconds"]
 Floats = NDArray[np.float64]
 # What a score depends on besides the design; the rest of a problem may differ from run to run.
-JUDGED = ("kind", "terrains", "terrain", "objectives", "steps", "warm_up", "stages", "ladder", "ahead", "hard",
-          "effort", "geometry", "weight", "properties", "repeats", "actuation", "task")  # fmt: skip
+JUDGED = (
+    "kind",
+    "terrains",
+    "terrain",
+    "objectives",
+    "steps",
+    "warm_up",
+    "stages",
+    "ladder",
+    "ahead",
+    "hard",
+    "effort",
+    "geometry",
+    "weight",
+    "properties",
+    "repeats",
+    "actuation",
+    "task",
+)
 
 
 @dataclass(frozen=True)

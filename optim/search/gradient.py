@@ -235,9 +235,14 @@ class GradientAscent(IndependentSearches):
         if which:
             self.here[climbers] = random_starts(self.relaxed, self.seed, self.generation, which, self.start)
         for values, first in (
-            (self.anchor, np.nan), (self.value, -np.inf), (self.slope, 0.0), (self.step, 0.0),
-            (self.scale, 1.0), (self.record, -np.inf), (self.stalled, 0.0),
-        ):  # fmt: skip
+            (self.anchor, np.nan),
+            (self.value, -np.inf),
+            (self.slope, 0.0),
+            (self.step, 0.0),
+            (self.scale, 1.0),
+            (self.record, -np.inf),
+            (self.stalled, 0.0),
+        ):
             values[climbers] = first
         self.rule.forget(climbers)
 

@@ -77,9 +77,15 @@ class MemeticSearch(DifferentialEvolution):
         check_whole("refine", refine, 1)
         check_number("learning_rate", learning_rate, 1e-6, 1.0)
         super().__init__(
-            space, population=population, seed=seed, start=start,
-            strategy=strategy, weight=weight, dither=dither, crossover=crossover,
-        )  # fmt: skip
+            space,
+            population=population,
+            seed=seed,
+            start=start,
+            strategy=strategy,
+            weight=weight,
+            dither=dither,
+            crossover=crossover,
+        )
         self.every, self.refine, self.learning_rate = every, min(refine, population), learning_rate
         self.relaxed = space.relaxed()
         self.integer = np.array([variable.kind == "integer" for variable in space.variables])

@@ -53,9 +53,13 @@ class Drag:
         bodies = [self._strip(trial.properties, laboratory) for trial in trials]
         body, edge = bodies[0], laboratory.geometry.voxel_size
         engine = LatticeEngine(
-            bodies, time_step=laboratory.time_step, floor=True, self_contact=False, precision="f64",
+            bodies,
+            time_step=laboratory.time_step,
+            floor=True,
+            self_contact=False,
+            precision="f64",
             threads=laboratory.threads,
-        )  # fmt: skip
+        )
         builder, rate = ProgramBuilder(len(trials)), float(self.at.max()) / _DRAGGING
         dragged = LENGTH * WIDTH * laboratory.geometry.voxel_mass
         builder.set(Quantity.ACCELERATION + 2, -self.load / dragged, regions=[0])
@@ -73,10 +77,14 @@ class Drag:
         friction = properties.friction if self.grips else properties.low_friction
         geometry = laboratory.geometry
         skin = Material(
-            properties.modulus, geometry.density, static_friction=friction, kinetic_friction=friction,
-            internal_damping=geometry.internal_damping, global_damping=_DAMPING,
+            properties.modulus,
+            geometry.density,
+            static_friction=friction,
+            kinetic_friction=friction,
+            internal_damping=geometry.internal_damping,
+            global_damping=_DAMPING,
             collision_damping=geometry.collision_damping,
-        )  # fmt: skip
+        )
         voxels = np.array([(x, y, 0) for x in range(LENGTH + 1) for y in range(WIDTH)])
         fixed = np.zeros((len(voxels), 6))
         fixed[voxels[:, 0] == LENGTH, 0] = 1

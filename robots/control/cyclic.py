@@ -84,8 +84,9 @@ class CyclicProgram:
         """Derivatives of a cost by the values at the nodes, shape (B, C, 16), from those by all events, (E,) each."""
         count, (robots, channels) = (self.cycle.cycles + 1) * SEGMENTS, self.shape
         value, rate = (np.asarray(given, float) for given in (values, rates))
-        by_value, by_rate = (given[-count * robots * channels :].reshape(-1, robots, channels)
-                             for given in (value, rate))  # fmt: skip
+        by_value, by_rate = (
+            given[-count * robots * channels :].reshape(-1, robots, channels) for given in (value, rate)
+        )
         slopes = by_rate / self.cycle.segment
         nodes = (by_value - slopes).reshape(-1, SEGMENTS, robots, channels).sum(axis=0)
         nodes += np.roll(slopes.reshape(-1, SEGMENTS, robots, channels).sum(axis=0), 1, axis=0)
@@ -105,9 +106,15 @@ def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
 
 
 def build_cyclic_program(
-    regions: ArrayLike, quantities: ArrayLike, rest: ArrayLike, swing: Floats, cycle: Cycle,
-    around: Mapping[int, float], region_count: int, record_every: int | None = None,
-) -> CyclicProgram:  # fmt: skip
+    regions: ArrayLike,
+    quantities: ArrayLike,
+    rest: ArrayLike,
+    swing: Floats,
+    cycle: Cycle,
+    around: Mapping[int, float],
+    region_count: int,
+    record_every: int | None = None,
+) -> CyclicProgram:
     """The program of B robots. While they settle, channels go straight from rest to where the cycle begins.
 
     Args:

@@ -19,8 +19,10 @@ def check_weights(weights: object, sensors: int, motors: int) -> Floats:
     if found.ndim == 2:
         found = found[None]
     if found.ndim != 3 or found.shape[1:] != (sensors, motors) or len(found) == 0:
-        raise ValueError(f"weights: shape {found.shape} is not allowed; give (N, {sensors}, {motors}): "
-                         "one row a sensor, one column a motor")  # fmt: skip
+        raise ValueError(
+            f"weights: shape {found.shape} is not allowed; give (N, {sensors}, {motors}): "
+            "one row a sensor, one column a motor"
+        )
     if not np.isfinite(found).all():
         raise ValueError("weights: numbers that are not finite are not allowed")
     return found

@@ -52,11 +52,19 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
     """
 
     def __init__(
-        self, pressure: Pressure = 0.0, orientation: float = 90.0, slope: float = 0.0,
-        actions: Literal["bits", "continuous"] = "bits", geometry: InflatableGeometry | str = "published",
-        actuation: InflatableActuation = ACTUATION, perturbation: float = 0.0, precision: str = "f64",
-        device: str = "cpu", threads: int | None = None, render_mode: None = None,
-    ) -> None:  # fmt: skip
+        self,
+        pressure: Pressure = 0.0,
+        orientation: float = 90.0,
+        slope: float = 0.0,
+        actions: Literal["bits", "continuous"] = "bits",
+        geometry: InflatableGeometry | str = "published",
+        actuation: InflatableActuation = ACTUATION,
+        perturbation: float = 0.0,
+        precision: str = "f64",
+        device: str = "cpu",
+        threads: int | None = None,
+        render_mode: None = None,
+    ) -> None:
         """Take the design and the terrain.
 
         Args:

@@ -34,9 +34,13 @@ class QuadrupedEnvironment(RobotEnvironment[Observation]):
     """
 
     def __init__(
-        self, kind: Kind = "legged", robot: Quadruped | None = None, variant: Variant = AS_RUN,
-        lights: Sequence[Sequence[float]] = ENVIRONMENTS, render_mode: None = None,
-    ) -> None:  # fmt: skip
+        self,
+        kind: Kind = "legged",
+        robot: Quadruped | None = None,
+        variant: Variant = AS_RUN,
+        lights: Sequence[Sequence[float]] = ENVIRONMENTS,
+        render_mode: None = None,
+    ) -> None:
         """Take a kind or a robot, what was published or its text, and places of the light, (E, 2) [m]."""
         low = np.array([min(variant.touch_values)] * (SENSORS - 1) + [0.0])
         high = np.array([max(variant.touch_values)] * (SENSORS - 1) + [BRIGHTEST])

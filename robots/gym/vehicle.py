@@ -33,9 +33,12 @@ class VehicleEnvironment(RobotEnvironment[Observation]):
     """
 
     def __init__(
-        self, body: VehicleBody = BASELINE, task: VehicleTask = PUBLISHED, fastest: float = 1.0,
+        self,
+        body: VehicleBody = BASELINE,
+        task: VehicleTask = PUBLISHED,
+        fastest: float = 1.0,
         render_mode: None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take a body, starts, radius and time step, and the fastest motor command [m/s]."""
         count = len(body.sensors)
         super().__init__(np.zeros(count), np.full(count, BRIGHTEST))

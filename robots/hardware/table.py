@@ -238,7 +238,15 @@ def gait_table(
         commands = commands_of(design.schedule, pressure, line_map).within(low, high)
     line = timeline(commands, rig, rate, keep_slew=clip)
     return GaitTable(
-        line.times, line.numbers, line.pressures / KPA_PER_UNIT[units], units,
-        PlayedDesign(pressure, float(design.orientation), design.schedule), line_map, seed, rig.name, rate,
-        tuple(map(str, found)), line.states,
-    )  # fmt: skip
+        line.times,
+        line.numbers,
+        line.pressures / KPA_PER_UNIT[units],
+        units,
+        PlayedDesign(pressure, float(design.orientation), design.schedule),
+        line_map,
+        seed,
+        rig.name,
+        rate,
+        tuple(map(str, found)),
+        line.states,
+    )

@@ -74,9 +74,7 @@ def strokes(before: Array, target: Array, portions: Array, rig: PneumaticRig, ke
     return np.maximum(times, np.abs(target - before) / slew) if keep_slew else times
 
 
-def timeline(
-    commands: Commands, rig: PneumaticRig, rate: float | None = None, keep_slew: bool = False
-) -> Timeline:
+def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, keep_slew: bool = False) -> Timeline:
     """Go from vented lines to one row of targets after the other.
 
     Args:

@@ -106,7 +106,7 @@ def steps_of(design: GaitDesign, actuation: InflatableActuation = ACTUATION) -> 
 
 def simulated_steps(
     design: GaitDesign, actuation: InflatableActuation = ACTUATION, ramp_steps: int | None = None
-) -> int:  # fmt: skip
+) -> int:
     """Time steps of a gait with those of the initialisation; cheap.
 
     Args:

@@ -89,16 +89,24 @@ def simulate_relaxed(
     terrain = terrain or Terrain()
     Parameters.of(designs)  # refuses what goes not together
     # Robots of a block wait for its slowest: put those of like length together.
-    lengths = [actuation.initial_steps(highest_pressure(d.pressure), ramp_steps) + gait_steps(d.schedule, actuation)
-               for d in designs]  # fmt: skip
+    lengths = [
+        actuation.initial_steps(highest_pressure(d.pressure), ramp_steps) + gait_steps(d.schedule, actuation)
+        for d in designs
+    ]
     order = np.argsort(lengths, kind="stable")
     program = build_relaxed_program(
         [designs[i] for i in order], terrain, actuation, ramp_steps, warm_up, stages, record_every, geometry
     )
     engine = LatticeEngine(
-        geometry.body, len(designs), time_step=geometry.time_step, **terrain.medium, device=device,
-        precision=precision, threads=threads, driver=driver,
-    )  # fmt: skip
+        geometry.body,
+        len(designs),
+        time_step=geometry.time_step,
+        **terrain.medium,
+        device=device,
+        precision=precision,
+        threads=threads,
+        driver=driver,
+    )
     if perturbation > 0:
         engine.set_positions(scattered(geometry.body, perturbation, seed, order))
     run = engine.run(program.program, progress)
@@ -155,16 +163,25 @@ def differentiate(
         def tick(fraction: float, place: int = place) -> None:
             report((place + fraction) / len(groups))
 
-        build = {"terrain": terrain or Terrain(), "actuation": actuation, "ramp_steps": ramp_steps, "warm_up": warm_up,
-                 "stages": stages}  # fmt: skip
+        build = {
+            "terrain": terrain or Terrain(),
+            "actuation": actuation,
+            "ramp_steps": ramp_steps,
+            "warm_up": warm_up,
+            "stages": stages,
+        }
         found.append(_differentiate(group, geometry, build, memory, where, tick))
     return found[0] if len(found) == 1 else _joined(found)
 
 
 def _differentiate(
-    designs: list[RelaxedDesign], geometry: InflatableGeometry, build: dict[str, Any], memory: float,
-    options: dict[str, Any], progress: Callable[[float], None],
-) -> InflatableGradient:  # fmt: skip
+    designs: list[RelaxedDesign],
+    geometry: InflatableGeometry,
+    build: dict[str, Any],
+    memory: float,
+    options: dict[str, Any],
+    progress: Callable[[float], None],
+) -> InflatableGradient:
     """The same for robots that run side by side, with arguments of ``build_relaxed_program``."""
     program, medium = build_relaxed_program(designs, **build, geometry=geometry), build["terrain"].medium
     engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, **medium, **options)
@@ -173,9 +190,11 @@ def _differentiate(
     result = _summary(designs, program, tape.result, geometry, build["actuation"], stages)
     seeds = distance_cotangents(geometry.body, tape.result, program.program, headings, worst_stages(result))
     back = tape.pull_back(
-        positions=seeds.positions, orientations=seeds.orientations, strains=seeds.strains,
+        positions=seeds.positions,
+        orientations=seeds.orientations,
+        strains=seeds.strains,
         progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
-    )  # fmt: skip
+    )
     gradient = program.pull_back(back.values + seeds.values, back.rates + seeds.rates)
     return _judged(result, gradient, seeds.headings)
 
@@ -198,9 +217,15 @@ def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDes
 
 
 def _summary(
-    designs: list[RelaxedDesign], program: RelaxedProgram, run: LatticeResult, geometry: InflatableGeometry,
-    actuation: InflatableActuation, stages: int, record_every: int | None = None, back: NDArray[np.intp] | None = None,
-) -> InflatableResult:  # fmt: skip
+    designs: list[RelaxedDesign],
+    program: RelaxedProgram,
+    run: LatticeResult,
+    geometry: InflatableGeometry,
+    actuation: InflatableActuation,
+    stages: int,
+    record_every: int | None = None,
+    back: NDArray[np.intp] | None = None,
+) -> InflatableResult:
     """What a run says of designs; ``back`` says where they are in it."""
     if back is None:
         back = np.arange(len(designs))

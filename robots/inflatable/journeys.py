@@ -121,9 +121,14 @@ def simulate_journey(
     program, steps = build_journey(legs, runs, actuation, geometry, record_every)
     body = geometry.body
     engine = LatticeEngine(
-        body, runs, time_step=geometry.time_step, **legs[0].terrain.medium,
-        device=device, precision=precision, threads=threads,
-    )  # fmt: skip
+        body,
+        runs,
+        time_step=geometry.time_step,
+        **legs[0].terrain.medium,
+        device=device,
+        precision=precision,
+        threads=threads,
+    )
     if perturbation > 0:
         engine.set_positions(scattered(body, perturbation, whole_number("seed", seed, 0), range(runs)))
     run = engine.run(program, progress)
@@ -140,9 +145,16 @@ def simulate_journey(
         times = np.arange(len(positions)) * record_every * geometry.time_step
         frames = Frames(positions, orientations, times, sides, rest)
     return JourneyResult(
-        np.where((run.status == "ok")[:, None], distances, np.nan), steps, run.status, run.positions[:, :first],
-        run.orientations[:, :first], frames, body, geometry.body_length, geometry.time_step,
-    )  # fmt: skip
+        np.where((run.status == "ok")[:, None], distances, np.nan),
+        steps,
+        run.status,
+        run.positions[:, :first],
+        run.orientations[:, :first],
+        frames,
+        body,
+        geometry.body_length,
+        geometry.time_step,
+    )
 
 
 def _check(legs: Sequence[Leg]) -> None:
@@ -180,9 +192,13 @@ def build_journey(
 
 
 def _write(
-    builder: "_Plain", robot: int, legs: Sequence[Leg], begin: int, actuation: InflatableActuation,
+    builder: "_Plain",
+    robot: int,
+    legs: Sequence[Leg],
+    begin: int,
+    actuation: InflatableActuation,
     geometry: InflatableGeometry,
-) -> list[int]:  # fmt: skip
+) -> list[int]:
     """The events of one robot, and the steps at which the journey begins and the legs end."""
     edges, levels = [begin], np.full(BLADDER_COUNT, actuation.deflated)
     inflation = np.zeros(BLADDER_COUNT)
@@ -197,8 +213,16 @@ def _write(
             stand_on(builder, robot, cores, own[1], 1.0 - inflation, edges[-1], driven)
         columns, steps = _columns(design, levels, driven)
         for column in columns:
-            write_column(builder, robot, cores, own[1], column, edges[-1] + column.start,
-                         column is columns[0] and len(edges) == 1, driven)  # fmt: skip
+            write_column(
+                builder,
+                robot,
+                cores,
+                own[1],
+                column,
+                edges[-1] + column.start,
+                column is columns[0] and len(edges) == 1,
+                driven,
+            )
         levels, inflation = value_of(columns[-1].ends), value_of(columns[-1].inflation)
         edges.append(edges[-1] + steps)
     return edges

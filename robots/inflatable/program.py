@@ -127,9 +127,16 @@ def snapshot_table(marks: Sequence[Sequence[int]]) -> NDArray[np.int64]:
 
 
 def write_robot(
-    builder: Builder, robot: int, cores: InflatedCores, own: tuple[Vector, Vector], terrain: Terrain,
-    columns: list[Column], begin: int, a: InflatableActuation, ramp_steps: int | None = None,
-) -> None:  # fmt: skip
+    builder: Builder,
+    robot: int,
+    cores: InflatedCores,
+    own: tuple[Vector, Vector],
+    terrain: Terrain,
+    columns: list[Column],
+    begin: int,
+    a: InflatableActuation,
+    ramp_steps: int | None = None,
+) -> None:
     """The events of one robot of these :func:`weights`: initialisation until step ``begin``, then its columns."""
     initialise(builder, robot, cores, own, begin, a, ramp_steps)
     immerse(builder, terrain, regions=cores.everywhere, robots=robot)
@@ -138,9 +145,15 @@ def write_robot(
 
 
 def write_column(
-    builder: Builder, robot: int, cores: InflatedCores, tilted: Vector, column: Column, step: int, first: bool,
+    builder: Builder,
+    robot: int,
+    cores: InflatedCores,
+    tilted: Vector,
+    column: Column,
+    step: int,
+    first: bool,
     a: InflatableActuation,
-) -> None:  # fmt: skip
+) -> None:
     """The events of one column, which begins at ``step``: motion, then settling."""
     _set_surroundings(builder, robot, cores, column, step, first, a)
     _move_bladders(builder, robot, column, step, cores.mean, a)
@@ -162,8 +175,15 @@ def set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike
         builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
 
 
-def initialise(builder: Builder, robot: int, cores: InflatedCores, own: tuple[Vector, Vector], end: int,
-               a: InflatableActuation, ramp_steps: int | None = None) -> None:  # fmt: skip
+def initialise(
+    builder: Builder,
+    robot: int,
+    cores: InflatedCores,
+    own: tuple[Vector, Vector],
+    end: int,
+    a: InflatableActuation,
+    ramp_steps: int | None = None,
+) -> None:
     """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressures ramp up."""
     (level, tilted), skin = own, cores.skin(SKIN_REGIONS)
     set_weight(builder, robot, level, skin, 0)
@@ -190,9 +210,14 @@ def _inflate_cores(
 
 
 def stand_on(
-    builder: Builder, robot: int, cores: InflatedCores, tilted: Vector, carried: Array, step: int,
+    builder: Builder,
+    robot: int,
+    cores: InflatedCores,
+    tilted: Vector,
+    carried: Array,
+    step: int,
     a: InflatableActuation,
-) -> None:  # fmt: skip
+) -> None:
     """Change the ground under a robot at a step: weights of skin and bladders, and the friction of both.
 
     Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
@@ -236,9 +261,13 @@ def _move_bladders(
         base = 1.0 - share * a.deflated if axis < 2 else 0.0
         grown, ends = base + share * (column.levels + rate), base + share * column.ends
         builder.set(
-            Quantity.SCALE + axis, grown[moves], rate=(share * rate)[moves], regions=FIRST_BLADDER + moves, step=step,
+            Quantity.SCALE + axis,
+            grown[moves],
+            rate=(share * rate)[moves],
+            regions=FIRST_BLADDER + moves,
+            step=step,
             robots=robot,
-        )  # fmt: skip
+        )
         builder.set(Quantity.SCALE + axis, ends[arrives], regions=FIRST_BLADDER + arrives, step=done, robots=robot)
 
 

@@ -79,9 +79,14 @@ def _strokes(levels: Array, told: Array, a: InflatableActuation) -> NDArray[np.b
 
 
 def play_relaxed(
-    inflation: Dual, grip: Dual, pressures: Dual | None, pressure: Dual, gait: RelaxedSchedule, a: InflatableActuation,
+    inflation: Dual,
+    grip: Dual,
+    pressures: Dual | None,
+    pressure: Dual,
+    gait: RelaxedSchedule,
+    a: InflatableActuation,
     levels: Real | None = None,
-) -> tuple[list[Column], int]:  # fmt: skip
+) -> tuple[list[Column], int]:
     """The columns of a relaxed gait in the order played, and the steps of the whole gait.
 
     Args:

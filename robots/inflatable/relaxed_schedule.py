@@ -20,8 +20,13 @@ IDENTITY = 1e-8  # sharpness below which sharpening changes no digit
 
 
 # Tables of a gait in files, in the order written, and the fields that they are.
-TABLES = {"inflation": "inflation", "grip": "grip", "core_pressure": "pressure", "motion_steps": "motion_steps",
-          "settle_steps": "settle_steps"}  # fmt: skip
+TABLES = {
+    "inflation": "inflation",
+    "grip": "grip",
+    "core_pressure": "pressure",
+    "motion_steps": "motion_steps",
+    "settle_steps": "settle_steps",
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -200,8 +200,10 @@ def simulate(
     designs = [designs] if isinstance(designs, InflatableDesign) else list(designs)
     if not designs or not all(isinstance(d, InflatableDesign) for d in designs):
         raise ValueError("designs: give at least one InflatableDesign")
-    for name, value, kind, example in (("geometry", geometry, InflatableGeometry, "NAMED_GEOMETRIES['small']"),
-                                       ("actuation", actuation, InflatableActuation, "ACTUATION")):  # fmt: skip
+    for name, value, kind, example in (
+        ("geometry", geometry, InflatableGeometry, "NAMED_GEOMETRIES['small']"),
+        ("actuation", actuation, InflatableActuation, "ACTUATION"),
+    ):
         if not isinstance(value, kind):
             raise ValueError(f"{name}: {value!r} is not allowed; give an {kind.__name__}, such as {example}")
     for design in designs:
@@ -214,9 +216,15 @@ def simulate(
     order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
     body = geometry.body
     engine = LatticeEngine(
-        body, len(designs), time_step=geometry.time_step, **terrains[0].medium,
-        device=device, precision=precision, threads=threads, driver=driver,
-    )  # fmt: skip
+        body,
+        len(designs),
+        time_step=geometry.time_step,
+        **terrains[0].medium,
+        device=device,
+        precision=precision,
+        threads=threads,
+        driver=driver,
+    )
     if perturbation > 0:
         engine.set_positions(scattered(body, perturbation, seed, order))
     grounds = [terrains[i] for i in order]
@@ -260,9 +268,15 @@ def sideways(displacement: ArrayLike, headings: ArrayLike) -> np.ndarray:
 
 
 def summarise(
-    run: LatticeResult, marks: np.ndarray, sizes: np.ndarray, headings: np.ndarray, nominal: np.ndarray,
-    geometry: InflatableGeometry, record_every: int | None = None, stages: int = 1,
-) -> InflatableResult:  # fmt: skip
+    run: LatticeResult,
+    marks: np.ndarray,
+    sizes: np.ndarray,
+    headings: np.ndarray,
+    nominal: np.ndarray,
+    geometry: InflatableGeometry,
+    record_every: int | None = None,
+    stages: int = 1,
+) -> InflatableResult:
     """What a run says of its robots.
 
     Args:
@@ -296,9 +310,17 @@ def summarise(
         times = np.arange(marks.shape[1] - first) * record_every * dt
         frames = Frames(positions, orientations, times, shown, rest)
     return InflatableResult(
-        distance, lengths / (nominal * dt), lengths / ((end - begin) * dt), run.status, parts, steps, dt, frames, body,
+        distance,
+        lengths / (nominal * dt),
+        lengths / ((end - begin) * dt),
+        run.status,
+        parts,
+        steps,
+        dt,
+        frames,
+        body,
         displacement,
-    )  # fmt: skip
+    )
 
 
 def stage_order(stages: int) -> list[int]:

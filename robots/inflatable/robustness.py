@@ -129,14 +129,22 @@ class GaitJudgement(NoisySpeeds):
     def to_document(self) -> dict[str, Any]:
         """Its numbers, for JSON."""
         numbers = {
-            "speed": self.speed, "deviation": self.speeds.std(ddof=1),
-            "hard_speed": self.hard_speed, "hard_deviation": self.hard_speeds.std(ddof=1),
-            "slip_ratio": self.slip_ratio, "slip_deviation": self.slip_deviation,
+            "speed": self.speed,
+            "deviation": self.speeds.std(ddof=1),
+            "hard_speed": self.hard_speed,
+            "hard_deviation": self.hard_speeds.std(ddof=1),
+            "slip_ratio": self.slip_ratio,
+            "slip_deviation": self.slip_deviation,
             "distance": self.distances.mean(),
-        }  # fmt: skip
+        }
         known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
-        return {**known, "runs": len(self.speeds), "steps": self.steps, "physical": self.physical,
-                "faults": list(self.faults)}  # fmt: skip
+        return {
+            **known,
+            "runs": len(self.speeds),
+            "steps": self.steps,
+            "physical": self.physical,
+            "faults": list(self.faults),
+        }
 
 
 def judge_gait(
@@ -172,14 +180,28 @@ def judge_gait(
     whole_number("runs", runs, 2)
     terrain = terrain or Terrain()
     usual, hard = _both_ways(
-        [design] * runs, terrain, RECORD_EVERY, progress, geometry=geometry, actuation=actuation, seed=seed,
-        precision=precision, device=device, threads=threads,
-    )  # fmt: skip
+        [design] * runs,
+        terrain,
+        RECORD_EVERY,
+        progress,
+        geometry=geometry,
+        actuation=actuation,
+        seed=seed,
+        precision=precision,
+        device=device,
+        threads=threads,
+    )
     slip = np.stack([slip_under_load(usual, design, actuation, robot) for robot in range(runs)])
     return GaitJudgement(
-        usual.speed, hard.speed, slip, usual.distance, steps_of(design, actuation), terrain.slope == 0,
-        nominal_steps(PUBLISHED_COLUMNS, actuation), actuation.on(harder(terrain, actuation)[0]).low_friction,
-    )  # fmt: skip
+        usual.speed,
+        hard.speed,
+        slip,
+        usual.distance,
+        steps_of(design, actuation),
+        terrain.slope == 0,
+        nominal_steps(PUBLISHED_COLUMNS, actuation),
+        actuation.on(harder(terrain, actuation)[0]).low_friction,
+    )
 
 
 def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tuple[Terrain, InflatableActuation]:
@@ -208,9 +230,13 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
 
 
 def play_with_noise(
-    designs: Sequence[GaitDesign], terrain: Terrain, runs: int, *,
-    progress: Callable[[float], None] | None = None, **options: Any,
-) -> tuple[Array, Array]:  # fmt: skip
+    designs: Sequence[GaitDesign],
+    terrain: Terrain,
+    runs: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+    **options: Any,
+) -> tuple[Array, Array]:
     """Speeds of designs of one kind, as usual and under the harder conditions, shape (N, R) each.
 
     Args:
@@ -230,15 +256,27 @@ def play_with_noise(
 
 
 def _both_ways(
-    designs: Sequence[GaitDesign], terrain: Terrain, record_every: int | None,
-    progress: Callable[[float], None] | None, *, actuation: InflatableActuation = ACTUATION, **options: Any,
-) -> tuple[InflatableResult, InflatableResult]:  # fmt: skip
+    designs: Sequence[GaitDesign],
+    terrain: Terrain,
+    record_every: int | None,
+    progress: Callable[[float], None] | None,
+    *,
+    actuation: InflatableActuation = ACTUATION,
+    **options: Any,
+) -> tuple[InflatableResult, InflatableResult]:
     """Results with noise, as usual and under the harder conditions; frames of the former."""
     conditions = ((terrain, actuation, record_every), (*harder(terrain, actuation), None))
     report = progress or (lambda fraction: None)
     usual, hard = (
-        gaits.simulate(designs, where, actuation=drive, **options, perturbation=NOISE, record_every=every,
-                       progress=lambda f, half=half: report(0.5 * (half + f)))
+        gaits.simulate(
+            designs,
+            where,
+            actuation=drive,
+            **options,
+            perturbation=NOISE,
+            record_every=every,
+            progress=lambda f, half=half: report(0.5 * (half + f)),
+        )
         for half, (where, drive, every) in enumerate(conditions)
-    )  # fmt: skip
+    )
     return usual, hard

@@ -27,10 +27,16 @@ DEEPEST = 0.75  # of a voxel
 
 
 def change_of_shape(
-    before: float, after: float, orientation: float, *, grip: float = 1.0, together: bool = False,
-    times: tuple[float, float] = (INFLATION_TIME, VACUUM_TIME), geometry: InflatableGeometry = PUBLISHED,
+    before: float,
+    after: float,
+    orientation: float,
+    *,
+    grip: float = 1.0,
+    together: bool = False,
+    times: tuple[float, float] = (INFLATION_TIME, VACUUM_TIME),
+    geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
-) -> RelaxedDesign:  # fmt: skip
+) -> RelaxedDesign:
     """A gait of which the shape is the purpose: all bladders are emptied, the core goes from a pressure to another.
 
     Args:
@@ -51,9 +57,13 @@ def change_of_shape(
         motion, core, settling = [max(emptying, change)], [after], [settle]
     columns = len(motion)
     gait = RelaxedSchedule(
-        np.zeros((BLADDERS, columns)), np.full((FEET, columns), grip), 1, np.array(core), np.array(motion),
+        np.zeros((BLADDERS, columns)),
+        np.full((FEET, columns), grip),
+        1,
+        np.array(core),
+        np.array(motion),
         np.array(settling),
-    )  # fmt: skip
+    )
     return RelaxedDesign(before, orientation, gait)
 
 

@@ -81,8 +81,10 @@ class LatticeRobot:
                 for quantity in drive.quantities:
                     if (region, quantity) in seen:
                         other = seen[region, quantity]
-                        raise ValueError(f"drives: {other} and {drive.name} both set the {drive.quantity} of region "
-                                         f"{region}; give one")  # fmt: skip
+                        raise ValueError(
+                            f"drives: {other} and {drive.name} both set the {drive.quantity} of region "
+                            f"{region}; give one"
+                        )
                     seen[region, quantity] = drive.name
             feels = self.body.pressure_normals[self._driven_by(drive)]  # type: ignore[index]
             if drive.quantity == "pressure" and not feels.any():

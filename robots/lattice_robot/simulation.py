@@ -126,8 +126,10 @@ def differentiate(
             report((place + fraction) / len(groups))
 
         parts.append(_differentiate(_Batch(robot, group, terrain, None), where, memory, tick))
-    joined = {name: np.concatenate([getattr(part, name) for part in parts])
-              for name in ("distance", "speed", "status", "reason", "steps", "gradient")}  # fmt: skip
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("distance", "speed", "status", "reason", "steps", "gradient")
+    }
     bodies, frames = (sum((getattr(part, name) for part in parts), ()) for name in ("bodies", "frames"))
     return LatticeRobotResult(**joined, time_step=robot.cycle.time_step, bodies=bodies, frames=frames)
 
@@ -184,15 +186,22 @@ class _Batch:
                 quantities += [quantity] * len(still)
                 rest += still
         return build_cyclic_program(
-            regions, quantities, rest, np.concatenate(swing, axis=1), self.robot.cycle, around,
-            self.robot.body.region_count, self.record_every,
-        )  # fmt: skip
+            regions,
+            quantities,
+            rest,
+            np.concatenate(swing, axis=1),
+            self.robot.cycle,
+            around,
+            self.robot.body.region_count,
+            self.record_every,
+        )
 
     def engine(self, where: dict[str, Any]) -> LatticeEngine:
         """For the points that are robots."""
         bodies: Any = self.robot.bodies(self.points[self.rows]) if self.robot.free_moduli else self.robot.body
-        return LatticeEngine(bodies, len(self.rows), time_step=self.robot.cycle.time_step,
-                             **self.terrain.medium, **where)  # fmt: skip
+        return LatticeEngine(
+            bodies, len(self.rows), time_step=self.robot.cycle.time_step, **self.terrain.medium, **where
+        )
 
     def result(self, run: LatticeResult | None, gradient: Floats | None = None) -> LatticeRobotResult:
         """What all points came to; no run if none is a robot."""
@@ -214,6 +223,13 @@ class _Batch:
             slopes[rows] = gradient
         speed = distance / robot.length / robot.cycle.duration
         return LatticeRobotResult(
-            distance, speed, status.astype(str), self.reason, steps, robot.cycle.time_step, tuple(bodies),
-            tuple(frames), slopes,
-        )  # fmt: skip
+            distance,
+            speed,
+            status.astype(str),
+            self.reason,
+            steps,
+            robot.cycle.time_step,
+            tuple(bodies),
+            tuple(frames),
+            slopes,
+        )

@@ -73,9 +73,13 @@ def robot_of_voxel_file(
     if phase is not None:
         phases = [Free(phase.low, phase.high, min(max(p, phase.low), phase.high)) for p in phases]
     drive = Drive(
-        "heat", tuple(regions.tolist()), "temperature", heat.mean, heat.amplitude if amplitude is None else amplitude,
+        "heat",
+        tuple(regions.tolist()),
+        "temperature",
+        heat.mean,
+        heat.amplitude if amplitude is None else amplitude,
         tuple(phases),
-    )  # fmt: skip
+    )
     frequency = 1.0 / heat.period
     return LatticeRobot(file.body, (drive,), **{"frequency": frequency, **settings})
 

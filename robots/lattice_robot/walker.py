@@ -152,9 +152,14 @@ def simulate(
         body, kinds = _shared_body([designs[i] for i in members], tissue)
         program = build_program(kinds, terrain, actuation, dt, record_every)
         engine = LatticeEngine(
-            body, len(members), time_step=dt, **terrain.medium, device=device,
-            precision=precision, threads=threads,
-        )  # fmt: skip
+            body,
+            len(members),
+            time_step=dt,
+            **terrain.medium,
+            device=device,
+            precision=precision,
+            threads=threads,
+        )
         run = engine.run(program, tick)
         centre = run.positions[:, :2, :, 0].mean(axis=2)  # all voxels weigh the same
         distance[members] = np.where(run.status == "ok", centre[:, 1] - centre[:, 0], np.nan)
@@ -182,9 +187,12 @@ def _shared_body(designs: Sequence[WalkerDesign], tissue: WalkerTissue) -> tuple
 
 
 def build_program(
-    kinds: NDArray[np.int8], terrain: Terrain, actuation: WalkerActuation, time_step: float,
+    kinds: NDArray[np.int8],
+    terrain: Terrain,
+    actuation: WalkerActuation,
+    time_step: float,
     record_every: int | None = None,
-) -> LatticeProgram:  # fmt: skip
+) -> LatticeProgram:
     """The program of robots whose regions are of these kinds, shape (B, R); snapshots as of ``cyclic``."""
     regions = np.arange(kinds.shape[1])
     sine = actuation.amplitude * np.sin(2 * np.pi * np.arange(SEGMENTS) / SEGMENTS)

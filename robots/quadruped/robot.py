@@ -110,8 +110,7 @@ class Quadruped:
 
     def tree(self, variant: Variant = AS_RUN) -> Tree:
         """The robot as an articulated body."""
-        main = Body("main", (0, 0, self.height), self.mass,
-                    [Box((self.body_width, self.body_width, self.body_height))])  # fmt: skip
+        main = Body("main", (0, 0, self.height), self.mass, [Box((self.body_width, self.body_width, self.body_height))])
         bodies, joints = [main], list[Hinge | Weld]()
         for leg in range(len(LEGS)):
             more, hung = self._leg(leg, variant)
@@ -264,8 +263,9 @@ class _Trials:
     shape: tuple[int, int]
 
     @classmethod
-    def check(cls, robots: Quadruped | Sequence[Quadruped], weights: object,
-              lights: Sequence[Sequence[float]]) -> "_Trials":  # fmt: skip
+    def check(
+        cls, robots: Quadruped | Sequence[Quadruped], weights: object, lights: Sequence[Sequence[float]]
+    ) -> "_Trials":
         """Raises ValueError in one line for what is not allowed."""
         several = [robots] if isinstance(robots, Quadruped) else list(robots)
         given = check_weights(weights, SENSORS, MOTORS)

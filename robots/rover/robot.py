@@ -242,5 +242,6 @@ def simulate(
     shape = (count, environments)
     closest = found.closest.reshape(shape)
     enough = np.array([each.success_distance for each in several])[:, None]
-    return RoverResult(closest, closest <= enough, found.position.reshape(*shape, 3), found.status.reshape(shape),
-                       found)  # fmt: skip
+    return RoverResult(
+        closest, closest <= enough, found.position.reshape(*shape, 3), found.status.reshape(shape), found
+    )

@@ -71,9 +71,14 @@ def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int
 
 
 def pictures(
-    motions: Sequence[Motion], *, seconds: float | None = None, rate: float = 15.0, width: int = 640,
-    colour: str = "material", one_scale: bool = True,
-) -> Iterator[Picture]:  # fmt: skip
+    motions: Sequence[Motion],
+    *,
+    seconds: float | None = None,
+    rate: float = 15.0,
+    width: int = 640,
+    colour: str = "material",
+    one_scale: bool = True,
+) -> Iterator[Picture]:
     """The pictures of a film, one motion above the other, each on its own ground.
 
     Motions play together, all at the same pace; one that ends before the others stays as it is.
@@ -100,8 +105,9 @@ def pictures(
     seconds = longest if seconds is None else number("seconds", seconds, 0.1, unit="s")
     passed = np.linspace(0.0, longest, max(round(seconds * rate), 2))
     plans = [np.abs(m.times[:, None] - m.times[0] - passed).argmin(axis=0).tolist() for m in motions]
-    settings = [setting(m, sorted(set(plan)), colour=colour, reach=math.inf)
-                for m, plan in zip(motions, plans, strict=True)]  # fmt: skip
+    settings = [
+        setting(m, sorted(set(plan)), colour=colour, reach=math.inf) for m, plan in zip(motions, plans, strict=True)
+    ]
     if one_scale:
         longest_way = max(float(np.ptp(given.stretch.travel)) for given in settings)
         settings = [_lengthened(given, longest_way) for given in settings]
@@ -111,9 +117,13 @@ def pictures(
 
 
 def save_gif(
-    motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 15.0, colours: int = 64,
+    motions: Motion | Sequence[Motion],
+    path: str | PathLike[str],
+    *,
+    rate: float = 15.0,
+    colours: int = 64,
     **options: Any,
-) -> int:  # fmt: skip
+) -> int:
     """Write :func:`pictures` as a GIF that plays again and again, with one small palette.
 
     Args:
@@ -202,8 +212,10 @@ def _lengthened(given: Setting, length: float) -> Setting:
 def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> tuple[Figure, list[Any]]:
     """A figure of so many pixels with axes for each robot, below its name and how many times too fast it is."""
     told = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
-    ranges = [limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])
-              for given, plan in zip(settings, plans, strict=True)]  # fmt: skip
+    ranges = [
+        limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])
+        for given, plan in zip(settings, plans, strict=True)
+    ]
     drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
     keyed = [KEY if given.colouring.key or given.colouring.limit else 0 for given in settings]
     total = math.ceil(sum(drawn) + sum(keyed) + CAPTION * len(drawn)) // 2 * 2 + 2

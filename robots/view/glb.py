@@ -98,8 +98,12 @@ class _File:
         self._views.append(view if target is None else {**view, "target": target})
         self._binary.extend(np.ascontiguousarray(values).tobytes())
         kind = FLOAT if values.dtype == np.float32 else UNSIGNED_SHORT
-        accessor = {"bufferView": len(self._views) - 1, "componentType": kind, "count": len(rows),
-                    "type": WIDTHS[rows.shape[1]]}  # fmt: skip
+        accessor = {
+            "bufferView": len(self._views) - 1,
+            "componentType": kind,
+            "count": len(rows),
+            "type": WIDTHS[rows.shape[1]],
+        }
         if bounds:
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
         self._accessors.append(accessor)
@@ -163,8 +167,10 @@ class _File:
         if self._channels:
             document["animations"] = [{"name": "motion", "samplers": self._samplers, "channels": self._channels}]
         text = json.dumps(document, separators=(",", ":")).encode()
-        chunks = [(b"JSON", text + b" " * (-len(text) % 4)),
-                  (b"BIN\0", bytes(self._binary) + b"\0" * (-len(self._binary) % 4))]  # fmt: skip
+        chunks = [
+            (b"JSON", text + b" " * (-len(text) % 4)),
+            (b"BIN\0", bytes(self._binary) + b"\0" * (-len(self._binary) % 4)),
+        ]
         body = b"".join(struct.pack("<I", len(data)) + kind + data for kind, data in chunks)
         return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
 

@@ -162,9 +162,11 @@ class Motion:
         frames, count = len(times), len(self.nodes)
         object.__setattr__(self, "times", times)
         for field, shape in (
-            ("translation", (frames, count, 3)), ("rotation", (frames, count, 4)), ("scale", (frames, count, 3)),
+            ("translation", (frames, count, 3)),
+            ("rotation", (frames, count, 4)),
+            ("scale", (frames, count, 3)),
             ("path", (frames, 3)),
-        ):  # fmt: skip
+        ):
             values = _finite(field, getattr(self, field))
             if values.shape != shape:
                 raise ValueError(f"{field}: shape {values.shape} is not allowed; give {shape}")

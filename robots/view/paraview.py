@@ -60,8 +60,17 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
         write_bytes(folder / name, content)
         entries.append(f'<DataSet timestep="{time:.9g}" file="{name}"/>')
         total += len(content)
-    index = "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="1.0">', "<Collection>", *entries,
-                       "</Collection>", "</VTKFile>", ""])  # fmt: skip
+    index = "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            '<VTKFile type="Collection" version="1.0">',
+            "<Collection>",
+            *entries,
+            "</Collection>",
+            "</VTKFile>",
+            "",
+        ]
+    )
     write_text(folder / "motion.pvd", index)
     return total + len(index)
 
@@ -106,11 +115,19 @@ def _file(kind: str, counts: str, points: Floats, place: str, cells: Arrays, dat
         f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32" '
         'compressor="vtkZLibDataCompressor">',
         f"<{kind}><Piece {counts}>",
-        "<Points>", _array("points", points.astype("f4")), "</Points>",
-        f"<{place}>", *(_array(name, values) for name, values in cells.items()), f"</{place}>",
-        "<CellData>", *(_array(name, values) for name, values in data.items()), "</CellData>",
-        f"</Piece></{kind}>", "</VTKFile>", "",
-    ]  # fmt: skip
+        "<Points>",
+        _array("points", points.astype("f4")),
+        "</Points>",
+        f"<{place}>",
+        *(_array(name, values) for name, values in cells.items()),
+        f"</{place}>",
+        "<CellData>",
+        *(_array(name, values) for name, values in data.items()),
+        "</CellData>",
+        f"</Piece></{kind}>",
+        "</VTKFile>",
+        "",
+    ]
     return "\n".join(text).encode()
 
 

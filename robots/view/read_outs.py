@@ -80,8 +80,15 @@ def shape_picture(curves: ShapeCurves) -> Figure:
     kilopascals = curves.pressures / 1000
     for values, name, colour, above in ((curves.width, "width", PAIRS[3], 5), (curves.height, "height", PAIRS[0], -13)):
         size.plot(kilopascals, 100 * values, "o-", ms=3, lw=1.4, color=colour)
-        size.annotate(name, (kilopascals[-1], 100 * values[-1]), (0, above), textcoords="offset points", ha="right",
-                      fontsize=8, color=colour)  # fmt: skip
+        size.annotate(
+            name,
+            (kilopascals[-1], 100 * values[-1]),
+            (0, above),
+            textcoords="offset points",
+            ha="right",
+            fontsize=8,
+            color=colour,
+        )
     size.set_ylim(0, None)
     ratio.plot(kilopascals, curves.ratio, "o-", ms=3, lw=1.4, color=PAIRS[2])
     ratio.axhline(1.0, color=INK, lw=0.7, ls=(0, (3, 3)))

@@ -91,8 +91,19 @@ def rigid_motion(
     path = places[:, 0]
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
     rows = (*channels, *speed_channels(times, way, DARK))
-    return Motion(name, times, tuple(nodes), np.stack(centres, 1), np.stack(quaternions, 1), size, path, rows,
-                  np.asarray(lights, float).reshape(-1, 3), light_radius, Ground())  # fmt: skip
+    return Motion(
+        name,
+        times,
+        tuple(nodes),
+        np.stack(centres, 1),
+        np.stack(quaternions, 1),
+        size,
+        path,
+        rows,
+        np.asarray(lights, float).reshape(-1, 3),
+        light_radius,
+        Ground(),
+    )
 
 
 def quadruped_motion(
@@ -125,8 +136,10 @@ def quadruped_motion(
     assert frames is not None
     legs = len(LEGS)
     readings, neurons = frames.readings[:, robot].T, frames.neurons[:, robot].T
-    rows = [_row(f"foot {leg + 1} on ground", "", frames, readings[leg] > 0.5, HUES[leg], switch=True)
-            for leg in range(legs)]  # fmt: skip
+    rows = [
+        _row(f"foot {leg + 1} on ground", "", frames, readings[leg] > 0.5, HUES[leg], switch=True)
+        for leg in range(legs)
+    ]
     rows.append(_row("light", "1/m²", frames, readings[legs], SUN, logarithmic=True))
     joints = {"legged": ("hip", "knee"), "wheeled": ("steer", "wheel"), "whegged": ("hip", "wheel")}[quadruped.kind]
     for number, values in enumerate(neurons):
@@ -140,8 +153,17 @@ def quadruped_motion(
 
     place = [*np.asarray(lights, float)[environment], LIGHT_HEIGHT]
     hidden = [f"swivel {leg}" for leg in range(legs)]  # inside their wheels
-    return rigid_motion(tree, frames, robot, name=name or f"{quadruped.kind} quadruped", style=style, channels=rows,
-                        hidden=hidden, lights=[place], light_radius=0.12)  # fmt: skip
+    return rigid_motion(
+        tree,
+        frames,
+        robot,
+        name=name or f"{quadruped.kind} quadruped",
+        style=style,
+        channels=rows,
+        hidden=hidden,
+        lights=[place],
+        light_radius=0.12,
+    )
 
 
 def rover_motion(
@@ -162,10 +184,14 @@ def rover_motion(
     _check(tree, frames, robot)
     assert frames is not None
     hues = (HUES[0], HUES[3])
-    rows = [_row(f"sensor {n + 1}", "1/m²", frames, values, hues[n], logarithmic=True)
-            for n, values in enumerate(frames.readings[:, robot].T)]  # fmt: skip
-    rows += [_row(f"{side} motor", "", frames, values, hue) for side, values, hue in
-             zip(("left", "right"), frames.neurons[:, robot].T, hues[::-1], strict=True)]  # fmt: skip
+    rows = [
+        _row(f"sensor {n + 1}", "1/m²", frames, values, hues[n], logarithmic=True)
+        for n, values in enumerate(frames.readings[:, robot].T)
+    ]
+    rows += [
+        _row(f"{side} motor", "", frames, values, hue)
+        for side, values, hue in zip(("left", "right"), frames.neurons[:, robot].T, hues[::-1], strict=True)
+    ]
 
     def style(body: str) -> tuple[Colour, int | None]:
         sensor = {"sensor 1": 0, "sensor 2": 1}.get(body)
@@ -173,8 +199,17 @@ def rover_motion(
 
     balls = dict.fromkeys(("sensor 1", "sensor 2"), rover.sensor_radius)
     place = [*np.asarray(lights, float)[environment], LIGHT_RADIUS]
-    return rigid_motion(tree, frames, robot, name=name, style=style, channels=rows, balls=balls, lights=[place],
-                        light_radius=LIGHT_RADIUS)  # fmt: skip
+    return rigid_motion(
+        tree,
+        frames,
+        robot,
+        name=name,
+        style=style,
+        channels=rows,
+        balls=balls,
+        lights=[place],
+        light_radius=LIGHT_RADIUS,
+    )
 
 
 def _check(tree: Tree, frames: Frames | None, robot: int) -> None:
@@ -196,8 +231,15 @@ def _place(shape: tuple[int, ...], controller: int, environment: int) -> int:
     return controller * shape[1] + environment
 
 
-def _row(name: str, unit: str, frames: Frames, values: Floats, colour: Colour, switch: bool = False,
-         logarithmic: bool = False) -> Channel:  # fmt: skip
+def _row(
+    name: str,
+    unit: str,
+    frames: Frames,
+    values: Floats,
+    colour: Colour,
+    switch: bool = False,
+    logarithmic: bool = False,
+) -> Channel:
     """A channel of the frames before the robot diverged."""
     last = whole_frames(np.asarray(values, float)[:, None])
     return Channel(name, unit, frames.times[:last], np.asarray(values[:last], float), colour, switch, logarithmic)

@@ -64,10 +64,17 @@ def inflatable_motion(
         raise ValueError(f"frames: they are of a body with {regions.max() + 1} regions; give the inflatable robot's")
     gait, pressure = played(design, actuation), np.broadcast_to(np.array(design.pressure), cores)
     return _voxels(
-        name, frames, result.body, robot, [_inflatable_node(v, int(r)) for v, r in enumerate(kinds_of(regions))],
-        _gait_channels(gait, result.time_step), _core_channels(gait, result.time_step),
-        terrain, design.orientation, pressure[cores_of(regions)],
-    )  # fmt: skip
+        name,
+        frames,
+        result.body,
+        robot,
+        [_inflatable_node(v, int(r)) for v, r in enumerate(kinds_of(regions))],
+        _gait_channels(gait, result.time_step),
+        _core_channels(gait, result.time_step),
+        terrain,
+        design.orientation,
+        pressure[cores_of(regions)],
+    )
 
 
 def journey_motion(
@@ -95,22 +102,30 @@ def journey_motion(
     frames = _recorded(result.frames, result.body, robot)
     parts, starts = [played(leg.design, actuation) for leg in legs], np.append(0, np.cumsum(result.steps))
     gait = PlayedGait(
-        edges=np.concatenate([*(part.edges[:-1] + start for part, start in zip(parts, starts, strict=False)),
-                              starts[-1:]]),
+        edges=np.concatenate(
+            [*(part.edges[:-1] + start for part, start in zip(parts, starts, strict=False)), starts[-1:]]
+        ),
         settles=np.concatenate([part.settles + start for part, start in zip(parts, starts, strict=False)]),
         levels=np.concatenate([part.levels for part in parts], axis=1),
         pressures=np.concatenate([parts[0].pressures[:1], *(part.pressures[1:] for part in parts)]),
-    )  # fmt: skip
+    )
     regions = np.asarray(result.body.regions)
     nodes = [_inflatable_node(v, int(r)) for v, r in enumerate(kinds_of(regions))]
     fluid = legs[0].terrain if legs[0].terrain.is_fluid else None
     leg = np.searchsorted(starts[1:-1] * result.time_step, frames.times, side="left")
     headings = np.array([each.design.orientation for each in legs])[leg]
     return _voxels(
-        name, frames, result.body, robot, nodes, _gait_channels(gait, result.time_step),
-        _core_channels(gait, result.time_step), fluid, headings,
+        name,
+        frames,
+        result.body,
+        robot,
+        nodes,
+        _gait_channels(gait, result.time_step),
+        _core_channels(gait, result.time_step),
+        fluid,
+        headings,
         np.broadcast_to(np.array(legs[0].design.pressure), cores_of(regions).max() + 1)[cores_of(regions)],
-    )  # fmt: skip
+    )
 
 
 def walker_motion(
@@ -150,8 +165,10 @@ def walker_motion(
     drive = actuation or WalkerActuation()
     times = frames.times
     edge = 1 + drive.amplitude * np.sin(2 * np.pi * drive.frequency * times)
-    driven = [Channel("active edges", "", times, edge, _colour(BLADDERS[0])),
-              Channel("antiphase edges", "", times, 2 - edge, _colour(BLADDERS[3]))]  # fmt: skip
+    driven = [
+        Channel("active edges", "", times, edge, _colour(BLADDERS[0])),
+        Channel("antiphase edges", "", times, 2 - edge, _colour(BLADDERS[3])),
+    ]
     colours = {PASSIVE: _colour(SKIN_COLOUR), ACTIVE: driven[0].colour, ANTIPHASE: driven[1].colour}
     channels = {PASSIVE: None, ACTIVE: 0, ANTIPHASE: 1}
     nodes = [Node(f"voxel {v}", CUBE, colours[int(k)], channels[int(k)]) for v, k in enumerate(kinds)]
@@ -159,9 +176,13 @@ def walker_motion(
 
 
 def lattice_robot_motion(
-    result: LatticeRobotResult, robot: LatticeRobot, terrain: Terrain | None = None, *, place: int = 0,
+    result: LatticeRobotResult,
+    robot: LatticeRobot,
+    terrain: Terrain | None = None,
+    *,
+    place: int = 0,
     name: str = "robot",
-) -> Motion:  # fmt: skip
+) -> Motion:
     """The motion of a robot of the user's own, a node for each voxel.
 
     Channels: each drive, as it is in its first region, distance and speed along the heading.
@@ -185,11 +206,20 @@ def lattice_robot_motion(
     driven, shown = [], np.full(body.voxel_count, -1)
     for number, (drive, values) in enumerate(robot.nodes(robot.start).items()):
         wave: Floats = np.tile(values[0], cycle.cycles + 2)[: len(times)]
-        driven.append(Channel(f"{drive.name} {drive.quantity}", UNITS[drive.quantity], times, wave,
-                              _colour(BLADDERS[number % BLADDER_COUNT])))  # fmt: skip
+        driven.append(
+            Channel(
+                f"{drive.name} {drive.quantity}",
+                UNITS[drive.quantity],
+                times,
+                wave,
+                _colour(BLADDERS[number % BLADDER_COUNT]),
+            )
+        )
         shown[np.isin(regions, drive.regions)] = number
-    nodes = [Node(f"voxel {v}", CUBE, driven[c].colour if c >= 0 else _colour(SKIN_COLOUR), int(c) if c >= 0 else None)
-             for v, c in enumerate(shown)]  # fmt: skip
+    nodes = [
+        Node(f"voxel {v}", CUBE, driven[c].colour if c >= 0 else _colour(SKIN_COLOUR), int(c) if c >= 0 else None)
+        for v, c in enumerate(shown)
+    ]
     return _voxels(name, frames, body, 0, nodes, driven, [], terrain, robot.heading)
 
 
@@ -206,9 +236,17 @@ def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 
 def _voxels(
-    name: str, frames: Frames, body: LatticeBody, robot: int, nodes: list[Node], driven: list[Channel],
-    more: list[Channel], terrain: Terrain | None, direction: float | Floats = 0.0, pressure: float | Floats = 0.0,
-) -> Motion:  # fmt: skip
+    name: str,
+    frames: Frames,
+    body: LatticeBody,
+    robot: int,
+    nodes: list[Node],
+    driven: list[Channel],
+    more: list[Channel],
+    terrain: Terrain | None,
+    direction: float | Floats = 0.0,
+    pressure: float | Floats = 0.0,
+) -> Motion:
     """Cubes that are as large as the voxels, and in the middle between their sides; one direction, or one a frame."""
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
     last = whole_frames(*poses)
@@ -223,8 +261,19 @@ def _voxels(
     ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, first)
     if terrain is not None and terrain.is_fluid:
         ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, first, solid=False)
-    return Motion(name, times, tuple(nodes), middles, turns, sizes, path, tuple(channels), ground=ground,
-                  skin=Skin(knots(body), body.topology.faces), lattice=states)  # fmt: skip
+    return Motion(
+        name,
+        times,
+        tuple(nodes),
+        middles,
+        turns,
+        sizes,
+        path,
+        tuple(channels),
+        ground=ground,
+        skin=Skin(knots(body), body.topology.faces),
+        lattice=states,
+    )
 
 
 def _way(path: Floats, direction: Floats) -> Floats:

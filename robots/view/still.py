@@ -69,9 +69,13 @@ class Setting:
 
 
 def setting(
-    motion: Motion, frames: Sequence[int], *, colour: str = "material", camera: Camera | None = None,
+    motion: Motion,
+    frames: Sequence[int],
+    *,
+    colour: str = "material",
+    camera: Camera | None = None,
     reach: float = REACH,
-) -> Setting:  # fmt: skip
+) -> Setting:
     """Camera, ground and scale of colours for pictures of some frames.
 
     Args:
@@ -142,9 +146,13 @@ def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], 
 
 
 def still_picture(
-    motion: Motion, *, at: float | None = None, colour: str = "material", camera: Camera | None = None,
+    motion: Motion,
+    *,
+    at: float | None = None,
+    colour: str = "material",
+    camera: Camera | None = None,
     reach: float = REACH,
-) -> Figure:  # fmt: skip
+) -> Figure:
     """The picture of a robot at a time, with a title, and with a key of its colours.
 
     Args:
@@ -233,8 +241,16 @@ def draw_key(figure: Figure, colours: Colouring, place: tuple[float, float, floa
         bar.tick_params(labelsize=7, labelcolor=INK, length=2)
     elif colours.key:
         spots = [Line2D([], [], marker="s", ls="", ms=8, color=colour, label=name) for name, colour in colours.key]
-        figure.legend(handles=spots, loc="center", ncols=len(spots), frameon=False, fontsize=8, labelcolor=[*INK],
-                      bbox_to_anchor=(left, bottom, width, height), handletextpad=0.3)  # fmt: skip
+        figure.legend(
+            handles=spots,
+            loc="center",
+            ncols=len(spots),
+            frameon=False,
+            fontsize=8,
+            labelcolor=[*INK],
+            bbox_to_anchor=(left, bottom, width, height),
+            handletextpad=0.3,
+        )
 
 
 def _draw_seen_through(axes: "Axes", given: Setting, frame: int) -> None:

@@ -87,8 +87,9 @@ def draw_robots(
         _write(axes, f"{times[k]:.1f} s", (at + shift[0], foot + shift[1]), together)
     line = TEXT * (np.ptp(shifts[:, 0]) + np.ptp(rim[:, 0]))
     lowest = draw_scale_bar(axes, rim[:2] + shifts[-1] - (0.0, (1.6 if together else 0.4) * line))
-    corners = np.concatenate([c + shift for r, shift in zip(robots, shifts, strict=True)
-                              for c in (rim, r.corners.reshape(-1, 2))])  # fmt: skip
+    corners = np.concatenate(
+        [c + shift for r, shift in zip(robots, shifts, strict=True) for c in (rim, r.corners.reshape(-1, 2))]
+    )
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
     axes.set_xlim(left, right)
     axes.set_ylim(min(bottom, lowest) - 1.5 * line, top + 0.3 * line)

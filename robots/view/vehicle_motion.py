@@ -56,8 +56,10 @@ def vehicle_motion(
     reached = np.flatnonzero(away[:last] < task.radius)
     last = int(reached[0]) + 1 if len(reached) else last
     times, poses, away = traces.times[:last], poses[:last], away[:last]
-    rows = [Channel(f"sensor {n + 1}", "1/m²", times, values[:last], _hue(n), logarithmic=True)
-            for n, values in enumerate(readings)]  # fmt: skip
+    rows = [
+        Channel(f"sensor {n + 1}", "1/m²", times, values[:last], _hue(n), logarithmic=True)
+        for n, values in enumerate(readings)
+    ]
     rows.append(Channel("from light", "m", times, away, SUN))
     moved = np.diff(poses[:, :2], axis=0)
     ahead = np.stack([np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])], axis=1)
@@ -70,8 +72,18 @@ def vehicle_motion(
     centres[..., :2] += poses[:, None, :2]
     scale = np.broadcast_to(sizes, (last, *sizes.shape))
     path = np.column_stack([poses[:, :2], np.full(last, BOX_MIDDLE)])
-    return Motion(name, times, tuple(nodes), centres, turns, scale, path, (*rows, *speed_channels(times, way, DARK)),
-                  np.array([[*light, LIGHT_HEIGHT]]), 0.15)  # fmt: skip
+    return Motion(
+        name,
+        times,
+        tuple(nodes),
+        centres,
+        turns,
+        scale,
+        path,
+        (*rows, *speed_channels(times, way, DARK)),
+        np.array([[*light, LIGHT_HEIGHT]]),
+        0.15,
+    )
 
 
 def _solids(body: VehicleBody) -> tuple[list[Node], Floats, Floats]:

@@ -120,8 +120,9 @@ def plain(x: Any) -> Any:
     return x.value if isinstance(x, Traced | Condition) else x
 
 
-def pull_back(function: Callable[..., Any], inputs: Sequence[Any], constants: Sequence[Any],
-              seeds: Sequence[Any]) -> tuple[Any, ...]:  # fmt: skip
+def pull_back(
+    function: Callable[..., Any], inputs: Sequence[Any], constants: Sequence[Any], seeds: Sequence[Any]
+) -> tuple[Any, ...]:
     """Emit the reverse pass of a law into the kernel being compiled; call it inside ``ti.static``.
 
     Args:

@@ -40,8 +40,10 @@ class ResultsFolder:
         if file.exists():
             if (before := read_text(file)) != text:
                 article = "an" if kind[0] in "aeiou" else "a"
-                raise ValueError(f"out: {path} holds {article} {kind} of other settings{_difference(before, text)}; "
-                                 "name another folder")  # fmt: skip
+                raise ValueError(
+                    f"out: {path} holds {article} {kind} of other settings{_difference(before, text)}; "
+                    "name another folder"
+                )
             return
         if path.exists() and (not path.is_dir() or any(not each.name.startswith(ASIDE) for each in path.iterdir())):
             raise ValueError(f"out: {path} holds something else; name a new folder")

@@ -50,8 +50,9 @@ class Plan:
             yield from self.undo(start, end)
 
 
-def make_plan(steps: int, state: float, checkpoint: float, memory: float, besides: float = 0.0,
-              most: int = 2**31) -> Plan:  # fmt: skip
+def make_plan(
+    steps: int, state: float, checkpoint: float, memory: float, besides: float = 0.0, most: int = 2**31
+) -> Plan:
     """The plan with the fewest levels that fits into a memory.
 
     Args:

@@ -163,10 +163,17 @@ class LatticeEngine:
                 and len(other.materials) == len(first.materials)
                 and all(
                     np.array_equal(getattr(first, n), getattr(other, n))
-                    for n in ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals",
-                              "chambers")
+                    for n in (
+                        "voxels",
+                        "material_index",
+                        "regions",
+                        "cut_links",
+                        "fixed",
+                        "pressure_normals",
+                        "chambers",
+                    )
                 )
-            )  # fmt: skip
+            )
             if not same:
                 raise ValueError("body: bodies of one batch may differ in the values of their materials only")
 

@@ -50,8 +50,9 @@ class LatticeGradient:
     materials: dict[str, np.ndarray]
 
 
-def record(engine: "LatticeEngine", program: LatticeProgram, memory: float,
-           progress: Callable[[float], None] | None) -> "Tape":  # fmt: skip
+def record(
+    engine: "LatticeEngine", program: LatticeProgram, memory: float, progress: Callable[[float], None] | None
+) -> "Tape":
     """See ``LatticeEngine.record``."""
     if not memory > 0:
         raise ValueError(f"memory: {memory!r} is not allowed; give a positive number of bytes")
@@ -76,9 +77,16 @@ class Tape:
         state: the state after the run.
     """
 
-    def __init__(self, engine: "LatticeEngine", program: LatticeProgram, run: "FusedRun | SteppedRun", plan: Plan,
-                 checkpoints: dict[int, tuple[np.ndarray, ...]], initial: np.ndarray,
-                 start: "LatticeState") -> None:  # fmt: skip
+    def __init__(
+        self,
+        engine: "LatticeEngine",
+        program: LatticeProgram,
+        run: "FusedRun | SteppedRun",
+        plan: Plan,
+        checkpoints: dict[int, tuple[np.ndarray, ...]],
+        initial: np.ndarray,
+        start: "LatticeState",
+    ) -> None:
         """Finish the run; see ``LatticeEngine.record``."""
         self.result: LatticeResult = engine.finish(run)
         self.state: LatticeState = engine.state()
@@ -197,9 +205,15 @@ class Tape:
             orientations=voxel[..., 3:7],
             velocities=voxel[..., places.MOMENTUM : places.SPIN] / inverse[..., :1],
             angular_velocities=voxel[..., places.SPIN : places.STICKS] / inverse[..., 1:],
-            materials=material_gradients(engine.bodies, engine.tables, engine.time_step, constants,
-                                         beams, base.reshape(engine.batch, -1, QUANTITY_COUNT)),
-        )  # fmt: skip
+            materials=material_gradients(
+                engine.bodies,
+                engine.tables,
+                engine.time_step,
+                constants,
+                beams,
+                base.reshape(engine.batch, -1, QUANTITY_COUNT),
+            ),
+        )
 
     def _by_masses(self, state: "LatticeState", cotangents: np.ndarray) -> np.ndarray:
         """What a cost owes to the inverse masses that turn momenta into velocities, shape (B, G, 2).

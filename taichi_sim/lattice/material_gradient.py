@@ -23,9 +23,13 @@ CHANNEL_FIELDS = {
 
 
 def material_gradients(
-    bodies: Sequence[LatticeBody], tables: Tables, time_step: float, constants: np.ndarray, beams: np.ndarray,
+    bodies: Sequence[LatticeBody],
+    tables: Tables,
+    time_step: float,
+    constants: np.ndarray,
+    beams: np.ndarray,
     bases: np.ndarray,
-) -> dict[str, np.ndarray]:  # fmt: skip
+) -> dict[str, np.ndarray]:
     """Derivatives by the fields of the materials, each of shape (B, M); ``scale`` has shape (B, M, 3).
 
     Args:

@@ -105,10 +105,16 @@ def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step):
     root = sqrt(stiff)
     a2 = e * volume / (12.0 * (1.0 + nu))
     return (
-        pressed * (1.0 - nu), pressed * nu, stiff,
-        2.0 * sqrt(rho1 * volume) * zeta1 / time_step * root, 2.0 * sqrt(rho2 * volume) * zeta2 / time_step * root,
-        a2, sqrt(a2 * edge * edge / 6.0) / root, 2.0 * e2 / total, 2.0 * e1 / total,
-    )  # fmt: skip
+        pressed * (1.0 - nu),
+        pressed * nu,
+        stiff,
+        2.0 * sqrt(rho1 * volume) * zeta1 / time_step * root,
+        2.0 * sqrt(rho2 * volume) * zeta2 / time_step * root,
+        a2,
+        sqrt(a2 * edge * edge / 6.0) / root,
+        2.0 * e2 / total,
+        2.0 * e1 / total,
+    )
 
 
 def beam_constants(minus: Material, plus: Material, edge: float, time_step: float) -> np.ndarray:
@@ -118,8 +124,17 @@ def beam_constants(minus: Material, plus: Material, edge: float, time_step: floa
 
 
 # Columns of the table of voxel constants, one row per group of voxels.
-(INVERSE_MASS, INVERSE_INERTIA, MASS, CRITICAL_TRANSLATION, CRITICAL_ROTATION, STIFFNESS, CONTACT_DAMPING,
- EXPANSION, NU) = range(9)  # fmt: skip
+(
+    INVERSE_MASS,
+    INVERSE_INERTIA,
+    MASS,
+    CRITICAL_TRANSLATION,
+    CRITICAL_ROTATION,
+    STIFFNESS,
+    CONTACT_DAMPING,
+    EXPANSION,
+    NU,
+) = range(9)
 CONSTANT_COLUMNS = 9
 
 
@@ -131,9 +146,16 @@ def voxel_row(e, rho, zeta_c, alpha, nu, edge):
     inertia = mass * edge * edge / 6.0
     critical = 2.0 * sqrt(mass * e * edge)
     return (
-        1.0 / mass, 1.0 / inertia, mass, critical, 2.0 * sqrt(inertia * e * volume), 2.0 * e * edge, zeta_c * critical,
-        alpha, nu,
-    )  # fmt: skip
+        1.0 / mass,
+        1.0 / inertia,
+        mass,
+        critical,
+        2.0 * sqrt(inertia * e * volume),
+        2.0 * e * edge,
+        zeta_c * critical,
+        alpha,
+        nu,
+    )
 
 
 def voxel_constants(material: Material, edge: float) -> np.ndarray:

@@ -45,8 +45,14 @@ def _rows(array: Floats, robots: NDArray[np.int64]) -> Floats:
     return array[robots] if len(array) > 1 else np.repeat(array, len(robots), 0)
 
 
-def check(trees: Sequence[Tree], sensors: int, weights: Floats | None, commands: Floats | None,
-          lights: Floats | None, start: State) -> Given:  # fmt: skip
+def check(
+    trees: Sequence[Tree],
+    sensors: int,
+    weights: Floats | None,
+    commands: Floats | None,
+    lights: Floats | None,
+    start: State,
+) -> Given:
     """What a run is given, as arrays.
 
     Raises:
@@ -96,8 +102,14 @@ def _check(name: str, value: Floats, shape: tuple[int | None, ...]) -> Floats:
     return found
 
 
-def fill(slots: np.ndarray, plan: NDArray[np.int32], given: Given, trees: Sequence[Tree], numbers: dict[int, Floats],
-         by_momentum: bool) -> None:  # fmt: skip
+def fill(
+    slots: np.ndarray,
+    plan: NDArray[np.int32],
+    given: Given,
+    trees: Sequence[Tree],
+    numbers: dict[int, Floats],
+    by_momentum: bool,
+) -> None:
     """Write what robots start with into their memory.
 
     Args:
@@ -130,8 +142,10 @@ def _carried(trees: Sequence[Tree], state: State, by_momentum: bool) -> tuple[Fl
     """What bodies carry, (B, bodies, 6), their places, (B, bodies, 3), and velocities, (B, bodies, 6)."""
     if len(trees) == 1:
         return _of_tree(trees[0], state, by_momentum)
-    each = [_of_tree(tree, State(*(getattr(state, f.name)[n : n + 1] for f in fields(State))), by_momentum)
-            for n, tree in enumerate(trees)]  # fmt: skip
+    each = [
+        _of_tree(tree, State(*(getattr(state, f.name)[n : n + 1] for f in fields(State))), by_momentum)
+        for n, tree in enumerate(trees)
+    ]
     carried, places, moving = (np.concatenate(parts) for parts in zip(*each, strict=True))
     return carried, places, moving
 

@@ -75,8 +75,13 @@ class RigidEngine:
         """All robots as their trees describe them, at rest."""
         count, hinges = len(self.trees), len(self.tree.hinges)
         position = np.array([tree.ordered[0][0].position for tree in self.trees], float)
-        return State(position, np.tile([1.0, 0, 0, 0], (count, 1)), np.zeros((count, hinges)), np.zeros((count, 6)),
-                     np.zeros((count, hinges)))  # fmt: skip
+        return State(
+            position,
+            np.tile([1.0, 0, 0, 0], (count, 1)),
+            np.zeros((count, hinges)),
+            np.zeros((count, 6)),
+            np.zeros((count, hinges)),
+        )
 
     def run(
         self,
@@ -165,8 +170,16 @@ class RigidEngine:
         parts = [(self._part(setup, chosen), chosen) for chosen in setup.chunks()]
         return RigidSession(setup, parts, lambda found: self._result(found, np.empty((0, 0)), setup, None))
 
-    def _setup(self, steps: int, weights: Floats | None, commands: Floats | None, hold: int, lights: Floats | None,
-               start: State | None, record_every: int | None) -> Setup:  # fmt: skip
+    def _setup(
+        self,
+        steps: int,
+        weights: Floats | None,
+        commands: Floats | None,
+        hold: int,
+        lights: Floats | None,
+        start: State | None,
+        record_every: int | None,
+    ) -> Setup:
         """Check what a run is given, and start Taichi."""
         if not is_whole(steps) or steps < 0:
             raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
@@ -187,8 +200,11 @@ class RigidEngine:
         """Some robots, ready to start; the last real is filled up with the first robots again."""
         real, blocks = setup.real, -(-len(chosen) // setup.real.width)
         padded = np.resize(chosen, blocks * real.width)
-        sections = {memory.PARAMETER: self._parameters, memory.POINT_PARAMETER: self._points,
-                    memory.LIGHT_PARAMETER: eyes_of(self.senses)[None]}  # fmt: skip
+        sections = {
+            memory.PARAMETER: self._parameters,
+            memory.POINT_PARAMETER: self._points,
+            memory.LIGHT_PARAMETER: eyes_of(self.senses)[None],
+        }
         several = len(self.trees) > 1
         numbers = {key: values[padded] if len(values) > 1 else values for key, values in sections.items()}
         trees = [self.trees[n] for n in padded] if several else self.trees
@@ -202,7 +218,10 @@ class RigidEngine:
         world, network = self.world, self.network
         found: np.ndarray = np.zeros(step.SETTINGS, real.numpy)
         found[[step.TIME_STEP, step.GRAVITY, step.ERROR_REDUCTION]] = (
-            world.time_step, world.gravity, world.error_reduction)  # fmt: skip
+            world.time_step,
+            world.gravity,
+            world.error_reduction,
+        )
         found[step.SLIP_STRENGTH] = world.time_step / world.slip
         found[step.FRICTION] = min(world.friction, ENDLESS)
         found[step.COMPLIANCE], found[step.TOLERANCE] = COMPLIANCE[self.precision], TOLERANCE[self.precision]

@@ -34,9 +34,21 @@ from taichi_sim.runtime import ti
 
 
 @ti.func
-def solve_adjoint(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(),
-                  points: ti.template(), paths: ti.template(), listed: ti.template(), settings: ti.template(), block,
-                  count, rows):  # fmt: skip
+def solve_adjoint(
+    m: ti.template(),
+    a: ti.template(),
+    g: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    points: ti.template(),
+    paths: ti.template(),
+    listed: ti.template(),
+    settings: ti.template(),
+    block,
+    count,
+    rows,
+):
     """The motion z: the step's linear system for the cotangents of its solution, with the same contacts and limits."""
     prepare_adjoint(m, a, g, k, plan)
     assemble(a, k, plan, points, listed, block, count, rows, 0.0, False)
@@ -59,8 +71,21 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, conserving: bool) ->
     numbers = ti.types.ndarray(dtype=real.scalar, ndim=1)
 
     @ti.kernel
-    def run(blocks: ti.i32, phases: ti.i32, m: reals, a: reals, g: reals, tape: reals, plan: ints1, table: ints1,
-            points: ints1, paths: ints1, eyes: ints1, listed: ints2, settings: numbers):  # fmt: skip
+    def run(
+        blocks: ti.i32,
+        phases: ti.i32,
+        m: reals,
+        a: reals,
+        g: reals,
+        tape: reals,
+        plan: ints1,
+        table: ints1,
+        points: ints1,
+        paths: ints1,
+        eyes: ints1,
+        listed: ints2,
+        settings: numbers,
+    ):
         for i in range(grain * blocks):
             if i % grain == 0:
                 block = i // grain
@@ -76,13 +101,42 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, conserving: bool) ->
                     count = observe(m, k, plan, table, points, eyes, listed, settings, block, t, drifting)
                     if back > 0:
                         clear_work(g, k, plan)
-                        respond(m, k, plan, table, points, paths, listed, settings, block, count, phases, drifting,
-                                conserving)  # fmt: skip
+                        respond(
+                            m,
+                            k,
+                            plan,
+                            table,
+                            points,
+                            paths,
+                            listed,
+                            settings,
+                            block,
+                            count,
+                            phases,
+                            drifting,
+                            conserving,
+                        )
                         rows = ti.min(count, 1)
                         unmove(m, a, g, k, plan, table, h, push_out, settings[FLOATING], drifting, conserving)
                         solve_adjoint(m, a, g, k, plan, table, points, paths, listed, settings, block, count, rows)
-                        unsolve(m, a, g, k, plan, table, points, listed, block, count, rows, h, settings[GRAVITY],
-                                push_out, drifting, conserving)  # fmt: skip
+                        unsolve(
+                            m,
+                            a,
+                            g,
+                            k,
+                            plan,
+                            table,
+                            points,
+                            listed,
+                            block,
+                            count,
+                            rows,
+                            h,
+                            settings[GRAVITY],
+                            push_out,
+                            drifting,
+                            conserving,
+                        )
                         if ti.static(conserving):
                             unshift_moments(m, m, g, k, plan, settings[FLOATING], 1.0)
                         uncommand(m, a, g, k, plan, table, rows, h, push_out)

@@ -87,7 +87,14 @@ class Counts:
         }
         plan = np.zeros(PLAN_LENGTH, np.int32)
         plan[[BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS]] = (
-            self.bodies, self.points, self.touches, self.lights, self.motors, self.depth, self.commands)  # fmt: skip
+            self.bodies,
+            self.points,
+            self.touches,
+            self.lights,
+            self.motors,
+            self.depth,
+            self.commands,
+        )
         plan[[HOLD, STEPS, EVERY]] = hold, steps, every
         plan[KEPT] = 7 + STATE_WIDTH * self.bodies + self.motors + 2 * self.points
         plan[[FRAME, FRAMES]] = 7 + self.hinges + sensors + self.motors, steps // every + 1

@@ -63,8 +63,16 @@ class Part:
         on_cpu: whether slots lie block by block.
     """
 
-    def __init__(self, real: Real, blocks: int, plan: NDArray[np.int32], tables: Tables, settings: np.ndarray,
-                 world: World, on_cpu: bool) -> None:  # fmt: skip
+    def __init__(
+        self,
+        real: Real,
+        blocks: int,
+        plan: NDArray[np.int32],
+        tables: Tables,
+        settings: np.ndarray,
+        world: World,
+        on_cpu: bool,
+    ) -> None:
         self.real, self.blocks, self.plan, self.on_cpu = real, blocks, plan, on_cpu
         self.memory = self.store(int(plan[memory.SLOTS]))
         self.drifting = world.integration == "velocity"
@@ -85,13 +93,26 @@ class Part:
         """Run to the end; what was recorded, (values, robots). States before steps go to the tape."""
         frames = self.store(int(self.plan[memory.FRAME] * self.plan[memory.FRAMES]) if recording else 1)
         kernel = rollout_kernel(self.real, self.grain, self.drifting, not self.drifting, recording, tape is not None)
-        kernel(self.blocks, self._phases, self.memory.argument, frames.argument, (tape or self.store(1)).argument,
-               *self.shared)  # fmt: skip
+        kernel(
+            self.blocks,
+            self._phases,
+            self.memory.argument,
+            frames.argument,
+            (tape or self.store(1)).argument,
+            *self.shared,
+        )
         return frames.read()
 
     def go_back(self, tape: Store, cotangents: Store) -> None:
         """Turn cotangents of the end of a run into those of all that it was given."""
         kernel = gradient_kernel(self.real, self.grain, self.drifting, not self.drifting)
         adjoint = self.store(int(self.plan[memory.SLOTS]))
-        kernel(self.blocks, self._phases, self.memory.argument, adjoint.argument, cotangents.argument, tape.argument,
-               *self.shared)  # fmt: skip
+        kernel(
+            self.blocks,
+            self._phases,
+            self.memory.argument,
+            adjoint.argument,
+            cotangents.argument,
+            tape.argument,
+            *self.shared,
+        )

@@ -56,8 +56,20 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, conserving: bool, rec
     numbers = ti.types.ndarray(dtype=real.scalar, ndim=1)
 
     @ti.kernel
-    def run(blocks: ti.i32, phases: ti.i32, m: reals, frames: reals, tape: reals, plan: ints1, table: ints1,
-            points: ints1, paths: ints1, eyes: ints1, listed: ints2, settings: numbers):  # fmt: skip
+    def run(
+        blocks: ti.i32,
+        phases: ti.i32,
+        m: reals,
+        frames: reals,
+        tape: reals,
+        plan: ints1,
+        table: ints1,
+        points: ints1,
+        paths: ints1,
+        eyes: ints1,
+        listed: ints2,
+        settings: numbers,
+    ):
         for i in range(grain * blocks):
             if i % grain == 0:
                 block = i // grain
@@ -75,10 +87,32 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, conserving: bool, rec
                         if t % plan[EVERY] == 0:
                             record(m, k, plan, table, frames, at, t // plan[EVERY])
                     if t < plan[STEPS]:
-                        respond(m, k, plan, table, points, paths, listed, settings, block, count, phases, drifting,
-                                conserving)  # fmt: skip
-                        move_bodies(m, k, plan, table, h, settings[ERROR_REDUCTION] / h, settings[FLOATING], drifting,
-                                    conserving)  # fmt: skip
+                        respond(
+                            m,
+                            k,
+                            plan,
+                            table,
+                            points,
+                            paths,
+                            listed,
+                            settings,
+                            block,
+                            count,
+                            phases,
+                            drifting,
+                            conserving,
+                        )
+                        move_bodies(
+                            m,
+                            k,
+                            plan,
+                            table,
+                            h,
+                            settings[ERROR_REDUCTION] / h,
+                            settings[FLOATING],
+                            drifting,
+                            conserving,
+                        )
                         quarantine(m, k, plan, ti.cast(t, real.scalar))
 
     return run

@@ -82,10 +82,23 @@ def tables_of(tree: Tree, senses: Senses, commands: int) -> Tables:
     table = np.zeros((len(paths), max(1, depth)), np.int32)
     for n, path in enumerate(paths):
         table[n, : len(path)] = path
-    counts = Counts(len(tree.bodies), len(tree.hinges), len(points), len(senses.touch), len(senses.light),
-                    tree.motors, max(1, depth), commands)  # fmt: skip
-    return Tables(counts, rows.ravel(), np.array([n for n, _, _ in points] or [0], np.int32), table.ravel(),
-                  np.array([tree.place_of(name) for name, _ in senses.light] or [0], np.int32))  # fmt: skip
+    counts = Counts(
+        len(tree.bodies),
+        len(tree.hinges),
+        len(points),
+        len(senses.touch),
+        len(senses.light),
+        tree.motors,
+        max(1, depth),
+        commands,
+    )
+    return Tables(
+        counts,
+        rows.ravel(),
+        np.array([n for n, _, _ in points] or [0], np.int32),
+        table.ravel(),
+        np.array([tree.place_of(name) for name, _ in senses.light] or [0], np.int32),
+    )
 
 
 def parameters_of(tree: Tree) -> Floats:

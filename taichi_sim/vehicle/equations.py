@@ -74,8 +74,9 @@ def move(px, py, first, second, time_step):
 
 
 @primitive
-def advance(px: Any, py: Any, sites: Sequence[Any], weights: Sequence[Any], wiring: Sequence[Sequence[int]],
-            time_step: Any) -> Any:  # fmt: skip
+def advance(
+    px: Any, py: Any, sites: Sequence[Any], weights: Sequence[Any], wiring: Sequence[Sequence[int]], time_step: Any
+) -> Any:
     """One Euler step: (px, py, turn). ``weights`` follow ``wiring``, which names each motor's sensors."""
     seen = readings(px, py, sites)
     left = iter(weights)

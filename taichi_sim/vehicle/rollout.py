@@ -94,8 +94,16 @@ class _Found:
     final: np.ndarray
 
 
-def _launch(batch: VehicleBatch, task: VehicleTask, real: Real, until: int, device: str, threads: int, count: int,
-            progress: Callable[[float], None] | None) -> _Found:  # fmt: skip
+def _launch(
+    batch: VehicleBatch,
+    task: VehicleTask,
+    real: Real,
+    until: int,
+    device: str,
+    threads: int,
+    count: int,
+    progress: Callable[[float], None] | None,
+) -> _Found:
     """Let the kernel do all rollouts, some at a time."""
     number = real.numpy
     at_once = max(STEPS_PER_LAUNCH // task.steps, real.width * threads)
@@ -109,14 +117,31 @@ def _launch(batch: VehicleBatch, task: VehicleTask, real: Real, until: int, devi
     lanes = np.zeros((blocks, real.width), np.int32)
     found = _Found(np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number))
     run = kernel.rollout_kernel(real, batch.sensors, batch.wiring, until, kernel.GRAIN if device == "cpu" else 1)
-    arrays = (batch.sites.reshape(batch.bodies, -1), batch.weights, task.seen, batch.reach,
-              3 * task.time_step * batch.speed_bounds)  # fmt: skip
+    arrays = (
+        batch.sites.reshape(batch.bodies, -1),
+        batch.weights,
+        task.seen,
+        batch.reach,
+        3 * task.time_step * batch.speed_bounds,
+    )
     given: list[np.ndarray] = [np.ascontiguousarray(a, number) for a in arrays]
     sizes = (task.steps, batch.controllers_each, len(task.starts), int(batch.shared))
     for first in range(0, count, at_once):
         jobs = min(at_once, count - first)
-        run(-(-jobs // each), first, jobs, each, *sizes, task.time_step, task.radius, real.reals(memory), memory, lanes,
-            *given, *(a[first : first + jobs] for a in (found.closest, found.waited, found.final)))  # fmt: skip
+        run(
+            -(-jobs // each),
+            first,
+            jobs,
+            each,
+            *sizes,
+            task.time_step,
+            task.radius,
+            real.reals(memory),
+            memory,
+            lanes,
+            *given,
+            *(a[first : first + jobs] for a in (found.closest, found.waited, found.final)),
+        )
         if progress:
             progress((first + jobs) / count)
     return found

@@ -41,8 +41,9 @@ def load_all(m: ti.template(), ms: ti.template(), k, slots: ti.template(), singl
 
 
 @ti.func
-def store_all(m: ti.template(), ms: ti.template(), k, slots: ti.template(), single: ti.template(),
-              values: ti.template()):  # fmt: skip
+def store_all(
+    m: ti.template(), ms: ti.template(), k, slots: ti.template(), single: ti.template(), values: ti.template()
+):
     """Write reals."""
     for i in ti.static(range(len(slots))):
         if ti.static(single):
@@ -52,8 +53,7 @@ def store_all(m: ti.template(), ms: ti.template(), k, slots: ti.template(), sing
 
 
 @ti.func
-def end_rollout(ms: ti.template(), k, lane, job, closest: ti.template(), waited: ti.template(),
-                final: ti.template()):  # fmt: skip
+def end_rollout(ms: ti.template(), k, lane, job, closest: ti.template(), waited: ti.template(), final: ti.template()):
     """Note what a rollout came to."""
     closest[job] = ms[k + CLOSEST, lane]
     waited[job] = ti.cast(ms[k + WAITED, lane], ti.i32)
@@ -62,9 +62,21 @@ def end_rollout(ms: ti.template(), k, lane, job, closest: ti.template(), waited:
 
 
 @ti.func
-def begin_rollout(ms: ti.template(), k, lane, job, steps, controllers, environments, shared: ti.template(),
-                  sites: ti.template(), weights: ti.template(), starts: ti.template(), reach: ti.template(),
-                  bound: ti.template()):  # fmt: skip
+def begin_rollout(
+    ms: ti.template(),
+    k,
+    lane,
+    job,
+    steps,
+    controllers,
+    environments,
+    shared: ti.template(),
+    sites: ti.template(),
+    weights: ti.template(),
+    starts: ti.template(),
+    reach: ti.template(),
+    bound: ti.template(),
+):
     """Put a rollout into a lane."""
     body = job // (controllers * environments)
     controller = (job // environments) % controllers
@@ -98,15 +110,31 @@ def empty_lane(ms: ti.template(), k, lane, slots: ti.template()):
 
 
 @ti.func
-def fill_lane(ms: ti.template(), k, lane, job, end, first, slots: ti.template(), steps, controllers, environments,
-              shared, sites: ti.template(), weights: ti.template(), starts: ti.template(), reach: ti.template(),
-              bound: ti.template()):  # fmt: skip
+def fill_lane(
+    ms: ti.template(),
+    k,
+    lane,
+    job,
+    end,
+    first,
+    slots: ti.template(),
+    steps,
+    controllers,
+    environments,
+    shared,
+    sites: ti.template(),
+    weights: ti.template(),
+    starts: ti.template(),
+    reach: ti.template(),
+    bound: ti.template(),
+):
     """Put a rollout into a lane, if there is one left; its number, or NOTHING."""
     result = NOTHING
     if job < end:
         result = job
-        begin_rollout(ms, k, lane, first + job, steps, controllers, environments, shared, sites, weights, starts,
-                      reach, bound)  # fmt: skip
+        begin_rollout(
+            ms, k, lane, first + job, steps, controllers, environments, shared, sites, weights, starts, reach, bound
+        )
     else:
         empty_lane(ms, k, lane, slots)
     return result
@@ -124,10 +152,29 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
     scalars1, scalars2 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (1, 2))
 
     @ti.kernel
-    def run(blocks: ti.i32, first: ti.i32, jobs: ti.i32, jobs_per_block: ti.i32, steps: ti.i32, controllers: ti.i32,
-            environments: ti.i32, shared: ti.i32, time_step: real.scalar, radius: real.scalar, m: reals, ms: scalars2,
-            lanes: ints2, sites: scalars2, weights: scalars2, starts: scalars2, reach: scalars1, bound: scalars1,
-            closest_of: scalars1, waited_of: ints1, final_of: scalars1):  # fmt: skip
+    def run(
+        blocks: ti.i32,
+        first: ti.i32,
+        jobs: ti.i32,
+        jobs_per_block: ti.i32,
+        steps: ti.i32,
+        controllers: ti.i32,
+        environments: ti.i32,
+        shared: ti.i32,
+        time_step: real.scalar,
+        radius: real.scalar,
+        m: reals,
+        ms: scalars2,
+        lanes: ints2,
+        sites: scalars2,
+        weights: scalars2,
+        starts: scalars2,
+        reach: scalars1,
+        bound: scalars1,
+        closest_of: scalars1,
+        waited_of: ints1,
+        final_of: scalars1,
+    ):
         for i in range(grain * blocks):
             if i % grain == 0:
                 block = i // grain
@@ -137,8 +184,23 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
                 active = ti.min(width, end - upcoming)
                 for lane in range(width):
                     lanes[block, lane] = fill_lane(
-                        ms, k, lane, upcoming, end, first, slots, steps, controllers, environments, shared, sites,
-                        weights, starts, reach, bound)  # fmt: skip
+                        ms,
+                        k,
+                        lane,
+                        upcoming,
+                        end,
+                        first,
+                        slots,
+                        steps,
+                        controllers,
+                        environments,
+                        shared,
+                        sites,
+                        weights,
+                        starts,
+                        reach,
+                        bound,
+                    )
                     upcoming += 1
                 soonest = steps
                 while active > 0:
@@ -169,8 +231,23 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
                                 if ms[k + ENDED, lane] > 0.5:
                                     end_rollout(ms, k, lane, lanes[block, lane], closest_of, waited_of, final_of)
                                     lanes[block, lane] = fill_lane(
-                                        ms, k, lane, upcoming, end, first, slots, steps, controllers, environments,
-                                        shared, sites, weights, starts, reach, bound)  # fmt: skip
+                                        ms,
+                                        k,
+                                        lane,
+                                        upcoming,
+                                        end,
+                                        first,
+                                        slots,
+                                        steps,
+                                        controllers,
+                                        environments,
+                                        shared,
+                                        sites,
+                                        weights,
+                                        starts,
+                                        reach,
+                                        bound,
+                                    )
                                     upcoming += 1
                                     if lanes[block, lane] == NOTHING:
                                         active -= 1

@@ -17,9 +17,21 @@ def trace_kernel(real: Real, sensors: int, wiring: Wiring) -> Any:
     scalars2, scalars3 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3))
 
     @ti.kernel
-    def run(first: ti.i32, jobs: ti.i32, steps: ti.i32, every: ti.i32, controllers: ti.i32, environments: ti.i32,
-            shared: ti.i32, time_step: real.scalar, sites: scalars2, weights: scalars2, starts: scalars2,
-            places: scalars3, readings: scalars3):  # fmt: skip
+    def run(
+        first: ti.i32,
+        jobs: ti.i32,
+        steps: ti.i32,
+        every: ti.i32,
+        controllers: ti.i32,
+        environments: ti.i32,
+        shared: ti.i32,
+        time_step: real.scalar,
+        sites: scalars2,
+        weights: scalars2,
+        starts: scalars2,
+        places: scalars3,
+        readings: scalars3,
+    ):
         for n in range(jobs):
             job = first + n
             body = job // (controllers * environments)

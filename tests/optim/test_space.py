@@ -73,9 +73,7 @@ def test_only_binaries_are_relaxed():
 
 @given(anywhere)
 def test_integers_are_still_whole_after_rounding_and_reflection(point):
-    assert np.array_equal(
-        SPACE.validate(SPACE.reflect(SPACE.round(point))), SPACE.reflect(SPACE.round(point))
-    )
+    assert np.array_equal(SPACE.validate(SPACE.reflect(SPACE.round(point))), SPACE.reflect(SPACE.round(point)))
 
 
 @given(inside)

@@ -16,11 +16,30 @@ from taichi_sim.lattice import (
 
 STEPS, TIME_STEP = 200, 1e-4
 MATERIALS = (
-    Material(3e5, 3000, static_friction=0.6, kinetic_friction=0.4, internal_damping=0.9, collision_damping=0.8,
-             global_damping=0.002, scale=(1.01, 1.0, 0.99), thermal_expansion=1e-3, temperature=5.0),
-    Material(2e5, 2500, static_friction=0.5, kinetic_friction=0.3, internal_damping=0.8, collision_damping=0.7,
-             global_damping=0.001, thermal_expansion=2e-3, temperature=-3.0),
-)  # fmt: skip
+    Material(
+        3e5,
+        3000,
+        static_friction=0.6,
+        kinetic_friction=0.4,
+        internal_damping=0.9,
+        collision_damping=0.8,
+        global_damping=0.002,
+        scale=(1.01, 1.0, 0.99),
+        thermal_expansion=1e-3,
+        temperature=5.0,
+    ),
+    Material(
+        2e5,
+        2500,
+        static_friction=0.5,
+        kinetic_friction=0.3,
+        internal_damping=0.8,
+        collision_damping=0.7,
+        global_damping=0.001,
+        thermal_expansion=2e-3,
+        temperature=-3.0,
+    ),
+)
 
 
 def body(poisson: bool = False, pouch: bool = False) -> LatticeBody:
@@ -50,9 +69,15 @@ def body(poisson: bool = False, pouch: bool = False) -> LatticeBody:
     if poisson:
         materials = tuple(replace(m, poissons_ratio=nu) for m, nu in zip(MATERIALS, (0.3, 0.2), strict=True))
     return LatticeBody(
-        voxels=voxels, materials=materials, material_index=np.isin(regions, [1, 2]).astype(int), voxel_size=0.01,
-        regions=regions, fixed=fixed, pressure_normals=normals, cut_links=cut,
-    )  # fmt: skip
+        voxels=voxels,
+        materials=materials,
+        material_index=np.isin(regions, [1, 2]).astype(int),
+        voxel_size=0.01,
+        regions=regions,
+        fixed=fixed,
+        pressure_normals=normals,
+        cut_links=cut,
+    )
 
 
 def start(shape: LatticeBody) -> LatticeState:
@@ -124,16 +149,21 @@ class Cost:
         self.orientations = rng.normal(size=(snapshots, voxels, 4)) / 1e-2
         self.strains = rng.normal(size=(snapshots, len(shape.topology.links))) / 1e-2
         self.state = LatticeState(
-            rng.normal(size=(voxels, 3)) / 1e-3, rng.normal(size=(voxels, 4)) / 1e-2,
-            rng.normal(size=(voxels, 3)) / 0.1, rng.normal(size=(voxels, 3)) / 1.0,
-        )  # fmt: skip
+            rng.normal(size=(voxels, 3)) / 1e-3,
+            rng.normal(size=(voxels, 4)) / 1e-2,
+            rng.normal(size=(voxels, 3)) / 0.1,
+            rng.normal(size=(voxels, 3)) / 1.0,
+        )
 
     def of(self, engine: LatticeEngine, result) -> np.ndarray:
         """Its value for every robot, shape (B,)."""
         assert (result.status == "ok").all()
         state = engine.state()
-        pairs = [(result.positions, self.positions), (result.orientations, self.orientations),
-                 (result.strains, self.strains)]  # fmt: skip
+        pairs = [
+            (result.positions, self.positions),
+            (result.orientations, self.orientations),
+            (result.strains, self.strains),
+        ]
         pairs += [(getattr(state, f), getattr(self.state, f)) for f in state.__dataclass_fields__]
         return sum((a * b).reshape(engine.batch, -1).sum(axis=1) for a, b in pairs)
 

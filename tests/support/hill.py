@@ -22,14 +22,17 @@ class Hill:
         distance = speed * steps * 1.0602478e-4 * 0.22
         parts = np.repeat(distance[:, None] / stages, stages, axis=1)
         status = np.full(len(designs), "ok")
-        return SimpleNamespace(distance=distance, speed=speed, status=status, stages=parts, steps=steps,
-                               time_step=1.0602478e-4)  # fmt: skip
+        return SimpleNamespace(
+            distance=distance, speed=speed, status=status, stages=parts, steps=steps, time_step=1.0602478e-4
+        )
 
     def gradient(self, designs, terrain=None, **options):
         options.pop("memory", None)
         count, columns = len(designs), designs[0].schedule.columns
         return SimpleNamespace(
             result=self(designs, terrain, **{k: v for k, v in options.items() if k != "ramp_steps"}),
-            orientation=np.zeros(count), pressure=np.zeros(count),
-            inflation=np.full((count, 8, columns), 0.01), grip=np.zeros((count, 2, columns)),
-        )  # fmt: skip
+            orientation=np.zeros(count),
+            pressure=np.zeros(count),
+            inflation=np.full((count, 8, columns), 0.01),
+            grip=np.zeros((count, 2, columns)),
+        )

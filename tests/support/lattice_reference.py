@@ -84,14 +84,22 @@ def load_case(name: str) -> Case:
     common = {"voxels": voxels, "voxel_size": 0.01, "materials": (rubber,), "material_index": np.zeros(n)}
     if name.startswith("cantilever"):
         force = (0, 0, -0.0005) if name == "cantilever_small" else (0, 0.01, -0.05)
-        body = LatticeBody(**common | {"voxel_size": 0.005, "materials": (Material(1e6, 1e3),)},
-                           regions=np.arange(n) == n - 1, fixed=fixed(n, [0]))  # fmt: skip
+        body = LatticeBody(
+            **common | {"voxel_size": 0.005, "materials": (Material(1e6, 1e3),)},
+            regions=np.arange(n) == n - 1,
+            fixed=fixed(n, [0]),
+        )
         fill = _force([1], force)
     elif name == "two_materials":
-        materials = (Material(4e5, 3000, internal_damping=0.5, global_damping=0.002),
-                     Material(1e5, 1500, internal_damping=1.0, global_damping=0.01))  # fmt: skip
-        body = LatticeBody(**common | {"materials": materials, "material_index": (x >= 2) * 1},
-                           regions=np.arange(n) >= 12, fixed=fixed(n, [0, 1, 2, 3]))  # fmt: skip
+        materials = (
+            Material(4e5, 3000, internal_damping=0.5, global_damping=0.002),
+            Material(1e5, 1500, internal_damping=1.0, global_damping=0.01),
+        )
+        body = LatticeBody(
+            **common | {"materials": materials, "material_index": (x >= 2) * 1},
+            regions=np.arange(n) >= 12,
+            fixed=fixed(n, [0, 1, 2, 3]),
+        )
         fill = _force([1], (0.05, 0.02, -0.03), (1e-4, -5e-5, 2e-4))
     elif name == "actuated_bimorph":
         materials = (Material(4e5, 3000, global_damping=0.002), Material(4e5 / 1.8, 3000, global_damping=0.002))
@@ -124,5 +132,13 @@ def load_case(name: str) -> Case:
     return Case(body, fill, options, dt, meta["steps"], meta["every"], *np.split(states, [3, 7, 10], axis=2))
 
 
-NAMES = ("cantilever_small", "cantilever_large", "two_materials", "actuated_bimorph", "floor_slip", "tilted_drop",
-         "bars_collide", "poisson_traction")  # fmt: skip
+NAMES = (
+    "cantilever_small",
+    "cantilever_large",
+    "two_materials",
+    "actuated_bimorph",
+    "floor_slip",
+    "tilted_drop",
+    "bars_collide",
+    "poisson_traction",
+)

@@ -109,8 +109,11 @@ class MaximalRover:
         for n, (body, place) in enumerate(zip(self.bodies, self.places, strict=True)):
             if n and body.shapes and place[2] <= body.shapes[0].radius:  # balls; the box stays above the ground
                 radius = body.shapes[0].radius
-                for u, wanted, softness in ((2, CORRECTION * (radius - place[2]), SOFTNESS), (0, 0, SLIP / TIME_STEP),
-                                            (1, 0, SLIP / TIME_STEP)):  # fmt: skip
+                for u, wanted, softness in (
+                    (2, CORRECTION * (radius - place[2]), SOFTNESS),
+                    (0, 0, SLIP / TIME_STEP),
+                    (1, 0, SLIP / TIME_STEP),
+                ):
                     along = np.eye(3)[u]
                     rows.append((self.row(**{f"b{n}": (along, np.cross([0, 0, -radius], along))}), wanted, softness))
         return rows, motors

@@ -131,8 +131,11 @@ class Oracle:
     def contacts(self, rotations, places, jacobians):
         """Depth, body and Jacobian of each point on the ground."""
         levers = [(b, rotations[b] @ centre - [0, 0, radius]) for b, centre, radius in self.tree.points()]
-        return [(-(places[b] + lever)[2], b, jacobians[b, 3:] + np.cross(jacobians[b, :3].T, lever).T)
-                for b, lever in levers if (places[b] + lever)[2] <= 0]  # fmt: skip
+        return [
+            (-(places[b] + lever)[2], b, jacobians[b, 3:] + np.cross(jacobians[b, :3].T, lever).T)
+            for b, lever in levers
+            if (places[b] + lever)[2] <= 0
+        ]
 
     def solve(self, matrix, right, rows, demands, slides):
         """Velocities: first without friction, then with that of points that push; Coulomb's by repetition."""

@@ -59,10 +59,27 @@ def vxa(array, palette=None, heat="<TempAmp>39</TempAmp><TempPeriod>0.25</TempPe
 
 def vxl(voxels, materials=None, externals=None, **more):
     """Voxelyze's JSON of rows x, y, z, material."""
-    usual = {"name": "soft", "youngsModulus": 1e6, "density": 1e3, "poissonsRatio": 0.0, "CTE": 0.0,
-             "staticFriction": 0.5, "kineticFriction": 0.25, "internalDamping": 1.0, "globalDamping": 0.0,
-             "collisionDamping": 1.0, "externalScaleFactor": [1, 1, 1],
-             "red": 255, "green": 0, "blue": 10, "alpha": 255}  # fmt: skip
-    document = {"voxelSize": 0.005, "materials": [usual] if materials is None else materials,
-                "voxels": [int(v) for row in voxels for v in row], **more}  # fmt: skip
+    usual = {
+        "name": "soft",
+        "youngsModulus": 1e6,
+        "density": 1e3,
+        "poissonsRatio": 0.0,
+        "CTE": 0.0,
+        "staticFriction": 0.5,
+        "kineticFriction": 0.25,
+        "internalDamping": 1.0,
+        "globalDamping": 0.0,
+        "collisionDamping": 1.0,
+        "externalScaleFactor": [1, 1, 1],
+        "red": 255,
+        "green": 0,
+        "blue": 10,
+        "alpha": 255,
+    }
+    document = {
+        "voxelSize": 0.005,
+        "materials": [usual] if materials is None else materials,
+        "voxels": [int(v) for row in voxels for v in row],
+        **more,
+    }
     return json.dumps(document if externals is None else {**document, "externals": externals})

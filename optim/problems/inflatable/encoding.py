@@ -177,8 +177,9 @@ class GradedGait(GaitEncoding):
         inflation = self._tables(values)[0]
         free = (inflation > 0) & (inflation < 1)
         sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
-        return np.concatenate([(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(),
-                               np.zeros(self.columns)])  # fmt: skip
+        return np.concatenate(
+            [(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(), np.zeros(self.columns)]
+        )
 
     @staticmethod
     def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:

@@ -132,8 +132,12 @@ class GaitProblem:
         if self.properties is not None and self._timed:
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
         choice("objectives", self.objectives, OBJECTIVES)
-        for name, low, high in (("columns", 1, MOST_COLUMNS), ("repeats", 1, MOST_REPEATS), ("stages", 1, MOST_COLUMNS),
-                                ("warm_up", 0, LONGEST_GAIT)):  # fmt: skip
+        for name, low, high in (
+            ("columns", 1, MOST_COLUMNS),
+            ("repeats", 1, MOST_REPEATS),
+            ("stages", 1, MOST_COLUMNS),
+            ("warm_up", 0, LONGEST_GAIT),
+        ):
             object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))
         for name in GRADED_OPTIONS:
             if (value := getattr(self, name)) != LATER_OPTIONS[name] and not self.graded:
@@ -317,9 +321,10 @@ class GaitProblem:
     def _judged(self, batch: Batch, more: Mapping[str, Any]) -> Evaluation:
         """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
         found = outcomes(
-            self.conditions, len(batch.designs),
+            self.conditions,
+            len(batch.designs),
             lambda number, condition, chosen: self._outcome(batch.part(chosen), condition, more, number),
-        )  # fmt: skip
+        )
         mean = self.objectives == "mean"
         counted = capped(found, self.conditions, self.ahead) if self.ladder and mean else found
         each = np.stack([outcome.speeds for outcome in counted.values()], axis=1)
@@ -350,9 +355,14 @@ class GaitProblem:
         """Of one simulation of a batch, under the condition of that number."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
         run = batch.run(
-            batch.designs, condition.terrain, geometry=self.body,
-            actuation=condition.actuation, **where, **more, progress=self._progress_on(number),
-        )  # fmt: skip
+            batch.designs,
+            condition.terrain,
+            geometry=self.body,
+            actuation=condition.actuation,
+            **where,
+            **more,
+            progress=self._progress_on(number),
+        )
         if batch.points is None:
             return Outcome(self.speeds(run), np.asarray(run.status, object), None)
         slopes = self._slopes(run, batch.points, batch.sharpness)

@@ -125,9 +125,7 @@ def how_it_ended(process: SpawnProcess) -> str:
     return f"exit code {process.exitcode}"
 
 
-def _live(
-    life: "Callable[[Connection[Any, Any]], None]", connection: "Connection[Any, Any]", parent: int
-) -> None:  # fmt: skip
+def _live(life: "Callable[[Connection[Any, Any]], None]", connection: "Connection[Any, Any]", parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     _die_with(parent)
     os.dup2(2, 1)  # stdout belongs to the parent's document

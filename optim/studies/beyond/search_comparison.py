@@ -111,8 +111,9 @@ def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
                     values = times[kind][name][method]
                     shown = label if kind == "evaluations" else f"{label}, by cost"
-                    draw_share_solved(axes, values[values > 0], len(values), budget, linestyle=style, color=colour,
-                                      label=shown)  # fmt: skip
+                    draw_share_solved(
+                        axes, values[values > 0], len(values), budget, linestyle=style, color=colour, label=shown
+                    )
             axes.set_title(title)
         panels[0, 0].set_ylabel("share of trials with all solved")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])

@@ -60,8 +60,9 @@ def train_alone(
     for n, light in enumerate(settings.lights):
         single = replace(settings, lights=(light,))
         folder = out / "alone" / f"{light[0]:g},{light[1]:g}"
-        found = evolve(single, chosen, effort.runs, effort.generations, folder, threads,
-                       part_of(progress, n, len(settings.lights)))  # fmt: skip
+        found = evolve(
+            single, chosen, effort.runs, effort.generations, folder, threads, part_of(progress, n, len(settings.lights))
+        )
         for treatment, seen in champions_of(single, found, threads).items():
             near, waiting = time_near(seen, single.lights)
             numbers = np.column_stack([seen.distance, near, waiting])

@@ -57,8 +57,13 @@ def follow(settings: Interference, robot: str, weights: Floats, threads: int | N
     frames = result.rollouts.frames
     assert frames is not None  # they were asked for
     shape = (len(weights), len(settings.lights), len(frames.times))
-    return Champions(weights, frames.times, frames.position[:, :, :2].swapaxes(0, 1).reshape(*shape, 2),
-                     frames.readings[:, :, -1].T.reshape(shape), result.distance)  # fmt: skip
+    return Champions(
+        weights,
+        frames.times,
+        frames.position[:, :, :2].swapaxes(0, 1).reshape(*shape, 2),
+        frames.readings[:, :, -1].T.reshape(shape),
+        result.distance,
+    )
 
 
 def time_near(seen: Champions, lights: Sequence[Sequence[float]]) -> tuple[Floats, Floats]:

@@ -85,18 +85,26 @@ class HillClimbers:
         self.weights = np.where(kept[:, None, None], weights, self.weights)
         self.scores = np.where(kept, scores, self.scores)
         which = np.flatnonzero(kept)
-        self._kept.append({
-            "born": np.full(len(which), self.generation, np.int32), "climber": which.astype(np.int32),
-            "light": light[which], "distance": distance[which].astype(np.float32),
-        })  # fmt: skip
+        self._kept.append(
+            {
+                "born": np.full(len(which), self.generation, np.int32),
+                "climber": which.astype(np.int32),
+                "light": light[which],
+                "distance": distance[which].astype(np.float32),
+            }
+        )
         self.generation += 1
         return kept
 
     def state(self) -> Arrays:
         """Weights, scores, and all that was kept."""
         self._kept = [{name: np.concatenate([part[name] for part in self._kept]) for name in self._kept[0]}]
-        return {"generation": np.array(self.generation), "weights": self.weights, "scores": self.scores,
-                **self._kept[0]}  # fmt: skip
+        return {
+            "generation": np.array(self.generation),
+            "weights": self.weights,
+            "scores": self.scores,
+            **self._kept[0],
+        }
 
     def restore(self, state: Arrays) -> None:
         """Continue from :meth:`state`."""

@@ -55,8 +55,11 @@ def evolve(
         check_whole(name, value, low)
     runtime.start(settings.device, settings.precision, threads)  # refuses what is not there before a folder is made
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
-    members = {(treatment, run): TRAINERS[treatment.trainer](treatment, run, settings, threads)
-               for treatment in chosen for run in range(runs)}  # fmt: skip
+    members = {
+        (treatment, run): TRAINERS[treatment.trainer](treatment, run, settings, threads)
+        for treatment in chosen
+        for run in range(runs)
+    }
     for (treatment, run), climbers in members.items():
         for state in folder.load(treatment.file(run)) if folder else ():
             if "climber" in state:

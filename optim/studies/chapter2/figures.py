@@ -41,8 +41,15 @@ def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]]
     every = np.concatenate([changes for changes, _ in mutations.values()])
     reach = 1.05 * max(1.0, np.abs(every).max(initial=0.0))
     latest = max(1, *(int(born.max(initial=0)) for _, born in mutations.values()))
-    with figure(path, 0.9 + 1.75 * len(columns), 0.5 + 1.65 * len(rows), nrows=len(rows), ncols=len(columns),
-                sharex=True, sharey=True) as (drawn, panels):  # fmt: skip
+    with figure(
+        path,
+        0.9 + 1.75 * len(columns),
+        0.5 + 1.65 * len(rows),
+        nrows=len(rows),
+        ncols=len(columns),
+        sharex=True,
+        sharey=True,
+    ) as (drawn, panels):
         points: Any = None
         for treatment, (changes, born) in mutations.items():
             axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
@@ -52,24 +59,36 @@ def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]]
             axes.plot([-reach, reach], [-reach, reach], color="0.75", lw=0.5, zorder=1)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
             chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
-            points = axes.scatter(*changes[chosen].T, c=born[chosen], s=3, lw=0, vmin=0, vmax=latest,
-                                  cmap="viridis", rasterized=True, zorder=2)  # fmt: skip
+            points = axes.scatter(
+                *changes[chosen].T,
+                c=born[chosen],
+                s=3,
+                lw=0,
+                vmin=0,
+                vmax=latest,
+                cmap="viridis",
+                rasterized=True,
+                zorder=2,
+            )
         _name(panels, rows, columns)
         drawn.supxlabel("nearer to the light in the first environment [m]", fontsize=8)
         drawn.supylabel("in the second [m]", fontsize=8)
         drawn.colorbar(points, ax=panels, label="generation", fraction=0.03, aspect=40)
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     for treatment, (changes, born) in mutations.items():
-        arrays |= {f"{treatment.robot}_{treatment.row}_{name}": values
-                   for name, values in (("change", changes), ("generation", born))}  # fmt: skip
+        arrays |= {
+            f"{treatment.robot}_{treatment.row}_{name}": values
+            for name, values in (("change", changes), ("generation", born))
+        }
     save_arrays(path.with_suffix(".npz"), arrays)
 
 
 def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
     """Worst distance and fitness over generations: means of runs with 95 % bands; a column each robot."""
     rows, columns = _layout(list(curves))
-    with figure(path, PAGE, 1.0 + 1.25 * (1 + len(rows)), nrows=1 + len(rows), ncols=len(columns), sharex=True,
-                sharey="row") as (_, panels):  # fmt: skip
+    with figure(
+        path, PAGE, 1.0 + 1.25 * (1 + len(rows)), nrows=1 + len(rows), ncols=len(columns), sharex=True, sharey="row"
+    ) as (_, panels):
         for treatment, values in curves.items():
             row, column = rows.index(treatment.row), columns.index(treatment.robot)
             for n, axes in enumerate((panels[0, column], panels[1 + row, column])):
@@ -115,8 +134,15 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
     low, high = np.nanmin(every, axis=0) - 1, np.nanmax(every, axis=0) + 1
     width, height = high - low
     size = 6.2 / len(columns)  # in
-    with figure(path, PAGE, 0.6 + (size * height / width + 0.15) * len(rows), nrows=len(rows), ncols=len(columns),
-                sharex=True, sharey=True) as (drawn, panels):  # fmt: skip
+    with figure(
+        path,
+        PAGE,
+        0.6 + (size * height / width + 0.15) * len(rows),
+        nrows=len(rows),
+        ncols=len(columns),
+        sharex=True,
+        sharey=True,
+    ) as (drawn, panels):
         for treatment, seen in champions.items():
             axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
             run = chosen[treatment]

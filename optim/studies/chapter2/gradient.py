@@ -43,8 +43,11 @@ class GradientClimbers(HillClimbers):
         """Keep what is better, take its gradient, and choose the next steps."""
         stepping = self._patient & (self.generation > 0)
         kept = self._keep(weights, light, distance)
-        self.step = np.where(stepping, np.where(kept, np.minimum(GROWTH * self.step, LONGEST), SHRINKAGE * self.step),
-                             np.where(kept, FIRST, self.step))  # fmt: skip
+        self.step = np.where(
+            stepping,
+            np.where(kept, np.minimum(GROWTH * self.step, LONGEST), SHRINKAGE * self.step),
+            np.where(kept, FIRST, self.step),
+        )
         self.failures = np.where(kept, 0, self.failures + 1)
         moved = np.flatnonzero(kept)
         self.derivatives += len(moved)
@@ -55,8 +58,13 @@ class GradientClimbers(HillClimbers):
 
     def state(self) -> Arrays:
         """As of :class:`HillClimbers`, with directions, steps, failures in a row, and derivatives taken so far."""
-        return {**super().state(), "uphill": self.uphill, "step": self.step, "failures": self.failures,
-                "derivatives": np.array(self.derivatives)}  # fmt: skip
+        return {
+            **super().state(),
+            "uphill": self.uphill,
+            "step": self.step,
+            "failures": self.failures,
+            "derivatives": np.array(self.derivatives),
+        }
 
     def restore(self, state: Arrays) -> None:
         """Continue from :meth:`state`."""
@@ -71,8 +79,16 @@ class GradientClimbers(HillClimbers):
     def _directions(self, weights: Floats) -> Floats:
         """Unit gradients of the logarithm of the fitness; zero where there is none."""
         own = self.settings
-        done, slopes = differentiate(self.robot, weights, own.lights, variant=VARIANTS[own.variant], steps=own.steps,
-                                     precision=own.precision, device=own.device, threads=self.threads)  # fmt: skip
+        done, slopes = differentiate(
+            self.robot,
+            weights,
+            own.lights,
+            variant=VARIANTS[own.variant],
+            steps=own.steps,
+            precision=own.precision,
+            device=own.device,
+            threads=self.threads,
+        )
         shares = fitness_shares(self.way, done.light)
         found = np.einsum("pe,peij->pij", shares, slopes)
         lengths = np.sqrt((found**2).sum((1, 2), keepdims=True))

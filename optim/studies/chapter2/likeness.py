@@ -106,8 +106,11 @@ def write_likeness(found: Mapping[str, Cells], out: Path) -> dict[str, Any]:
     rows, text = [], ["# Whether environments look alike\n"]
     for name, cells in found.items():
         rows += [(name, *cell, number) for cell, numbers in cells.items() for number in numbers.tolist()]
-        means = [{"fitness": row, "robot": robot, "mean": float(numbers.mean())}
-                 for (row, robot), numbers in cells.items() if len(numbers)]  # fmt: skip
+        means = [
+            {"fitness": row, "robot": robot, "mean": float(numbers.mean())}
+            for (row, robot), numbers in cells.items()
+            if len(numbers)
+        ]
         tests = {}
         for row in dict.fromkeys(row for row, _ in cells):
             samples = {robot: numbers for (other, robot), numbers in cells.items() if other == row and len(numbers) > 1}
@@ -123,8 +126,11 @@ def _readable(name: str, part: Mapping[str, Any]) -> list[str]:
     """A table of means, and p of the tests (Bonferroni by row)."""
     means = {(cell["fitness"], cell["robot"]): cell["mean"] for cell in part["means"]}
     robots = list(dict.fromkeys(robot for _, robot in means))
-    lines = [f"## {QUANTITIES[name]}\n", "| | " + " | ".join(robots) + " | tests of pairs |",
-             "| --- |" + " --- |" * (len(robots) + 1)]  # fmt: skip
+    lines = [
+        f"## {QUANTITIES[name]}\n",
+        "| | " + " | ".join(robots) + " | tests of pairs |",
+        "| --- |" + " --- |" * (len(robots) + 1),
+    ]
     for row, tests in part["tests"].items():
         told = "; ".join(f"{t['first']} and {t['second']}: p = {t['p_bonferroni']:.2g}" for t in tests)
         numbers = (f"{means[row, robot]:.3f}" if (row, robot) in means else "–" for robot in robots)

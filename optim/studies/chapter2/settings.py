@@ -112,6 +112,14 @@ class Interference:
         self, robot: str, weights: Floats, threads: int | None = None, record_every: int | None = None
     ) -> QuadrupedResult:
         """Run controllers, (N, 5, 8), in a robot, each in all environments."""
-        return simulate(ROBOTS[robot], weights, self.lights, variant=VARIANTS[self.variant], steps=self.steps,
-                        record_every=record_every, precision=self.precision, device=self.device,
-                        threads=threads)  # fmt: skip
+        return simulate(
+            ROBOTS[robot],
+            weights,
+            self.lights,
+            variant=VARIANTS[self.variant],
+            steps=self.steps,
+            record_every=record_every,
+            precision=self.precision,
+            device=self.device,
+            threads=threads,
+        )

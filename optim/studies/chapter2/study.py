@@ -115,8 +115,16 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
     interference = Interference(population=settings.population)
     for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
-        train(replace(interference, lights=LIGHTS[environments]), treatments(), settings.runs, settings.generations,
-              folder / name, figures=True, progress=part_of(progress, n, 3))  # fmt: skip
-    alone = train_alone(replace(interference, lights=LIGHTS[4]), tuple(ROBOTS), settings.alone, folder,
-                        progress=part_of(progress, 2, 3))  # fmt: skip
+        train(
+            replace(interference, lights=LIGHTS[environments]),
+            treatments(),
+            settings.runs,
+            settings.generations,
+            folder / name,
+            figures=True,
+            progress=part_of(progress, n, 3),
+        )
+    alone = train_alone(
+        replace(interference, lights=LIGHTS[4]), tuple(ROBOTS), settings.alone, folder, progress=part_of(progress, 2, 3)
+    )
     write_json(folder / "summary.json", {"alone": alone})

@@ -60,8 +60,10 @@ def measure(found: Mapping[Run, Arrays], definition: str = "defined") -> dict[Ru
     if definition == "computed":
         with np.errstate(divide="ignore"):
             apparent = {run: state["light"] ** -0.5 for run, state in found.items()}
-        return {run: measure_run_as_computed(state["climber"], state["distance"], apparent[run])
-                for run, state in found.items()}  # fmt: skip
+        return {
+            run: measure_run_as_computed(state["climber"], state["distance"], apparent[run])
+            for run, state in found.items()
+        }
     return {run: measure_run(state["climber"], state["distance"]) for run, state in found.items()}
 
 
@@ -88,12 +90,17 @@ def compare_cells(cells: Cells) -> list[dict[str, Any]]:
     corrected = bonferroni([each.p for each in effects])
     return [
         {
-            "first": [a.row, a.robot], "second": [b.row, b.robot], "difference": each.difference,
-            "interval": [each.low, each.high], "A12": each.superiority, "p": each.p, "p_bonferroni": p,
+            "first": [a.row, a.robot],
+            "second": [b.row, b.robot],
+            "difference": each.difference,
+            "interval": [each.low, each.high],
+            "A12": each.superiority,
+            "p": each.p,
+            "p_bonferroni": p,
             "significant": p < SIGNIFICANT,
         }
         for (a, b), each, p in zip(known, effects, corrected, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]]:
@@ -102,14 +109,20 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
     for treatment, values in cells.items():
         place = treatment.row, treatment.robot
         low, high = mean_band(values) if len(values) > 1 else (None, None)
-        rows.append({
-            "measure": name, "fitness": treatment.row, "robot": treatment.robot, "runs": len(values),
-            "mean": float(values.mean()) if len(values) else None,
-            "deviation": float(values.std(ddof=1)) if len(values) > 1 else None,
-            "low": None if low is None else float(low), "high": None if high is None else float(high),
-            "published": PUBLISHED.get((environments, name), {}).get(place),
-            "published_deviation": PUBLISHED_DEVIATION.get((environments, name), {}).get(place),
-        })  # fmt: skip
+        rows.append(
+            {
+                "measure": name,
+                "fitness": treatment.row,
+                "robot": treatment.robot,
+                "runs": len(values),
+                "mean": float(values.mean()) if len(values) else None,
+                "deviation": float(values.std(ddof=1)) if len(values) > 1 else None,
+                "low": None if low is None else float(low),
+                "high": None if high is None else float(high),
+                "published": PUBLISHED.get((environments, name), {}).get(place),
+                "published_deviation": PUBLISHED_DEVIATION.get((environments, name), {}).get(place),
+            }
+        )
     return rows
 
 
@@ -131,8 +144,10 @@ def write_tables(found: Mapping[Run, Arrays], out: Path, about: Mapping[str, Any
             "cells": [row for name in MEASURES for row in summarise(cells[name], name, environments)],
             "tests": {name: compare_cells(cells[name]) for name in MEASURES},
         }
-        runs += [(definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
-                 for (t, run), m in measured.items()]  # fmt: skip
+        runs += [
+            (definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
+            for (t, run), m in measured.items()
+        ]
         text += list(_readable(summary["definitions"][definition], definition))
     rows = [(definition, *row.values()) for definition, part in summary["definitions"].items() for row in part["cells"]]
     write_table(out / "tables.csv", ("definition", *next(iter(summary["definitions"].values()))["cells"][0]), rows)
@@ -151,8 +166,17 @@ def _test_rows(definitions: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
     for definition, part in definitions.items():
         for name, tests in part["tests"].items():
             for t in tests:
-                yield (definition, name, " ".join(t["first"]), " ".join(t["second"]), t["difference"], *t["interval"],
-                       t["A12"], t["p"], t["p_bonferroni"])  # fmt: skip
+                yield (
+                    definition,
+                    name,
+                    " ".join(t["first"]),
+                    " ".join(t["second"]),
+                    t["difference"],
+                    *t["interval"],
+                    t["A12"],
+                    t["p"],
+                    t["p_bonferroni"],
+                )
 
 
 def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:

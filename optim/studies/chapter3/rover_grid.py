@@ -100,6 +100,7 @@ def _stand_in(design: int) -> tuple[int, bool]:
 
 def _one(design: int, settings: RoverGrid, where: dict[str, Any]) -> Arrays:
     """Success in one body, (n, n, 4)."""
-    done = simulate(Rover.published(design), settings.pairs, steps=settings.steps, precision=settings.precision,
-                    **where)  # fmt: skip
+    done = simulate(
+        Rover.published(design), settings.pairs, steps=settings.steps, precision=settings.precision, **where
+    )
     return {"success": done.success.reshape(settings.weights, settings.weights, -1)}

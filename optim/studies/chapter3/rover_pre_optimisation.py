@@ -140,11 +140,14 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
         summary[name] = {
             "front": len(front.points),
             "base": None if bodies[0] is None else _judged(name, bodies[0], settings, results),
-            "as_near_as_published": None if bodies[1] is None or near is None else {
-                "parameters": _shown(bodies[1]), "effort": float(front.effort[near]),
+            "as_near_as_published": None
+            if bodies[1] is None or near is None
+            else {
+                "parameters": _shown(bodies[1]),
+                "effort": float(front.effort[near]),
                 "distance": float(front.distance[near]),
             },
-        }  # fmt: skip
+        }
     write_json(folder / "summary.json", summary)
     draw(fronts, published, folder / "rover-pre-optimisation.png")
 
@@ -159,9 +162,12 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
         searched = replace(base, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT)
         alone = simulate(searched, (1.0, 1.0), steps=settings.steps, threads=settings.threads)
         pairs = RoverGrid(settings.weights).pairs
-        swept = [simulate(Rover(sites, **_parameters(base)), pairs, steps=settings.steps,
-                          threads=settings.threads).success.sum(axis=1, dtype=np.uint8)
-                 for sites in SITES.values()]  # fmt: skip
+        swept = [
+            simulate(
+                Rover(sites, **_parameters(base)), pairs, steps=settings.steps, threads=settings.threads
+            ).success.sum(axis=1, dtype=np.uint8)
+            for sites in SITES.values()
+        ]
         return {"closest": alone.closest, "overlaps": np.array(swept).reshape(-1, *[settings.weights] * 2)}
 
     found = kept(results, f"judged_{name}", compute)
@@ -173,12 +179,14 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
         "controllers": settings.weights**2,
         "grids": {
             sites: {
-                "solving_all": int(np.count_nonzero(overlap == 4)), "solving_any": int(np.count_nonzero(overlap)),
-                "M_L": float(learnability(overlap)), "M_CF": float(interference(overlap)),
+                "solving_all": int(np.count_nonzero(overlap == 4)),
+                "solving_any": int(np.count_nonzero(overlap)),
+                "M_L": float(learnability(overlap)),
+                "M_CF": float(interference(overlap)),
             }
             for sites, overlap in zip(SITES, found["overlaps"], strict=True)
         },
-    }  # fmt: skip
+    }
 
 
 def _parameters(base: Rover) -> dict[str, float]:

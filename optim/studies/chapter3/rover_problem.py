@@ -89,8 +89,9 @@ class RoverProblem:
         points = self.space.validate(np.atleast_2d(points))
         rovers = [self.rover(point) for point in points]
         weights = points[:, -len(WEIGHTS) :] if self.controller == "evolved" else np.ones((len(points), len(WEIGHTS)))
-        done = simulate(rovers, weights, steps=self.steps, precision=self.precision, device=self.device,
-                        threads=self.threads)  # fmt: skip
+        done = simulate(
+            rovers, weights, steps=self.steps, precision=self.precision, device=self.device, threads=self.threads
+        )
         objectives = np.column_stack([-distances(rovers, done.closest), -effort(rovers)])
         status = np.where((done.status == "ok").all(axis=1), "ok", "diverged")
         return Evaluation(objectives, status, {"solved": done.success.sum(axis=1)})

@@ -27,8 +27,21 @@ BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 # Of 121 x 121 controllers: those that solve all environments, M_L and M_CF.
 PUBLISHED = {"canonical": (1, 0.000068, 0.00052), "best": (57, 0.0039, 0.038)}
 MODELS = ("rigid bodies", "theoretical")
-COLUMNS = ("body", "model", "controllers", "solving_0", "solving_1", "solving_2", "solving_3", "solving_4", "M_L",
-           "M_CF", "published_solving_4", "published_M_L", "published_M_CF")  # fmt: skip
+COLUMNS = (
+    "body",
+    "model",
+    "controllers",
+    "solving_0",
+    "solving_1",
+    "solving_2",
+    "solving_3",
+    "solving_4",
+    "M_L",
+    "M_CF",
+    "published_solving_4",
+    "published_M_L",
+    "published_M_CF",
+)
 
 
 @dataclass(frozen=True)
@@ -86,8 +99,14 @@ def draw(overlaps: dict[tuple[str, str], Overlap], path: Path) -> None:
     with figure(path, 2 * COLUMN, 5.6, nrows=len(MODELS), ncols=len(BODIES)) as (drawn, panels):
         for axes, ((body, model), overlap) in zip(panels.flat, overlaps.items(), strict=True):
             image = draw_overlap(axes, overlap)
-            axes.annotate(f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all", (0.5, 1.02),
-                          xycoords="axes fraction", ha="center", va="bottom", fontsize=7)  # fmt: skip
+            axes.annotate(
+                f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all",
+                (0.5, 1.02),
+                xycoords="axes fraction",
+                ha="center",
+                va="bottom",
+                fontsize=7,
+            )
         add_overlap_bar(drawn, image, panels.ravel().tolist())
         letter(panels)
     save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})

@@ -82,9 +82,8 @@ def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None
     reached = successes(designs, settings.grid, folder / "success", **where, progress=part_of(progress, 0, 2))
     overlaps = {
         MODELS[0]: reached.sum(-1, dtype=np.uint8),
-        MODELS[1]: overlaps_of(vehicles, settings.theory, folder / "theory", **where,
-                               progress=part_of(progress, 1, 2)),
-    }  # fmt: skip
+        MODELS[1]: overlaps_of(vehicles, settings.theory, folder / "theory", **where, progress=part_of(progress, 1, 2)),
+    }
     metrics = {(model, name): metric(found) for model, found in overlaps.items() for name, metric in METRICS.items()}
     known = {key: dict(zip(named, values[: len(named)].tolist(), strict=True)) for key, values in metrics.items()}
     metrics = {key: values[len(named) :] for key, values in metrics.items()}
@@ -100,8 +99,9 @@ def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None
     draw(metrics, known, folder / "rover-sweep.png")
 
 
-def summary(settings: RoverSweep, metrics: dict[tuple[str, str], Floats],
-            known: dict[tuple[str, str], dict[str, float]]) -> dict[str, Any]:  # fmt: skip
+def summary(
+    settings: RoverSweep, metrics: dict[tuple[str, str], Floats], known: dict[tuple[str, str], dict[str, float]]
+) -> dict[str, Any]:
     """Distributions, ranks of the canonical and the best body, and how the models' orders of bodies agree."""
     found: dict[str, Any] = {"bodies": settings.bodies, "seed": settings.seed, "weights": settings.grid.weights}
     for (model, name), values in metrics.items():
@@ -132,8 +132,14 @@ def draw(metrics: dict[tuple[str, str], Floats], known: dict[tuple[str, str], di
             for (body, value), colour in zip(lines.items(), COLOURS[1:], strict=False):
                 axes.axvline(value, color=colour, linestyle="--", label=f"{body} body")
             axes.set(xlabel=f"{MEANINGS[name]}, {model}", yscale="log", ylim=(0.7, 2 * len(values)))
-            axes.annotate(f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0", (0.5, 1.02), ha="center",
-                          va="bottom", xycoords="axes fraction", fontsize=7)  # fmt: skip
+            axes.annotate(
+                f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0",
+                (0.5, 1.02),
+                ha="center",
+                va="bottom",
+                xycoords="axes fraction",
+                fontsize=7,
+            )
         for axes in panels[:, 0]:
             axes.set_ylabel("bodies")
         panels[1, 0].legend(loc="upper right")

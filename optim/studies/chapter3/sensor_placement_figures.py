@@ -52,8 +52,14 @@ def save_distributions(table: SweepTable, path: Path) -> None:
         for axes, (name, one) in zip(panels.flat, found.items(), strict=True):
             axes.stairs(one.counts, one.edges, fill=True, color=COLOURS[0])
             axes.set(xlabel=MEANINGS[name], yscale="log", ylim=(0.7, 1.5 * one.counts.max()))
-            axes.annotate(f"{one.zeros} of {one.counts.sum()} bodies at 0", (0.97, 0.93), xycoords="axes fraction",
-                          ha="right", va="top", fontsize=7)  # fmt: skip
+            axes.annotate(
+                f"{one.zeros} of {one.counts.sum()} bodies at 0",
+                (0.97, 0.93),
+                xycoords="axes fraction",
+                ha="right",
+                va="top",
+                fontsize=7,
+            )
         panels[0, 0].set_ylabel("bodies")
         letter(panels)
     rows = (row for name, one in found.items() for row in _bins(name, one))
@@ -70,12 +76,22 @@ def save_correlation(table: SweepTable, notable: Mapping[int, str], path: Path) 
     found = correlation_of_metrics(table)
     with figure(path, COLUMN, 2.8) as (_, panels):
         axes = panels[0, 0]
-        axes.scatter(table.learnability, table.interference, s=3, color=COLOURS[0], alpha=0.25, linewidths=0,
-                     rasterized=True)  # fmt: skip
+        axes.scatter(
+            table.learnability, table.interference, s=3, color=COLOURS[0], alpha=0.25, linewidths=0, rasterized=True
+        )
         for number, (design, name) in enumerate(notable.items(), 1):
             one = table.rows([design])
-            axes.scatter(one.learnability, one.interference, s=22, marker="D", color=COLOURS[number],
-                         label=_named(name), edgecolors="black", linewidths=0.5, zorder=3)  # fmt: skip
+            axes.scatter(
+                one.learnability,
+                one.interference,
+                s=22,
+                marker="D",
+                color=COLOURS[number],
+                label=_named(name),
+                edgecolors="black",
+                linewidths=0.5,
+                zorder=3,
+            )
         axes.set(xlabel=MEANINGS["M_L"], ylabel=MEANINGS["M_CI"])
         axes.legend(loc="lower right")
         if found.r is not None:
@@ -159,14 +175,26 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
     limits, ticks = (-1.6 * HALF_SIDE, 1.6 * HALF_SIDE), (-HALF_SIDE, 0, HALF_SIDE)
     axes.set(aspect="equal", xlim=limits, ylim=limits, xticks=ticks, yticks=ticks)
     axes.set(xlabel="ahead [m]", ylabel="to the left [m]")
-    axes.annotate(f"design {design}\n{_named(example.name)}", (0.5, 1.02), xycoords="axes fraction", ha="center",
-                  va="bottom", fontsize=7)  # fmt: skip
+    axes.annotate(
+        f"design {design}\n{_named(example.name)}",
+        (0.5, 1.02),
+        xycoords="axes fraction",
+        ha="center",
+        va="bottom",
+        fontsize=7,
+    )
 
 
 def _draw_paths(axes: "Axes", places: NDArray[np.float64], task: VehicleTask, weights: NDArray[np.float64]) -> None:
     draw_paths(axes, places, np.unique(task.lights, axis=0))
-    axes.annotate("$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights), (0.5, 1.02), xycoords="axes fraction", ha="center",
-                  va="bottom", fontsize=7)  # fmt: skip
+    axes.annotate(
+        "$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights),
+        (0.5, 1.02),
+        xycoords="axes fraction",
+        ha="center",
+        va="bottom",
+        fontsize=7,
+    )
 
 
 def _named(text: str) -> str:

@@ -107,9 +107,10 @@ def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dic
             "reported_point": describe_times(reported, settings.budget),
         }
         summary["environments_solved_at_the_end"][arm] = {
-            "mean": float(solved[:, -1].mean()), "interval": [float(low[-1]), float(high[-1])],
+            "mean": float(solved[:, -1].mean()),
+            "interval": [float(low[-1]), float(high[-1])],
             "trials_with_each": np.bincount(solved[:, -1], minlength=environments + 1).tolist(),
-        }  # fmt: skip
+        }
     summary["tests_of_evaluations_until_all_solved"] = compare(times, PAIRS, "less")
     write_table(out / "environments-solved.csv", ("arm", "evaluations", "mean", "low", "high"), curves)
     header = ("arm", "seed", "first_point_solving_all", "reported_solves_all_from", "solved_at_the_end")

@@ -179,8 +179,9 @@ def report(settings: HomeostasisObjective, found: dict[str, Trials], outcomes: d
     times = {arm: trials.first(goal) for arm, trials in found.items()}
     summary: dict[str, Any] = {
         "evaluations_until_all_solved": {arm: describe_times(t, own.budget) for arm, t in times.items()},
-        "outcomes": {}, "tests": {},
-    }  # fmt: skip
+        "outcomes": {},
+        "tests": {},
+    }
     for name in OUTCOMES:
         samples = {way: arrays[name][np.isfinite(arrays[name])] for way, arrays in outcomes.items()}
         summary["outcomes"][name] = {

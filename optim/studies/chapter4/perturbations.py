@@ -63,8 +63,10 @@ def _start(deviations: tuple[float, float, float]) -> Change:
 
 def _step(factor: float) -> Change:
     return lambda s, c, task, _: (
-        s, c, replace(task, time_step=task.time_step * factor, steps=math.ceil(task.steps / factor))
-    )  # fmt: skip
+        s,
+        c,
+        replace(task, time_step=task.time_step * factor, steps=math.ceil(task.steps / factor)),
+    )
 
 
 PERTURBATIONS = (

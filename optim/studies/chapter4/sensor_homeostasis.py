@@ -185,9 +185,11 @@ def from_first_to_last(values: Floats, solved: NDArray[np.bool_]) -> dict[str, A
         change = last - first
         moved = np.count_nonzero(change)
         found[name] = {
-            "trials": len(trials), "fell": int((change < 0).sum()), "rose": int((change > 0).sum()),
+            "trials": len(trials),
+            "fell": int((change < 0).sum()),
+            "rose": int((change > 0).sum()),
             "median_first": float(np.median(first)) if len(first) else None,
             "median_last": float(np.median(last)) if len(last) else None,
             "p_wilcoxon_two_sided": float(wilcoxon(last, first).pvalue) if moved else 1.0,
-        }  # fmt: skip
+        }
     return found

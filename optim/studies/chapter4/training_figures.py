@@ -32,12 +32,19 @@ def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
                 correlation = found[method, metric]
                 if correlation.r is not None:
                     p = "p < 0.001" if correlation.p < 0.001 else f"p = {correlation.p:.3f}"
-                    axes.annotate(f"$r = {correlation.r:.2f}$, {p}", (0.97, 0.95), xycoords="axes fraction", ha="right",
-                                  va="top", fontsize=7)  # fmt: skip
+                    axes.annotate(
+                        f"$r = {correlation.r:.2f}$, {p}",
+                        (0.97, 0.95),
+                        xycoords="axes fraction",
+                        ha="right",
+                        va="top",
+                        fontsize=7,
+                    )
             row[0].set_ylabel("mean evaluations")
         for axes, method in zip(panels[0], table.methods, strict=True):
-            axes.annotate(NAMES.get(method, method), (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom",
-                          fontsize=7)  # fmt: skip
+            axes.annotate(
+                NAMES.get(method, method), (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom", fontsize=7
+            )
         letter(panels)
     columns = (table.designs.tolist(), *(values.tolist() for values in part.metrics.values()), *means.tolist())
     write_table(path.with_suffix(".csv"), ("design", *part.metrics, *table.methods), zip(*columns, strict=True))

@@ -42,8 +42,9 @@ def open_played(settings: ShapeChange, folder: Path) -> ResultsFolder:
     return ResultsFolder(folder / KIND, KIND, lasting)
 
 
-def play_by_hand(settings: ShapeChange, folder: ResultsFolder, costs: Costs, threads: int | None,
-                 progress: Progress) -> dict[str, dict[str, Floats]]:  # fmt: skip
+def play_by_hand(
+    settings: ShapeChange, folder: ResultsFolder, costs: Costs, threads: int | None, progress: Progress
+) -> dict[str, dict[str, Floats]]:
     """Rolling and inching as they were made by hand, on both terrains, in f64."""
     robot = _robot(settings, "f64", settings.copies)
     cases = [
@@ -60,8 +61,15 @@ def play_by_hand(settings: ShapeChange, folder: ResultsFolder, costs: Costs, thr
     return {name: {place: next(speeds) for place in PLACES} for name in BY_HAND}
 
 
-def play_found(settings: ShapeChange, found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]],
-               folder: ResultsFolder, costs: Costs, threads: int | None, progress: Progress) -> Played:  # fmt: skip
+def play_found(
+    settings: ShapeChange,
+    found: Mapping[str, Found],
+    by_hand: Mapping[str, Mapping[str, Floats]],
+    folder: ResultsFolder,
+    costs: Costs,
+    threads: int | None,
+    progress: Progress,
+) -> Played:
     """The best design of every experiment again, and the best few of those on both terrains elsewhere."""
     again, elsewhere = {}, {}
     for number, experiment in enumerate(EXPERIMENTS):
@@ -76,8 +84,9 @@ def play_found(settings: ShapeChange, found: Mapping[str, Found], by_hand: Mappi
     return Played(by_hand, again, elsewhere, _latest(found))
 
 
-def played_before(found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]],
-                  folder: ResultsFolder) -> Played:  # fmt: skip
+def played_before(
+    found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]], folder: ResultsFolder
+) -> Played:
     """The newest generation of which the folder has all best designs again, and what it has of them elsewhere."""
     best = [experiment for experiment in EXPERIMENTS if experiment.name in found and found[experiment.name].best(1)]
     for generation in range(_latest(found), -1, -1):
@@ -95,8 +104,15 @@ def _latest(found: Mapping[str, Found]) -> int:
     return min((len(one.scores) - 1 for one in found.values()), default=-1)
 
 
-def _again(settings: ShapeChange, experiment: Experiment, found: Found, folder: ResultsFolder, costs: Costs,
-           threads: int | None, progress: Progress) -> Floats:  # fmt: skip
+def _again(
+    settings: ShapeChange,
+    experiment: Experiment,
+    found: Found,
+    folder: ResultsFolder,
+    costs: Costs,
+    threads: int | None,
+    progress: Progress,
+) -> Floats:
     """Speeds of copies of the best design where it was found: a search also keeps what contact favoured by chance."""
     cases = [Case(found.designs[found.best(1)[0]], settings.terrain(experiment.place))]
 
@@ -107,8 +123,15 @@ def _again(settings: ShapeChange, experiment: Experiment, found: Found, folder: 
     return kept(folder, f"again_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
 
 
-def _elsewhere(settings: ShapeChange, experiment: Experiment, found: Found, folder: ResultsFolder, costs: Costs,
-               threads: int | None, progress: Progress) -> Floats:  # fmt: skip
+def _elsewhere(
+    settings: ShapeChange,
+    experiment: Experiment,
+    found: Found,
+    folder: ResultsFolder,
+    costs: Costs,
+    threads: int | None,
+    progress: Progress,
+) -> Floats:
     best = found.best(settings.others)
     place = HILL if experiment.place == FLAT else FLAT
     cases = [Case(found.designs[climber], settings.terrain(place)) for climber in best]

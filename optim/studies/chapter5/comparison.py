@@ -46,8 +46,9 @@ def _searched(settings: ShapeChange, found: Mapping[str, Found], played: Played)
             if experiment.name in played.again:
                 row[f"{place}_max_again"] = spread(played.again[experiment.name])
         row[COMBINED] = _mean(row.get("flat_max"), row.get("hill_max"))
-        row["one_design"] = best_on_both({e.place: played.elsewhere[e.name] for e in EXPERIMENTS
-                                          if e.row == name and e.name in played.elsewhere})  # fmt: skip
+        row["one_design"] = best_on_both(
+            {e.place: played.elsewhere[e.name] for e in EXPERIMENTS if e.row == name and e.name in played.elsewhere}
+        )
         yield {**row, "published": dict(TABLE.get(name, {}))}
 
 
@@ -111,8 +112,16 @@ def tests(found: Mapping[str, Found]) -> list[dict[str, Any]]:
             test, size = welch(control, open_scores), effect(control, open_scores)
             alike = experiment.free == PARTS
             paired = _paired(found[experiment.name].scores[-1], found[OPEN].scores[-1]) if alike else None
-            results.append({"control": experiment.name, "open": OPEN, "climbers": [len(control), len(open_scores)],
-                            "welch": asdict(test), "effect": asdict(size), "paired": paired})  # fmt: skip
+            results.append(
+                {
+                    "control": experiment.name,
+                    "open": OPEN,
+                    "climbers": [len(control), len(open_scores)],
+                    "welch": asdict(test),
+                    "effect": asdict(size),
+                    "paired": paired,
+                }
+            )
     return results
 
 
@@ -124,8 +133,12 @@ def _paired(control: Floats, open_scores: Floats) -> dict[str, float] | None:
     if not differences.size:
         return None
     low, high = mean_band(differences)
-    return {"climbers": len(differences), "difference": float(differences.mean()), "low": float(low),
-            "high": float(high)}  # fmt: skip
+    return {
+        "climbers": len(differences),
+        "difference": float(differences.mean()),
+        "low": float(low),
+        "high": float(high),
+    }
 
 
 def curve(scores: Floats) -> dict[str, list[float | None]]:

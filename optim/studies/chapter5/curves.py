@@ -44,8 +44,14 @@ def write_curves(summary: Mapping[str, Any], path: Path) -> None:
             for name in BY_HAND[place]:
                 if (level := hands.get(name, {}).get(f"{place}_max")) is not None:
                     axes.axhline(level, color="0.5", linewidth=0.8, linestyle=":")
-                    axes.annotate(name.replace(" by", "\nby"), (1.01, level), xycoords=("axes fraction", "data"),
-                                  fontsize=6, color="0.35", va="center")  # fmt: skip
+                    axes.annotate(
+                        name.replace(" by", "\nby"),
+                        (1.01, level),
+                        xycoords=("axes fraction", "data"),
+                        fontsize=6,
+                        color="0.35",
+                        va="center",
+                    )
             where = title if place == FLAT else f"{title}, {summary['settings']['slope']:g} degrees"
             axes.set(xlabel="generation", ylabel=f"speed, {where} [BL/s]")
             _whole_generations(axes)

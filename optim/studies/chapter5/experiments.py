@@ -63,10 +63,14 @@ EXPERIMENTS = (
     ),
     Experiment("rolling-on-the-hill-by-the-text", "rolling on the hill, by the text", HILL, ("control",), ROLLING),
     Experiment(
-        "rolling-on-the-hill-as-run", "rolling on the hill, as run", HILL, PARTS, ROLLING,
+        "rolling-on-the-hill-as-run",
+        "rolling on the hill, as run",
+        HILL,
+        PARTS,
+        ROLLING,
         {"orientation": ROLLING.orientation, "pressure": highest_pressure(ROLLING.pressure)},
     ),
-)  # fmt: skip
+)
 ROWS = tuple(dict.fromkeys(experiment.row for experiment in EXPERIMENTS))
 PAIRED = tuple(row for row in ROWS if {e.place for e in EXPERIMENTS if e.row == row} == {FLAT, HILL})
 
@@ -96,8 +100,14 @@ class ShapeChange:
     others: int = 16
 
     def __post_init__(self) -> None:
-        for name, low in (("climbers", 2), ("generations", 0), ("seed", 0), ("repeats", 1), ("copies", 1),
-                          ("others", 1)):  # fmt: skip
+        for name, low in (
+            ("climbers", 2),
+            ("generations", 0),
+            ("seed", 0),
+            ("repeats", 1),
+            ("copies", 1),
+            ("others", 1),
+        ):
             check_whole(name, getattr(self, name), low)
         object.__setattr__(self, "slope", number("slope", self.slope, 0.1, STEEPEST, "degrees"))
         choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])

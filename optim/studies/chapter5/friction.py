@@ -20,8 +20,19 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "friction-sweeps"
 TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, with some room
-HEADER = ("sweep", "low", "high", "mean", "deviation", "lowest", "highest", "copies", "diverged", "published",
-          "deviation_from_published")  # fmt: skip
+HEADER = (
+    "sweep",
+    "low",
+    "high",
+    "mean",
+    "deviation",
+    "lowest",
+    "highest",
+    "copies",
+    "diverged",
+    "published",
+    "deviation_from_published",
+)
 AXES: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
     "difference": ("difference of friction, gripping - sliding", lambda low, high: high - low),
     "mean": ("mean friction of gripping and sliding", lambda low, high: (low + high) / 2),
@@ -88,8 +99,16 @@ def rows_of(settings: FrictionSweeps, speeds: Floats) -> list[dict[str, Any]]:
     for (sweep, low, high, published), copies in zip(points, speeds, strict=True):
         found = spread(copies)
         away = None if found["mean"] is None else found["mean"] - published
-        rows.append({"sweep": sweep, "low": low, "high": high, **found, "published": published,
-                     "deviation_from_published": away})  # fmt: skip
+        rows.append(
+            {
+                "sweep": sweep,
+                "low": low,
+                "high": high,
+                **found,
+                "published": published,
+                "deviation_from_published": away,
+            }
+        )
     return rows
 
 
@@ -114,11 +133,16 @@ def page(rows: Sequence[Mapping[str, Any]]) -> str:
     ]
     for row in rows:
         away = row["deviation_from_published"]
-        lines.append(f"| {row['sweep']} | {row['low']:g} | {row['high']:g} | {shown(row)} | {row['published']:.4f} | "
-                     f"{'–' if away is None else f'{round(away, 4) + 0.0:+.4f}'} |")  # fmt: skip
+        lines.append(
+            f"| {row['sweep']} | {row['low']:g} | {row['high']:g} | {shown(row)} | {row['published']:.4f} | "
+            f"{'–' if away is None else f'{round(away, 4) + 0.0:+.4f}'} |"
+        )
     if worst := largest_deviation(rows):
-        lines += ["", f"Largest difference: {worst['difference']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
-                  f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}."]  # fmt: skip
+        lines += [
+            "",
+            f"Largest difference: {worst['difference']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
+            f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}.",
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -136,8 +160,16 @@ def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
             ours = axes.plot(x, means, marker="o", markersize=3.5, color=COLOURS[0], label="here, mean of copies")
             for each, (_, copies) in zip(x, found, strict=True):
                 dots = axes.plot([each] * len(copies), copies, ".", markersize=2.5, color=COLOURS[4], label="each copy")
-            theirs = axes.plot(x, [row["published"] for row, _ in found], marker="s", markersize=3.5, linestyle="--",
-                               markerfacecolor="none", color=COLOURS[1], label="published")  # fmt: skip
+            theirs = axes.plot(
+                x,
+                [row["published"] for row, _ in found],
+                marker="s",
+                markersize=3.5,
+                linestyle="--",
+                markerfacecolor="none",
+                color=COLOURS[1],
+                label="published",
+            )
             axes.set_xlabel(label)
         panels[0, 0].set_ylabel("speed of inching [BL/s]")
         letter(panels)

@@ -85,14 +85,20 @@ class Robot:
 
     def play(
         self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None
-    ) -> inflatable.InflatableResult:  # fmt: skip
+    ) -> inflatable.InflatableResult:
         """All cases as one batch, the copies of each beside each other."""
         each = [case for case in cases for _ in range(self.copies)]
         return inflatable.simulate(
-            [case.design for case in each], [case.terrain for case in each], geometry=self.geometry,
-            actuation=self.actuation, precision=self.precision, perturbation=self.noise, seed=self.seed,
-            threads=threads, progress=progress,
-        )  # fmt: skip
+            [case.design for case in each],
+            [case.terrain for case in each],
+            geometry=self.geometry,
+            actuation=self.actuation,
+            precision=self.precision,
+            perturbation=self.noise,
+            seed=self.seed,
+            threads=threads,
+            progress=progress,
+        )
 
 
 def speeds_in_parts(

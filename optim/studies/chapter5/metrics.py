@@ -34,8 +34,24 @@ COLUMNS = 8  # of a gait, played twice, as published
 # mean of searched gaits 0.09 and 0.00, and a robot that slides back by 0.01 has lost a fifth of its length in the end.
 THRESHOLDS = {"lenient": (0.01, -0.01), "climbing": (0.02, 0.0), "strict": (0.05, 0.005)}
 LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothing
-HEADER = ("pressure", "orientation", "threshold", "flat_least", "hill_least", "gaits", "failed", "flat", "hill", "both",
-          "M_L", "M_L_low", "M_L_high", "M_CI", "M_CI_low", "M_CI_high")  # fmt: skip
+HEADER = (
+    "pressure",
+    "orientation",
+    "threshold",
+    "flat_least",
+    "hill_least",
+    "gaits",
+    "failed",
+    "flat",
+    "hill",
+    "both",
+    "M_L",
+    "M_L_low",
+    "M_L_high",
+    "M_CI",
+    "M_CI_low",
+    "M_CI_high",
+)
 
 
 @dataclass(frozen=True)
@@ -62,8 +78,10 @@ class SoftRobotMetrics:
         check_whole("gaits", self.gaits, 1, 100_000)
         check_whole("seed", self.seed, 0)
         if self.robot.copies != 1 or self.robot.noise:
-            raise ValueError(f"robot: {self.robot.copies} copies with noise of {self.robot.noise:g} m are not allowed; "
-                             "give 1 without noise")  # fmt: skip
+            raise ValueError(
+                f"robot: {self.robot.copies} copies with noise of {self.robot.noise:g} m are not allowed; "
+                "give 1 without noise"
+            )
         object.__setattr__(self, "slope", number("slope", Terrain(self.slope).slope, 0.1, 45.0, "degrees"))
         for name in ("pressures", "orientations"):
             values = getattr(self, name)
@@ -159,10 +177,18 @@ def rows_of(bodies: Sequence[tuple[float, float]], speeds: Floats) -> list[dict[
             both, either = int((count == 2).sum()), int((count >= 1).sum())
             resists = (float(interference(count[None], 2)), *wilson(both, either)) if either else (None,) * 3
             values = (
-                pressure, orientation, name, *least, len(count), int(np.isnan(here).any(axis=0).sum()),
-                *succeeds.sum(axis=1).tolist(), both, float(learnability(count[None], 2)), *wilson(both, len(count)),
+                pressure,
+                orientation,
+                name,
+                *least,
+                len(count),
+                int(np.isnan(here).any(axis=0).sum()),
+                *succeeds.sum(axis=1).tolist(),
+                both,
+                float(learnability(count[None], 2)),
+                *wilson(both, len(count)),
                 *resists,
-            )  # fmt: skip
+            )
             rows.append(dict(zip(HEADER, values, strict=True)))
     return rows
 

@@ -33,15 +33,27 @@ def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
                 image = axes.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=most)
                 for (y, x), value in np.ndenumerate(values):
                     text = "none" if np.isnan(value) else f"{value:.2g}"
-                    axes.annotate(text, (x, y), ha="center", va="center", fontsize=6,
-                                  color="white" if value < most / 2 else "black")  # fmt: skip
+                    axes.annotate(
+                        text,
+                        (x, y),
+                        ha="center",
+                        va="center",
+                        fontsize=6,
+                        color="white" if value < most / 2 else "black",
+                    )
                 axes.set_xticks(range(len(pressures)), [f"{pressure / 1e3:g}" for pressure in pressures])
                 axes.set_yticks(range(len(orientations)), [f"{orientation:g}" for orientation in orientations])
             drawn.colorbar(image, ax=line.tolist(), label=title)
         for axes, threshold in zip(panels[0], thresholds, strict=True):
             least = next((row["flat_least"], row["hill_least"]) for row in rows if row["threshold"] == threshold)
-            axes.annotate(f"{threshold}: {least[0]:g}, {least[1]:g} BL/s", (0.5, 1.02), xycoords="axes fraction",
-                          ha="center", va="bottom", fontsize=7)  # fmt: skip
+            axes.annotate(
+                f"{threshold}: {least[0]:g}, {least[1]:g} BL/s",
+                (0.5, 1.02),
+                xycoords="axes fraction",
+                ha="center",
+                va="bottom",
+                fontsize=7,
+            )
         for axes in panels[-1]:
             axes.set_xlabel("core pressure [kPa]")
         for axes in panels[:, 0]:

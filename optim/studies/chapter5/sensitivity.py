@@ -44,8 +44,19 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
     "maximum pressure": (0.5, 1.25),
     "voxels per bladder": (2 / 3,),
 }
-HEADER = ("parameter", "factor", "behaviour", "mean", "deviation", "lowest", "highest", "copies", "diverged", "share",
-          "survives")  # fmt: skip
+HEADER = (
+    "parameter",
+    "factor",
+    "behaviour",
+    "mean",
+    "deviation",
+    "lowest",
+    "highest",
+    "copies",
+    "diverged",
+    "share",
+    "survives",
+)
 
 
 @dataclass(frozen=True)
@@ -147,8 +158,16 @@ def rows_of(found: Mapping[tuple[str, float], Floats], behaviours: Sequence[str]
             share = here["mean"] / ahead if ahead is not None and here["mean"] is not None else None
             whole = share is not None and share >= SURVIVES and not here["diverged"]
             survives = None if ahead is None else whole
-            rows.append({"parameter": name, "factor": factor, "behaviour": behaviour, **here, "share": share,
-                         "survives": survives})  # fmt: skip
+            rows.append(
+                {
+                    "parameter": name,
+                    "factor": factor,
+                    "behaviour": behaviour,
+                    **here,
+                    "share": share,
+                    "survives": survives,
+                }
+            )
     return rows
 
 
@@ -200,5 +219,13 @@ def _line(axes: Any, rows: Sequence[Mapping[str, Any]], name: str, behaviour: st
         np.array([row[key] for row in here], float) / scale
         for key, scale in (("share", 1.0), ("deviation", abs(usual)))
     )
-    return axes.errorbar([row["factor"] for row in here], share, np.nan_to_num(error), color=colour, marker="o",
-                         markersize=2.5, elinewidth=0.6, label=name)  # fmt: skip
+    return axes.errorbar(
+        [row["factor"] for row in here],
+        share,
+        np.nan_to_num(error),
+        color=colour,
+        marker="o",
+        markersize=2.5,
+        elinewidth=0.6,
+        label=name,
+    )

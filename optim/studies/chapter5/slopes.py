@@ -127,8 +127,12 @@ def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, fl
 
 def page(settings: SlopeSweep, summary: dict[str, Any]) -> str:
     """The table as Markdown."""
-    lines = ["Speeds uphill [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.", "",
-             f"| slope [degrees] | {' | '.join(GAITS)} |", f"| ---: |{' ---: |' * len(GAITS)}"]  # fmt: skip
+    lines = [
+        "Speeds uphill [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.",
+        "",
+        f"| slope [degrees] | {' | '.join(GAITS)} |",
+        f"| ---: |{' ---: |' * len(GAITS)}",
+    ]
     for slope in settings.slopes:
         here = [shown(row) for row in summary["rows"] if row["slope"] == slope]
         lines.append(f"| {slope:g} | {' | '.join(here)} |")
@@ -157,8 +161,13 @@ def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, 
             draw_band(axes, slopes, mean, low, high, colour=COLOURS[number], label=gait)
             axes.plot(slopes, mean, "o", markersize=2.5, color=COLOURS[number])
         if found:
-            axes.axvline(found["slope"], color="0.4", linestyle=":", linewidth=0.9,
-                         label=f"transition, {found['slope']:.1f} degrees")  # fmt: skip
+            axes.axvline(
+                found["slope"],
+                color="0.4",
+                linestyle=":",
+                linewidth=0.9,
+                label=f"transition, {found['slope']:.1f} degrees",
+            )
             if found["low"] is not None:
                 axes.axvspan(found["low"], found["high"], color="0.6", alpha=0.25, linewidth=0)
         axes.set(xlabel="slope [degrees]", ylabel="speed uphill [BL/s]")

@@ -11,10 +11,17 @@ from taichi_sim.base.files import write_text
 
 AGAIN = ("flat_max_again", "hill_max_again")
 HEADER = (
-    "row", "climbers", "generations", "evaluations", *(name for c in COLUMNS for name in (c, f"{c}_published")),
-    "one_design_combined", "one_design_flat", "one_design_hill", "one_design_found_on",
+    "row",
+    "climbers",
+    "generations",
+    "evaluations",
+    *(name for c in COLUMNS for name in (c, f"{c}_published")),
+    "one_design_combined",
+    "one_design_flat",
+    "one_design_hill",
+    "one_design_found_on",
     *(f"{name}_{part}" for name in AGAIN for part in ("mean", "deviation", "copies", "diverged")),
-)  # fmt: skip
+)
 
 
 def write_tables(summary: Mapping[str, Any], folder: Path) -> None:
@@ -32,8 +39,15 @@ def _record(row: Mapping[str, Any]) -> tuple[Any, ...]:
     speeds = (value for column in COLUMNS for value in (row.get(column), row["published"].get(column)))
     one = row["one_design"] or {}
     again = ((row.get(name) or {}).get(part) for name in AGAIN for part in ("mean", "deviation", "copies", "diverged"))
-    return (row["row"], row.get("climbers"), row["generations"], row["evaluations"], *speeds,
-            *(one.get(name) for name in ("combined", "flat", "hill", "found_on")), *again)  # fmt: skip
+    return (
+        row["row"],
+        row.get("climbers"),
+        row["generations"],
+        row["evaluations"],
+        *speeds,
+        *(one.get(name) for name in ("combined", "flat", "hill", "found_on")),
+        *again,
+    )
 
 
 def page(summary: Mapping[str, Any]) -> str:

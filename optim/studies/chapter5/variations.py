@@ -46,11 +46,13 @@ def in_the_same_time(geometry: InflatableGeometry) -> Variant:
 
 def with_modulus(factor: float) -> Variant:
     """Young's modulus of skin and bladders times a factor."""
-    return in_the_same_time(replace(
-        PUBLISHED,
-        youngs_modulus=PUBLISHED.youngs_modulus * factor,
-        bladder_modulus=PUBLISHED.bladder_modulus * factor,
-    ))  # fmt: skip
+    return in_the_same_time(
+        replace(
+            PUBLISHED,
+            youngs_modulus=PUBLISHED.youngs_modulus * factor,
+            bladder_modulus=PUBLISHED.bladder_modulus * factor,
+        )
+    )
 
 
 def with_density(factor: float) -> Variant:
@@ -93,17 +95,19 @@ def with_voxels(factor: float) -> Variant:
         raise ValueError(f"voxels per bladder: a factor of {factor:g} is not allowed; it leaves none")
     size = PUBLISHED.columns * PUBLISHED.voxel_size / (4 * across + 3)
     ratio = size / PUBLISHED.voxel_size
-    return in_the_same_time(replace(
-        PUBLISHED,
-        bladder_columns=across,
-        rows=round(PUBLISHED.rows / ratio),
-        foot_rows=max(1, round(PUBLISHED.foot_rows / ratio)),
-        bladder_layers=max(1, round(PUBLISHED.bladder_layers / ratio)),
-        voxel_size=size,
-        youngs_modulus=PUBLISHED.youngs_modulus / ratio**3,
-        bladder_modulus=PUBLISHED.bladder_modulus / ratio**3,
-        density=PUBLISHED.density / ratio,
-    ))  # fmt: skip
+    return in_the_same_time(
+        replace(
+            PUBLISHED,
+            bladder_columns=across,
+            rows=round(PUBLISHED.rows / ratio),
+            foot_rows=max(1, round(PUBLISHED.foot_rows / ratio)),
+            bladder_layers=max(1, round(PUBLISHED.bladder_layers / ratio)),
+            voxel_size=size,
+            youngs_modulus=PUBLISHED.youngs_modulus / ratio**3,
+            bladder_modulus=PUBLISHED.bladder_modulus / ratio**3,
+            density=PUBLISHED.density / ratio,
+        )
+    )
 
 
 VARIATIONS: Mapping[str, Callable[[float], Variant]] = MappingProxyType(

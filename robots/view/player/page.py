@@ -134,8 +134,12 @@ def _reach(solid: Solid) -> float:
 def _skin(skin: Skin) -> dict[str, Any]:
     """Its points, and for each face the cube and the points around it."""
     cubes, sides = skin.faces.T
-    return {"knots": skin.knots.tolist(), "count": int(skin.knots.max()) + 1, "cubes": cubes.tolist(),
-            "corners": skin.knots[cubes[:, None], FACE_CORNERS[sides]].tolist()}  # fmt: skip
+    return {
+        "knots": skin.knots.tolist(),
+        "count": int(skin.knots.max()) + 1,
+        "cubes": cubes.tolist(),
+        "corners": skin.knots[cubes[:, None], FACE_CORNERS[sides]].tolist(),
+    }
 
 
 def _solid(solid: Solid) -> dict[str, Any]:

@@ -27,8 +27,16 @@ PAIRS_PER_VOXEL = 8  # room for watched pairs at first; it grows when needed
 class FusedDriver:
     """State of a batch in NumPy, laid out [block, slot, lane], and the loop that advances it."""
 
-    def __init__(self, tables: Tables, batch: int, precision: str, threads: int, floor: bool, self_contact: bool,
-                 width: int | None = None) -> None:  # fmt: skip
+    def __init__(
+        self,
+        tables: Tables,
+        batch: int,
+        precision: str,
+        threads: int,
+        floor: bool,
+        self_contact: bool,
+        width: int | None = None,
+    ) -> None:
         """Allocate the memory and fill in the constants."""
         self.tables, self.batch = tables, batch
         self.real = Real(precision, width or choose_width(batch, precision, threads, BLOCK_COST[precision]))
@@ -135,8 +143,9 @@ class Record:
 class FusedRun:
     """A program on its way: the robots' places in it, and what they have recorded so far."""
 
-    def __init__(self, driver: FusedDriver, program: PackedProgram, alive: np.ndarray, dt: float, edge: float,
-                 gravity: float) -> None:  # fmt: skip
+    def __init__(
+        self, driver: FusedDriver, program: PackedProgram, alive: np.ndarray, dt: float, edge: float, gravity: float
+    ) -> None:
         """Put every robot at the start of the program."""
         self.driver, self.program, self.constants = driver, program, (dt, edge, gravity)
         d, info = driver, driver._info
@@ -157,8 +166,9 @@ class FusedRun:
         # What kernels get that keep no record.
         self._no_record = Record(0, 0, d.real.array((1, 1)), np.zeros((1, 1, 3), np.int32), np.zeros((1, 1), np.int32))
 
-    def advance(self, until: int | None = None, tick: Callable[[float], None] | None = None,
-                record: Record | None = None) -> bool:  # fmt: skip
+    def advance(
+        self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Record | None = None
+    ) -> bool:
         """Go on to a step, or to the end; returns whether all contacts found room in the record."""
         driver, info = self.driver, self.driver._info
         last = kernel.NOWHERE if until is None else until
@@ -184,8 +194,10 @@ class FusedRun:
     def checkpoint(self) -> tuple[np.ndarray, ...]:
         """Copies of all that changes from step to step."""
         d = self.driver
-        return tuple(a.copy() for a in (d._memory[:, : d.layout.starts[memory.FORCE]], d._row, d._partner, d._mask,
-                                        d._info, self.lanes))  # fmt: skip
+        return tuple(
+            a.copy()
+            for a in (d._memory[:, : d.layout.starts[memory.FORCE]], d._row, d._partner, d._mask, d._info, self.lanes)
+        )
 
     def restore(self, checkpoint: tuple[np.ndarray, ...]) -> None:
         """Go back to a checkpoint."""
@@ -224,8 +236,9 @@ class FusedRun:
         np.copyto(d._memory[:, : d.layout.state_slots], d._parked, where=ended[:, None, :])
         if len(d.tables.surface_voxels):
             moves = d._section(memory.VOXEL)[:, d.tables.surface_voxels, :3] - d._section(memory.WATCH)
-            moved = (moves[:, :, 0] * moves[:, :, 0] + moves[:, :, 1] * moves[:, :, 1]
-                     + moves[:, :, 2] * moves[:, :, 2]).max(axis=1)  # fmt: skip
+            moved = (
+                moves[:, :, 0] * moves[:, :, 0] + moves[:, :, 1] * moves[:, :, 1] + moves[:, :, 2] * moves[:, :, 2]
+            ).max(axis=1)
             moved = np.where(np.isnan(moved), np.inf, moved)  # never built
             np.copyto(d._section(memory.MONITOR)[:, 0, memory.MOVED], moved, where=ended)
 
@@ -235,11 +248,46 @@ class FusedRun:
         steps = max(STEPS_PER_LAUNCH // d.blocks, LEAST_STEPS)
         kept = record or self._no_record
         kernel.fused_kernel(d.real, record is not None, t.fluid)(
-            d.blocks, d.layout.slots, steps, until, dt, edge, gravity, contact.WATCH_RADIUS * edge,
-            contact.REBUILD_DISTANCE * edge, d.real.reals(d._memory.reshape(-1, width)),
-            d._memory.reshape(-1, width), d._parked.reshape(-1, width), d._plan, t.link, t.voxel, t.rest,
-            t.square, t.corner, t.surface, t.excluded, d._start, d.real.reals(d._bits), d._scratch, d._scratch,
-            d._near, d._near, d._touched, d._fresh, d._row, d._partner, d._mask,
-            d._info, self.lanes, self.program.marks, self._values, self.poses, self.strains,
-            kept.first, d.real.reals(kept.states.reshape(-1, width)), kept.room, kept.log, kept.log_first,
-        )  # fmt: skip
+            d.blocks,
+            d.layout.slots,
+            steps,
+            until,
+            dt,
+            edge,
+            gravity,
+            contact.WATCH_RADIUS * edge,
+            contact.REBUILD_DISTANCE * edge,
+            d.real.reals(d._memory.reshape(-1, width)),
+            d._memory.reshape(-1, width),
+            d._parked.reshape(-1, width),
+            d._plan,
+            t.link,
+            t.voxel,
+            t.rest,
+            t.square,
+            t.corner,
+            t.surface,
+            t.excluded,
+            d._start,
+            d.real.reals(d._bits),
+            d._scratch,
+            d._scratch,
+            d._near,
+            d._near,
+            d._touched,
+            d._fresh,
+            d._row,
+            d._partner,
+            d._mask,
+            d._info,
+            self.lanes,
+            self.program.marks,
+            self._values,
+            self.poses,
+            self.strains,
+            kept.first,
+            d.real.reals(kept.states.reshape(-1, width)),
+            kept.room,
+            kept.log,
+            kept.log_first,
+        )

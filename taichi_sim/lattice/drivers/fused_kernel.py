@@ -64,9 +64,19 @@ def park(ms: ti.template(), parked: ti.template(), block, k, lane, plan: ti.temp
 
 
 @ti.func
-def apply_event(ms: ti.template(), k, lane, e, robot, plan: ti.template(), link_table: ti.template(),
-                event: ti.template(), event_value: ti.template(), poses: ti.template(),
-                strains: ti.template()):  # fmt: skip
+def apply_event(
+    ms: ti.template(),
+    k,
+    lane,
+    e,
+    robot,
+    plan: ti.template(),
+    link_table: ti.template(),
+    event: ti.template(),
+    event_value: ti.template(),
+    poses: ti.template(),
+    strains: ti.template(),
+):
     """Set a channel, or record the robot's pose if the event's target is negative."""
     target = event[e, 1]
     if target >= 0:
@@ -84,9 +94,22 @@ def apply_event(ms: ti.template(), k, lane, e, robot, plan: ti.template(), link_
 
 
 @ti.func
-def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.template(), link_table: ti.template(),
-                 lanes: ti.template(), info: ti.template(), event: ti.template(), event_value: ti.template(),
-                 parked: ti.template(), poses: ti.template(), strains: ti.template()):  # fmt: skip
+def handle_marks(
+    ms: ti.template(),
+    block,
+    k,
+    t,
+    width: ti.template(),
+    plan: ti.template(),
+    link_table: ti.template(),
+    lanes: ti.template(),
+    info: ti.template(),
+    event: ti.template(),
+    event_value: ti.template(),
+    parked: ti.template(),
+    poses: ti.template(),
+    strains: ti.template(),
+):
     """Events due at step t; robots that end here are parked; the block ends with its last robot."""
     upcoming = NOWHERE
     active = 0
@@ -98,8 +121,19 @@ def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.
                 due = 0
                 if e < lanes[block, lane, LANE_LAST_EVENT]:
                     if event[e, 0] <= t:
-                        apply_event(ms, k, lane, e, lanes[block, lane, LANE_ROBOT], plan, link_table, event,
-                                    event_value, poses, strains)  # fmt: skip
+                        apply_event(
+                            ms,
+                            k,
+                            lane,
+                            e,
+                            lanes[block, lane, LANE_ROBOT],
+                            plan,
+                            link_table,
+                            event,
+                            event_value,
+                            poses,
+                            strains,
+                        )
                         e += 1
                         due = 1
                     else:
@@ -118,9 +152,21 @@ def handle_marks(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.
 
 
 @ti.func
-def collide(m: ti.template(), block, k, lane_bits, plan: ti.template(), surface: ti.template(), touched: ti.template(),
-            row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
-            recording: ti.template(), log: ti.template()):  # fmt: skip
+def collide(
+    m: ti.template(),
+    block,
+    k,
+    lane_bits,
+    plan: ti.template(),
+    surface: ti.template(),
+    touched: ti.template(),
+    row: ti.template(),
+    partner: ti.template(),
+    mask: ti.template(),
+    info: ti.template(),
+    recording: ti.template(),
+    log: ti.template(),
+):
     """Contact forces of all watched pairs, in the order of the list; pairs that touch are logged if asked for."""
     current = info[block, LIST]
     for s in range(plan[SURFACE]):
@@ -156,8 +202,17 @@ def log_contact(block, s, other, bits, info: ti.template(), log: ti.template()):
 
 
 @ti.func
-def keep(m: ti.template(), block, k, n, plan: ti.template(), info: ti.template(), states: ti.template(), room,
-         log_first: ti.template()):  # fmt: skip
+def keep(
+    m: ti.template(),
+    block,
+    k,
+    n,
+    plan: ti.template(),
+    info: ti.template(),
+    states: ti.template(),
+    room,
+    log_first: ti.template(),
+):
     """Copy a block's state to place n of its record."""
     first = (block * room + n) * plan[STATE_SLOTS]
     for slot in range(plan[STATE_SLOTS]):
@@ -199,17 +254,36 @@ def add_force(m: ti.template(), k, slot, a, b, c, sign: ti.template(), fx, fy, f
 
 
 @ti.func
-def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.template(), link_table: ti.template(),
-         voxel_table: ti.template(), rest_table: ti.template(), square_table: ti.template(),
-         corner_table: ti.template(), surface: ti.template(), start: ti.template(), touched: ti.template(),
-         row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
-         recording: ti.template(), log: ti.template(), fluid: ti.template()):  # fmt: skip
+def step(
+    m: ti.template(),
+    block,
+    k,
+    dt,
+    edge,
+    gravity,
+    lane_bits,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+    rest_table: ti.template(),
+    square_table: ti.template(),
+    corner_table: ti.template(),
+    surface: ti.template(),
+    start: ti.template(),
+    touched: ti.template(),
+    row: ti.template(),
+    partner: ti.template(),
+    mask: ti.template(),
+    info: ti.template(),
+    recording: ti.template(),
+    log: ti.template(),
+    fluid: ti.template(),
+):
     """One time step of a block: channels, contact, pressure on squares, then links and integration voxel by voxel."""
     stages.advance_channels(m, k, plan, edge, gravity)
     stages.update_rest_lengths(m, k, plan, rest_table)
     if plan[CONTACT_ON] != 0:
-        collide(m, block, k, lane_bits, plan, surface, touched, row, partner, mask, info,
-                recording, log)  # fmt: skip
+        collide(m, block, k, lane_bits, plan, surface, touched, row, partner, mask, info, recording, log)
     for q in range(plan[SQUARES]):
         stages.square_stage(m, k, q, plan, square_table, voxel_table)
     nought = 0.0 * load(m, k, plan[CONSTANT])
@@ -239,9 +313,24 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
             m, k, v, load(m, k, here), load(m, k, here + 1), load(m, k, here + 2), plan, voxel_table, corner_table
         )
         x, y, z = voxel_stage(
-            m, k, v, dt, edge, fx, fy, fz, load(m, k, here + 3), load(m, k, here + 4), load(m, k, here + 5),
-            cx, cy, cz, plan, voxel_table, start,
-        )  # fmt: skip
+            m,
+            k,
+            v,
+            dt,
+            edge,
+            fx,
+            fy,
+            fz,
+            load(m, k, here + 3),
+            load(m, k, here + 4),
+            load(m, k, here + 5),
+            cx,
+            cy,
+            cz,
+            plan,
+            voxel_table,
+            start,
+        )
         for c in ti.static(range(6)):
             store(m, k, here + c, nought)
         if voxel_table[entry + columns.GAUGE] >= 0:
@@ -252,8 +341,17 @@ def step(m: ti.template(), block, k, dt, edge, gravity, lane_bits, plan: ti.temp
 
 
 @ti.func
-def retire_diverged(ms: ti.template(), block, k, t, width: ti.template(), plan: ti.template(), lanes: ti.template(),
-                    info: ti.template(), parked: ti.template()):  # fmt: skip
+def retire_diverged(
+    ms: ti.template(),
+    block,
+    k,
+    t,
+    width: ti.template(),
+    plan: ti.template(),
+    lanes: ti.template(),
+    info: ti.template(),
+    parked: ti.template(),
+):
     """Note the step at which robots diverged and put them back to the start of the run, out of the others' way."""
     for lane in range(width):
         if ms[k + plan[MONITOR] + DIVERGED, lane] > 0.5:
@@ -267,17 +365,52 @@ def retire_diverged(ms: ti.template(), block, k, t, width: ti.template(), plan: 
 
 
 @ti.func
-def refresh_watch(ms: ti.template(), block, k, width: ti.template(), bunch: ti.template(), radius, distance,
-                  plan: ti.template(), surface: ti.template(), excluded: ti.template(), scratch: ti.template(),
-                  scratch_s: ti.template(), near: ti.template(), near_s: ti.template(), fresh: ti.template(),
-                  row: ti.template(), partner: ti.template(), mask: ti.template(), info: ti.template(),
-                  lanes: ti.template()):  # fmt: skip
+def refresh_watch(
+    ms: ti.template(),
+    block,
+    k,
+    width: ti.template(),
+    bunch: ti.template(),
+    radius,
+    distance,
+    plan: ti.template(),
+    surface: ti.template(),
+    excluded: ti.template(),
+    scratch: ti.template(),
+    scratch_s: ti.template(),
+    near: ti.template(),
+    near_s: ti.template(),
+    fresh: ti.template(),
+    row: ti.template(),
+    partner: ti.template(),
+    mask: ti.template(),
+    info: ti.template(),
+    lanes: ti.template(),
+):
     """Build the lists of those robots again that have moved too far; halts the block if they do not fit."""
     for lane in range(width):
         moved = k + plan[MONITOR] + MOVED
         if ms[moved, lane] > distance * distance and lanes[block, lane, LANE_STATE] == LANE_ACTIVE:
-            fits = rebuild_lane(ms, block, k, lane, bunch, radius * radius, plan, surface, excluded, scratch, scratch_s,
-                                near, near_s, fresh, row, partner, mask, info)  # fmt: skip
+            fits = rebuild_lane(
+                ms,
+                block,
+                k,
+                lane,
+                bunch,
+                radius * radius,
+                plan,
+                surface,
+                excluded,
+                scratch,
+                scratch_s,
+                near,
+                near_s,
+                fresh,
+                row,
+                partner,
+                mask,
+                info,
+            )
             if fits == 0:
                 info[block, INFO_STATE] = OUT_OF_PAIRS
             else:
@@ -300,14 +433,50 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
     scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
     @ti.kernel
-    def run(blocks: ti.i32, slots: ti.i32, steps: ti.i32, until: ti.i32, dt: real.scalar, edge: real.scalar,
-            gravity: real.scalar, watch_radius: real.scalar, rebuild_distance: real.scalar, m: reals, ms: scalars2,
-            parked: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2,
-            square_table: ints1, corner_table: ints1, surface: ints1, excluded: ints2, start: scalars2, bits: bits_type,
-            scratch: bunches, scratch_s: scalars4, near: flags, near_s: ints2, touched: ints2,
-            fresh: ints2, row: ints3, partner: ints3, mask: ints3, info: ints2, lanes: ints3, event: ints2,
-            event_value: scalars2, poses: scalars4, strains: scalars3, first: ti.i32, states: reals, room: ti.i32,
-            log: ints3, log_first: ints2):  # fmt: skip
+    def run(
+        blocks: ti.i32,
+        slots: ti.i32,
+        steps: ti.i32,
+        until: ti.i32,
+        dt: real.scalar,
+        edge: real.scalar,
+        gravity: real.scalar,
+        watch_radius: real.scalar,
+        rebuild_distance: real.scalar,
+        m: reals,
+        ms: scalars2,
+        parked: scalars2,
+        plan: ints1,
+        link_table: ints1,
+        voxel_table: ints1,
+        rest_table: ints2,
+        square_table: ints1,
+        corner_table: ints1,
+        surface: ints1,
+        excluded: ints2,
+        start: scalars2,
+        bits: bits_type,
+        scratch: bunches,
+        scratch_s: scalars4,
+        near: flags,
+        near_s: ints2,
+        touched: ints2,
+        fresh: ints2,
+        row: ints3,
+        partner: ints3,
+        mask: ints3,
+        info: ints2,
+        lanes: ints3,
+        event: ints2,
+        event_value: scalars2,
+        poses: scalars4,
+        strains: scalars3,
+        first: ti.i32,
+        states: reals,
+        room: ti.i32,
+        log: ints3,
+        log_first: ints2,
+    ):
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN
@@ -321,17 +490,72 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                             keep(m, block, k, t - first, plan, info, states, room, log_first)
                             info[block, INFO_KEPT] = t
                     if t == info[block, INFO_NEXT_MARK]:
-                        handle_marks(ms, block, k, t, width, plan, link_table, lanes, info, event, event_value, parked,
-                                     poses, strains)  # fmt: skip
+                        handle_marks(
+                            ms,
+                            block,
+                            k,
+                            t,
+                            width,
+                            plan,
+                            link_table,
+                            lanes,
+                            info,
+                            event,
+                            event_value,
+                            parked,
+                            poses,
+                            strains,
+                        )
                     if info[block, INFO_STATE] == RUNNING and plan[CONTACT_ON] != 0:
                         if any_lane(load(m, k, plan[MONITOR] + MOVED) > rebuild_distance * rebuild_distance):
-                            refresh_watch(ms, block, k, width, bunch, watch_radius, rebuild_distance, plan, surface,
-                                          excluded, scratch, scratch_s, near, near_s, fresh, row, partner, mask, info,
-                                          lanes)  # fmt: skip
+                            refresh_watch(
+                                ms,
+                                block,
+                                k,
+                                width,
+                                bunch,
+                                watch_radius,
+                                rebuild_distance,
+                                plan,
+                                surface,
+                                excluded,
+                                scratch,
+                                scratch_s,
+                                near,
+                                near_s,
+                                fresh,
+                                row,
+                                partner,
+                                mask,
+                                info,
+                                lanes,
+                            )
                     if info[block, INFO_STATE] == RUNNING:
-                        step(m, block, k, dt, edge, gravity, bits[0], plan, link_table, voxel_table, rest_table,
-                             square_table, corner_table, surface, start, touched, row, partner, mask, info,
-                             recording, log, fluid)  # fmt: skip
+                        step(
+                            m,
+                            block,
+                            k,
+                            dt,
+                            edge,
+                            gravity,
+                            bits[0],
+                            plan,
+                            link_table,
+                            voxel_table,
+                            rest_table,
+                            square_table,
+                            corner_table,
+                            surface,
+                            start,
+                            touched,
+                            row,
+                            partner,
+                            mask,
+                            info,
+                            recording,
+                            log,
+                            fluid,
+                        )
                         info[block, INFO_STEP] = t + 1
                         if ti.static(recording):
                             if t + 1 == until:

@@ -70,13 +70,38 @@ class FusedReverse:
         dt, edge, gravity = self.run.constants
         real = driver.real
         kernel.reverse_kernel(real, t.fluid)(
-            driver.blocks, self.layout.slots, high, low, record.first, record.room, dt, edge, gravity,
-            real.reals(self._values.reshape(-1, width)), self._values.reshape(-1, width),
-            real.reals(self._cotangents.reshape(-1, width)), self._cotangents.reshape(-1, width),
-            real.reals(record.states.reshape(-1, width)), record.states.reshape(-1, width), driver._plan,
-            t.link, t.voxel, t.rest, t.square, t.surface, real.reals(driver._bits), record.log, record.log_first,
-            self._lanes, self._info, self.run.program.marks, self.events, self._poses, self._strains, self._finals,
-        )  # fmt: skip
+            driver.blocks,
+            self.layout.slots,
+            high,
+            low,
+            record.first,
+            record.room,
+            dt,
+            edge,
+            gravity,
+            real.reals(self._values.reshape(-1, width)),
+            self._values.reshape(-1, width),
+            real.reals(self._cotangents.reshape(-1, width)),
+            self._cotangents.reshape(-1, width),
+            real.reals(record.states.reshape(-1, width)),
+            record.states.reshape(-1, width),
+            driver._plan,
+            t.link,
+            t.voxel,
+            t.rest,
+            t.square,
+            t.surface,
+            real.reals(driver._bits),
+            record.log,
+            record.log_first,
+            self._lanes,
+            self._info,
+            self.run.program.marks,
+            self.events,
+            self._poses,
+            self._strains,
+            self._finals,
+        )
 
     def read(self, section: int) -> np.ndarray:
         """Cotangents of a section of the memory, shape (B, items, components)."""

@@ -38,10 +38,30 @@ NO_MARK = -1
 
 
 @ti.func
-def undo_step(m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.template(), block, n, dt, edge, gravity,
-              lane_bits, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
-              rest_table: ti.template(), square_table: ti.template(), surface: ti.template(), log: ti.template(),
-              log_first: ti.template(), fluid: ti.template()):  # fmt: skip
+def undo_step(
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    old,
+    new,
+    a: ti.template(),
+    block,
+    n,
+    dt,
+    edge,
+    gravity,
+    lane_bits,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+    rest_table: ti.template(),
+    square_table: ti.template(),
+    surface: ti.template(),
+    log: ti.template(),
+    log_first: ti.template(),
+    fluid: ti.template(),
+):
     """Reverse the step from the record at ``old`` to the one at ``new``."""
     adjoint.recall_channels(m, k, rec, kr, new, plan, rest_table, edge, gravity)
     for i in range(plan[VOXELS]):
@@ -62,9 +82,22 @@ def undo_step(m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.templ
 
 
 @ti.func
-def receive_pose(asc: ti.template(), k, lane, ms: ti.template(), recs: ti.template(), kr, base, robot, slot, t,
-                 plan: ti.template(), link_table: ti.template(), poses: ti.template(),
-                 strains: ti.template()):  # fmt: skip
+def receive_pose(
+    asc: ti.template(),
+    k,
+    lane,
+    ms: ti.template(),
+    recs: ti.template(),
+    kr,
+    base,
+    robot,
+    slot,
+    t,
+    plan: ti.template(),
+    link_table: ti.template(),
+    poses: ti.template(),
+    strains: ti.template(),
+):
     """Add the cotangents of a recorded pose and of the strains of its links."""
     for v in range(plan[VOXELS]):
         for c in range(7):
@@ -78,10 +111,26 @@ def receive_pose(asc: ti.template(), k, lane, ms: ti.template(), recs: ti.templa
 
 
 @ti.func
-def meet_marks(ms: ti.template(), asc: ti.template(), recs: ti.template(), block, lane, k, kr, base, t, slots,
-               plan: ti.template(), link_table: ti.template(), lanes: ti.template(), event: ti.template(),
-               event_value: ti.template(), poses: ti.template(), strains: ti.template(),
-               finals: ti.template()):  # fmt: skip
+def meet_marks(
+    ms: ti.template(),
+    asc: ti.template(),
+    recs: ti.template(),
+    block,
+    lane,
+    k,
+    kr,
+    base,
+    t,
+    slots,
+    plan: ti.template(),
+    link_table: ti.template(),
+    lanes: ti.template(),
+    event: ti.template(),
+    event_value: ti.template(),
+    poses: ti.template(),
+    strains: ti.template(),
+    finals: ti.template(),
+):
     """A robot whose run ends at step t begins; events of step t take their cotangents; recorded poses give theirs.
 
     Returns the step before t at which the robot has something to do again.
@@ -115,8 +164,9 @@ def meet_marks(ms: ti.template(), asc: ti.template(), recs: ti.template(), block
                         asc[slot + BASE, lane] = 0.0
                         asc[slot + RATE, lane] = 0.0
                     if event[e, 0] == t and target < 0:
-                        receive_pose(asc, k, lane, ms, recs, kr, base, robot, 0 - target - 1, t, plan, link_table,
-                                     poses, strains)  # fmt: skip
+                        receive_pose(
+                            asc, k, lane, ms, recs, kr, base, robot, 0 - target - 1, t, plan, link_table, poses, strains
+                        )
                 else:
                     upcoming = event[e - 1, 0]
         lanes[block, lane, LANE_EVENT] = e
@@ -133,12 +183,39 @@ def reverse_kernel(real: Real, fluid: bool) -> Any:
     scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
     @ti.kernel
-    def undo(blocks: ti.i32, slots: ti.i32, high: ti.i32, low: ti.i32, first: ti.i32, room: ti.i32, dt: real.scalar,
-             edge: real.scalar, gravity: real.scalar, m: reals, ms: scalars2, a: reals, asc: scalars2, rec: reals,
-             recs: scalars2, plan: ints1, link_table: ints1, voxel_table: ints1, rest_table: ints2,
-             square_table: ints1, surface: ints1, bits: bits_type, log: ints3, log_first: ints2, lanes: ints3,
-             info: ints1, event: ints2, event_value: scalars2, poses: scalars4, strains: scalars3,
-             finals: scalars3):  # fmt: skip
+    def undo(
+        blocks: ti.i32,
+        slots: ti.i32,
+        high: ti.i32,
+        low: ti.i32,
+        first: ti.i32,
+        room: ti.i32,
+        dt: real.scalar,
+        edge: real.scalar,
+        gravity: real.scalar,
+        m: reals,
+        ms: scalars2,
+        a: reals,
+        asc: scalars2,
+        rec: reals,
+        recs: scalars2,
+        plan: ints1,
+        link_table: ints1,
+        voxel_table: ints1,
+        rest_table: ints2,
+        square_table: ints1,
+        surface: ints1,
+        bits: bits_type,
+        log: ints3,
+        log_first: ints2,
+        lanes: ints3,
+        info: ints1,
+        event: ints2,
+        event_value: scalars2,
+        poses: scalars4,
+        strains: scalars3,
+        finals: scalars3,
+    ):
         for i in range(GRAIN * blocks):
             if i % GRAIN == 0:
                 block = i // GRAIN
@@ -148,15 +225,54 @@ def reverse_kernel(real: Real, fluid: bool) -> Any:
                     t = high - back
                     base = (t - first) * plan[STATE_SLOTS]
                     if back > 0:
-                        undo_step(m, k, rec, kr, base, base + plan[STATE_SLOTS], a, block, t - first, dt, edge,
-                                  gravity, bits[0], plan, link_table, voxel_table, rest_table, square_table, surface,
-                                  log, log_first, fluid)  # fmt: skip
+                        undo_step(
+                            m,
+                            k,
+                            rec,
+                            kr,
+                            base,
+                            base + plan[STATE_SLOTS],
+                            a,
+                            block,
+                            t - first,
+                            dt,
+                            edge,
+                            gravity,
+                            bits[0],
+                            plan,
+                            link_table,
+                            voxel_table,
+                            rest_table,
+                            square_table,
+                            surface,
+                            log,
+                            log_first,
+                            fluid,
+                        )
                     if t == info[block]:
                         adjoint.recall_channels(m, k, rec, kr, base, plan, rest_table, edge, gravity)
                         upcoming = NO_MARK
                         for lane in range(width):
-                            mark = meet_marks(ms, asc, recs, block, lane, k, kr, base, t, slots, plan, link_table,
-                                              lanes, event, event_value, poses, strains, finals)  # fmt: skip
+                            mark = meet_marks(
+                                ms,
+                                asc,
+                                recs,
+                                block,
+                                lane,
+                                k,
+                                kr,
+                                base,
+                                t,
+                                slots,
+                                plan,
+                                link_table,
+                                lanes,
+                                event,
+                                event_value,
+                                poses,
+                                strains,
+                                finals,
+                            )
                             upcoming = ti.max(upcoming, mark)
                         info[block] = upcoming
 

@@ -106,8 +106,9 @@ class SteppedRecord:
 class SteppedRun:
     """A program on its way: the arrays of a run on the device, and the kernels that work on them."""
 
-    def __init__(self, driver: SteppedDriver, program: PackedProgram, alive: np.ndarray, dt: float, edge: float,
-                 gravity: float) -> None:  # fmt: skip
+    def __init__(
+        self, driver: SteppedDriver, program: PackedProgram, alive: np.ndarray, dt: float, edge: float, gravity: float
+    ) -> None:
         """Put every robot at the start of the program."""
         t, self.driver, self._put = driver.tables, driver, driver._device
         lanes = np.zeros((driver.batch, kernel.LANE_COLUMNS), np.int32)
@@ -142,8 +143,9 @@ class SteppedRun:
         logged = np.zeros((max(room, 1), batch), np.int32)
         return SteppedRecord(first, room, self._put(states), self._put(log), self._put(logged))
 
-    def advance(self, until: int | None = None, tick: Callable[[float], None] | None = None,
-                record: SteppedRecord | None = None) -> None:  # fmt: skip
+    def advance(
+        self, until: int | None = None, tick: Callable[[float], None] | None = None, record: SteppedRecord | None = None
+    ) -> None:
         """Go on to a step, or to the end; keep every state if asked for."""
         last = self.total + 1 if until is None else until
         while self.at < last:
@@ -215,12 +217,23 @@ class SteppedRun:
         kept, n = (record, t - record.first) if record else (self._no_record, -1)
         if record:
             k.keep(n, m, plan, kept.states, kept.logged)
-        k.begin(t, edge, gravity, m, plan, self._link, self._rest, lanes, self._marks, self._values,
-                self.poses, self.strains)  # fmt: skip
+        k.begin(
+            t,
+            edge,
+            gravity,
+            m,
+            plan,
+            self._link,
+            self._rest,
+            lanes,
+            self._marks,
+            self._values,
+            self.poses,
+            self.strains,
+        )
         if self.driver._plan[memory.CONTACT_ON]:
             self._watch(from_watch=0)
-            k.collide(m, plan, self._surface, lanes, self._partner, self._count, n, kept.log,
-                      kept.logged)  # fmt: skip
+            k.collide(m, plan, self._surface, lanes, self._partner, self._count, n, kept.log, kept.logged)
         k.links(edge, m, plan, self._link, self._voxel, lanes)
         if self.driver._plan[memory.SQUARES]:
             k.squares(m, plan, self._square, self._voxel, lanes)
@@ -229,9 +242,18 @@ class SteppedRun:
     def _watch(self, from_watch: int) -> None:
         edge = self.constants[1]
         self._kernels.watch(
-            contact.WATCH_RADIUS * edge, contact.REBUILD_DISTANCE * edge, from_watch, self.memory, self._plan,
-            self._surface, self._excluded, self.lanes, self._partner, self._count, self._full,
-        )  # fmt: skip
+            contact.WATCH_RADIUS * edge,
+            contact.REBUILD_DISTANCE * edge,
+            from_watch,
+            self.memory,
+            self._plan,
+            self._surface,
+            self._excluded,
+            self.lanes,
+            self._partner,
+            self._count,
+            self._full,
+        )
 
     def rebuild_lists(self) -> None:
         """Build all lists from the positions at which they were built last: a list is a function of those."""

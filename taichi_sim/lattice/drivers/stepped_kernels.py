@@ -61,9 +61,19 @@ class SteppedKernels:
 
 
 @ti.func
-def rebuild_voxel(m: ti.template(), r, s, radius_squared, from_watch: ti.template(), plan: ti.template(),
-                  surface: ti.template(), excluded: ti.template(), partner: ti.template(), count: ti.template(),
-                  full: ti.template()):  # fmt: skip
+def rebuild_voxel(
+    m: ti.template(),
+    r,
+    s,
+    radius_squared,
+    from_watch: ti.template(),
+    plan: ti.template(),
+    surface: ti.template(),
+    excluded: ti.template(),
+    partner: ti.template(),
+    count: ti.template(),
+    full: ti.template(),
+):
     """List the surface voxels near surface voxel s, in ascending order; voxels of the plan's PAIRS have room."""
     x, y, z = place(m, r, s, from_watch, plan, surface)
     found = 0
@@ -93,8 +103,18 @@ def place(m: ti.template(), r, s, from_watch: ti.template(), plan: ti.template()
 
 
 @ti.func
-def gather_contacts(m: ti.template(), r, s, plan: ti.template(), surface: ti.template(), partner: ti.template(),
-                    count: ti.template(), n, log: ti.template(), logged: ti.template()):  # fmt: skip
+def gather_contacts(
+    m: ti.template(),
+    r,
+    s,
+    plan: ti.template(),
+    surface: ti.template(),
+    partner: ti.template(),
+    count: ti.template(),
+    n,
+    log: ti.template(),
+    logged: ti.template(),
+):
     """Sum of the contact forces on a surface voxel, partners in ascending order; logs pairs that touch if n >= 0."""
     x, y, z, size = stages.surface_place(m, r, s, plan, surface)
     fx = 0.0 * size
@@ -157,9 +177,20 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
     scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
 
     @ti.kernel
-    def begin(t: ti.i32, edge: real.scalar, gravity: real.scalar, m: memory, plan: ints1, link_table: ints1,
-              rest_table: ints2, lanes: ints2, event: ints2, event_value: memory, poses: scalars4,
-              strains: scalars3):  # fmt: skip
+    def begin(
+        t: ti.i32,
+        edge: real.scalar,
+        gravity: real.scalar,
+        m: memory,
+        plan: ints1,
+        link_table: ints1,
+        rest_table: ints2,
+        lanes: ints2,
+        event: ints2,
+        event_value: memory,
+        poses: scalars4,
+        strains: scalars3,
+    ):
         """Events due at step t, ends and divergence; then this step's channels and rest lengths."""
         for r in range(m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE and load(m, r, plan[MONITOR] + DIVERGED) > 0.5:
@@ -184,8 +215,19 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
                 stages.update_rest_lengths(m, r, plan, rest_table)
 
     @ti.kernel
-    def watch(radius: real.scalar, limit: real.scalar, from_watch: ti.i32, m: memory, plan: ints1, surface: ints1,
-              excluded: ints2, lanes: ints2, partner: ints3, count: ints2, full: ints1):  # fmt: skip
+    def watch(
+        radius: real.scalar,
+        limit: real.scalar,
+        from_watch: ti.i32,
+        m: memory,
+        plan: ints1,
+        surface: ints1,
+        excluded: ints2,
+        lanes: ints2,
+        partner: ints3,
+        count: ints2,
+        full: ints1,
+    ):
         """Build the lists of robots that have moved too far; or all lists, from where they were built last."""
         for s, r in ti.ndrange(plan[SURFACE], m.shape[1]):
             if from_watch != 0:
@@ -206,8 +248,17 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
                 logged[n, r] = 0
 
     @ti.kernel
-    def collide(m: memory, plan: ints1, surface: ints1, lanes: ints2, partner: ints3, count: ints2, n: ti.i32,
-                log: ints4, logged: ints2):  # fmt: skip
+    def collide(
+        m: memory,
+        plan: ints1,
+        surface: ints1,
+        lanes: ints2,
+        partner: ints3,
+        count: ints2,
+        n: ti.i32,
+        log: ints4,
+        logged: ints2,
+    ):
         """Contact forces; those of a recorded step (n >= 0) are logged."""
         for s, r in ti.ndrange(plan[SURFACE], m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE:
@@ -252,8 +303,17 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
                 stages.square_stage(m, r, q, plan, square_table, voxel_table)
 
     @ti.kernel
-    def voxels(dt: real.scalar, edge: real.scalar, m: memory, plan: ints1, link_table: ints1, voxel_table: ints1,
-               corner_table: ints1, start: memory, lanes: ints2):  # fmt: skip
+    def voxels(
+        dt: real.scalar,
+        edge: real.scalar,
+        m: memory,
+        plan: ints1,
+        link_table: ints1,
+        voxel_table: ints1,
+        corner_table: ints1,
+        start: memory,
+        lanes: ints2,
+    ):
         """Integration of voxels; strains for the next step; how far surface voxels have moved."""
         for v, r in ti.ndrange(plan[VOXELS], m.shape[1]):
             if lanes[r, LANE_STATE] == LANE_ACTIVE:

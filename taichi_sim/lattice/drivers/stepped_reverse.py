@@ -45,15 +45,26 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
     scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
 
     @ti.kernel
-    def recall(n: ti.i32, edge: real.scalar, gravity: real.scalar, m: reals, rec: reals, plan: ints1,
-               rest_table: ints2):  # fmt: skip
+    def recall(
+        n: ti.i32, edge: real.scalar, gravity: real.scalar, m: reals, rec: reals, plan: ints1, rest_table: ints2
+    ):
         """Parameters of the step that led to record n."""
         for r in range(m.shape[1]):
             adjoint.recall_channels(m, r, rec, r, n * plan[STATE_SLOTS], plan, rest_table, edge, gravity)
 
     @ti.kernel
-    def voxels(n: ti.i32, dt: real.scalar, edge: real.scalar, m: reals, rec: reals, a: reals, plan: ints1,
-               link_table: ints1, voxel_table: ints1, lanes: ints3):  # fmt: skip
+    def voxels(
+        n: ti.i32,
+        dt: real.scalar,
+        edge: real.scalar,
+        m: reals,
+        rec: reals,
+        a: reals,
+        plan: ints1,
+        link_table: ints1,
+        voxel_table: ints1,
+        lanes: ints3,
+    ):
         """Gauges and integration."""
         for v, r in ti.ndrange(plan[VOXELS], m.shape[1]):
             if lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
@@ -64,24 +75,35 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
                 voxel_adjoint(m, r, rec, r, old, new, a, v, dt, edge, plan, voxel_table)
 
     @ti.kernel
-    def links(n: ti.i32, edge: real.scalar, m: reals, rec: reals, a: reals, plan: ints1, link_table: ints1,
-              voxel_table: ints1, lanes: ints3):  # fmt: skip
+    def links(
+        n: ti.i32,
+        edge: real.scalar,
+        m: reals,
+        rec: reals,
+        a: reals,
+        plan: ints1,
+        link_table: ints1,
+        voxel_table: ints1,
+        lanes: ints3,
+    ):
         """Beams."""
         for l, r in ti.ndrange(plan[LINKS], m.shape[1]):
             if lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
                 link_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, l, edge, plan, link_table, voxel_table, fluid)
 
     @ti.kernel
-    def squares(n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, square_table: ints1, voxel_table: ints1,
-                lanes: ints3):  # fmt: skip
+    def squares(
+        n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, square_table: ints1, voxel_table: ints1, lanes: ints3
+    ):
         """Pressure on the squares of closed surfaces."""
         for q, r in ti.ndrange(plan[SQUARES], m.shape[1]):
             if lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
                 adjoint.square_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, q, plan, square_table, voxel_table)
 
     @ti.kernel
-    def contacts(n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, surface: ints1, log: ints4, logged: ints2,
-                 lanes: ints3):  # fmt: skip
+    def contacts(
+        n: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, surface: ints1, log: ints4, logged: ints2, lanes: ints3
+    ):
         """Contacts between voxels."""
         for q, r in ti.ndrange(log.shape[1], m.shape[1]):
             if q < logged[n, r] and lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
@@ -89,21 +111,61 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
                 adjoint.contact_adjoint(m, r, rec, r, n * plan[STATE_SLOTS], a, s1, s2, True, plan, surface)
 
     @ti.kernel
-    def groups(n: ti.i32, edge: real.scalar, gravity: real.scalar, m: reals, rec: reals, a: reals, plan: ints1,
-               rest_table: ints2, lanes: ints3):  # fmt: skip
+    def groups(
+        n: ti.i32,
+        edge: real.scalar,
+        gravity: real.scalar,
+        m: reals,
+        rec: reals,
+        a: reals,
+        plan: ints1,
+        rest_table: ints2,
+        lanes: ints3,
+    ):
         """Rest lengths, groups and channels."""
         for r in range(m.shape[1]):
             if lanes[0, r, kernel.LANE_STATE] == kernel.LANE_ACTIVE:
                 adjoint.group_adjoint(m, r, rec, r, (n + 1) * plan[STATE_SLOTS], a, plan, rest_table, edge, gravity)
 
     @ti.kernel
-    def marks(n: ti.i32, t: ti.i32, slots: ti.i32, m: reals, rec: reals, a: reals, plan: ints1, link_table: ints1,
-              lanes: ints3, event: ints2, event_value: reals, poses: scalars4, strains: scalars3,
-              finals: scalars3):  # fmt: skip
+    def marks(
+        n: ti.i32,
+        t: ti.i32,
+        slots: ti.i32,
+        m: reals,
+        rec: reals,
+        a: reals,
+        plan: ints1,
+        link_table: ints1,
+        lanes: ints3,
+        event: ints2,
+        event_value: reals,
+        poses: scalars4,
+        strains: scalars3,
+        finals: scalars3,
+    ):
         """Ends of runs, events and recorded poses of step t."""
         for r in range(m.shape[1]):
-            kernel.meet_marks(m, a, rec, 0, r, 0, 0, n * plan[STATE_SLOTS], t, slots, plan, link_table, lanes, event,
-                              event_value, poses, strains, finals)  # fmt: skip
+            kernel.meet_marks(
+                m,
+                a,
+                rec,
+                0,
+                r,
+                0,
+                0,
+                n * plan[STATE_SLOTS],
+                t,
+                slots,
+                plan,
+                link_table,
+                lanes,
+                event,
+                event_value,
+                poses,
+                strains,
+                finals,
+            )
 
     return ReverseKernels(recall, voxels, links, squares, contacts, groups, marks)
 
@@ -180,8 +242,20 @@ class SteppedReverse:
         k, run, n = self._kernels, self.run, t - record.first
         _, edge, gravity = run.constants
         k.recall(n, edge, gravity, self._values, record.states, run._plan, run._rest)
-        k.marks(n, t, self.layout.slots, self._values, record.states, self._cotangents, run._plan, run._link,
-                self._lanes, run._marks, self._events, *self._seeds)  # fmt: skip
+        k.marks(
+            n,
+            t,
+            self.layout.slots,
+            self._values,
+            record.states,
+            self._cotangents,
+            run._plan,
+            run._link,
+            self._lanes,
+            run._marks,
+            self._events,
+            *self._seeds,
+        )
 
     def read(self, section: int) -> np.ndarray:
         """Cotangents of a section of the memory, shape (B, items, components)."""

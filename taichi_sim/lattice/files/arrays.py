@@ -101,8 +101,11 @@ def _numbered(materials: Palette) -> dict[int, Material]:
     if isinstance(materials, Material):
         materials = (materials,)
     palette = dict(materials) if isinstance(materials, Mapping) else dict(enumerate(materials, 1))
-    wrong = [n for n, m in palette.items() if isinstance(n, bool) or not isinstance(n, int) or n == 0
-             or not isinstance(m, Material)]  # fmt: skip
+    wrong = [
+        n
+        for n, m in palette.items()
+        if isinstance(n, bool) or not isinstance(n, int) or n == 0 or not isinstance(m, Material)
+    ]
     if wrong or not palette:
         told = f"number {wrong[0]!r} is not allowed" if wrong else "there are none"
         raise ValueError(f"materials: {told}; give a Material for each whole number but 0")

@@ -68,9 +68,13 @@ def predict(mesh: "trimesh.Trimesh", pitch: float) -> Prediction:
 
 
 def voxelise(
-    mesh: "trimesh.Trimesh | str | PathLike[str]", pitch: float, *, repair: bool = True,
-    most_voxels: int = MOST_VOXELS, most_memory: float = MOST_MEMORY,
-) -> VoxelisedMesh:  # fmt: skip
+    mesh: "trimesh.Trimesh | str | PathLike[str]",
+    pitch: float,
+    *,
+    repair: bool = True,
+    most_voxels: int = MOST_VOXELS,
+    most_memory: float = MOST_MEMORY,
+) -> VoxelisedMesh:
     """Fill a closed surface with voxels. A voxel is there if its centre is inside: an odd number of crossings below.
 
     The grid has the mesh's box in its middle; a box of n by m by k pitches has just so many voxels.
@@ -107,9 +111,15 @@ def voxelise(
 
 
 def body_from_mesh(
-    mesh: "trimesh.Trimesh | str | PathLike[str]", pitch: float, material: Material, *, scale: float = 1.0,
-    repair: bool = True, most_voxels: int = MOST_VOXELS, most_memory: float = MOST_MEMORY,
-) -> LatticeBody:  # fmt: skip
+    mesh: "trimesh.Trimesh | str | PathLike[str]",
+    pitch: float,
+    material: Material,
+    *,
+    scale: float = 1.0,
+    repair: bool = True,
+    most_voxels: int = MOST_VOXELS,
+    most_memory: float = MOST_MEMORY,
+) -> LatticeBody:
     """The body of a mesh, of one material; for several give the places of :func:`voxelise` to ``body_from_array``.
 
     Args:

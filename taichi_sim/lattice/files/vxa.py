@@ -21,9 +21,12 @@ from taichi_sim.lattice.materials import Material
 MOST_CELLS = 20 * MOST_VOXELS
 # What of a material its element says, and what it is else.
 _MECHANICAL = {
-    "Density": ("density", 1000.0), "Poissons_Ratio": ("poissons_ratio", 0.0), "CTE": ("thermal_expansion", 0.0),
-    "uStatic": ("static_friction", 0.0), "uDynamic": ("kinetic_friction", 0.0),
-}  # fmt: skip
+    "Density": ("density", 1000.0),
+    "Poissons_Ratio": ("poissons_ratio", 0.0),
+    "CTE": ("thermal_expansion", 0.0),
+    "uStatic": ("static_friction", 0.0),
+    "uDynamic": ("kinetic_friction", 0.0),
+}
 # Damping is the simulator's, for all materials.
 _DAMPING = {
     "BondDampingZ": ("internal_damping", 1.0),
@@ -63,10 +66,17 @@ def read_vxa(root: Element) -> VoxelFile:
     none = np.zeros((body.voxel_count, 3))
     ignored += _environment(root)
     return VoxelFile(
-        body, np.array([c for _, c, _ in palette], np.uint8), none, none, np.zeros((body.voxel_count, 6)), heat,
-        _gravity(root), _switch(root, ".//Gravity/FloorEnabled"), _optional(root, ".//Integration/DtFrac"),
+        body,
+        np.array([c for _, c, _ in palette], np.uint8),
+        none,
+        none,
+        np.zeros((body.voxel_count, 6)),
+        heat,
+        _gravity(root),
+        _switch(root, ".//Gravity/FloorEnabled"),
+        _optional(root, ".//Integration/DtFrac"),
         tuple(dict.fromkeys(ignored)),
-    )  # fmt: skip
+    )
 
 
 def _structure(structure: Element, ignored: list[str]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

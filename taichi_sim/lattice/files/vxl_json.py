@@ -21,11 +21,17 @@ from taichi_sim.lattice.materials import Material
 
 # Names in the file and of Material; what the file leaves out is as in Voxelyze.
 _NAMES = {
-    "youngsModulus": "youngs_modulus", "density": "density", "poissonsRatio": "poissons_ratio",
-    "staticFriction": "static_friction", "kineticFriction": "kinetic_friction",
-    "internalDamping": "internal_damping", "globalDamping": "global_damping", "collisionDamping": "collision_damping",
-    "CTE": "thermal_expansion", "temperature": "temperature",
-}  # fmt: skip
+    "youngsModulus": "youngs_modulus",
+    "density": "density",
+    "poissonsRatio": "poissons_ratio",
+    "staticFriction": "static_friction",
+    "kineticFriction": "kinetic_friction",
+    "internalDamping": "internal_damping",
+    "globalDamping": "global_damping",
+    "collisionDamping": "collision_damping",
+    "CTE": "thermal_expansion",
+    "temperature": "temperature",
+}
 _COLOURS = ("red", "green", "blue", "alpha")
 _LOADS = (("translate", 3), ("rotate", 3), ("force", 3), ("moment", 3))
 _OWN = "morpholab"
@@ -59,11 +65,15 @@ def read_vxl_json(text: str) -> VoxelFile:
         ignored.append("relativeAmbientTemperature")
     gravity, floor = document.get("gravityAcceleration"), document.get("floorEnabled")
     return VoxelFile(
-        body, np.array([c for _, c in found], np.uint8), loads[:, 6:9], loads[:, 9:], loads[:, :6],
+        body,
+        np.array([c for _, c in found], np.uint8),
+        loads[:, 6:9],
+        loads[:, 9:],
+        loads[:, :6],
         gravity=None if gravity is None else _number(document, "gravityAcceleration"),
         floor=None if floor is None else bool(floor),
         ignored=tuple(dict.fromkeys(ignored)),
-    )  # fmt: skip
+    )
 
 
 def write_vxl_json(file: VoxelFile) -> str:

@@ -36,9 +36,19 @@ def pressed_square(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, p0, p1, p2, p
     s = (p0 + p1 + p2 + p3) / 48.0
     ux, uy, uz = 2.0 * ax, 2.0 * ay, 2.0 * az
     return (
-        s * (ax + bx), s * (ay + by), s * (az + bz), s * (ax + cx), s * (ay + cy), s * (az + cz),
-        s * (ux - bx), s * (uy - by), s * (uz - bz), s * (ux - cx), s * (uy - cy), s * (uz - cz),
-    )  # fmt: skip
+        s * (ax + bx),
+        s * (ay + by),
+        s * (az + bz),
+        s * (ax + cx),
+        s * (ay + cy),
+        s * (az + cz),
+        s * (ux - bx),
+        s * (uy - by),
+        s * (uz - bz),
+        s * (ux - cx),
+        s * (uy - cy),
+        s * (uz - cz),
+    )
 
 
 def enclosed_volume(squares: np.ndarray, positions: np.ndarray) -> np.ndarray:

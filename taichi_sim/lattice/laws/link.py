@@ -64,9 +64,28 @@ def turn_onto_axis(x, y, z, length):
 
 @law
 def end_forces(
-    edge, k, damping_minus, damping_plus, pull, twist, turning, hx, dy, dz, hy, hz,
-    t1y, t1z, t2y, t2z, h1y, h1z, h2y, h2z, bent: ti.template(),
-):  # fmt: skip
+    edge,
+    k,
+    damping_minus,
+    damping_plus,
+    pull,
+    twist,
+    turning,
+    hx,
+    dy,
+    dz,
+    hy,
+    hz,
+    t1y,
+    t1z,
+    t2y,
+    t2z,
+    h1y,
+    h1z,
+    h2y,
+    h2z,
+    bent: ti.template(),
+):
     """Force F and moment M on the "-" end; force G and moment N that the "+" end gives up; link frame.
 
     The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
@@ -82,11 +101,19 @@ def end_forces(
     ey = k * ey
     ez = k * ez
     return (
-        pull + damping_minus * hx, ey + damping_minus * vy, ez + damping_minus * vz,
-        twist + damping_minus * turning, 0.0 - (k * ay + half_minus * cy), k * az + half_minus * cz,
-        pull + damping_plus * hx, ey + damping_plus * vy, ez + damping_plus * vz,
-        twist + damping_plus * turning, k * by + half_plus * ry, k * bz + half_plus * rz,
-    )  # fmt: skip
+        pull + damping_minus * hx,
+        ey + damping_minus * vy,
+        ez + damping_minus * vz,
+        twist + damping_minus * turning,
+        0.0 - (k * ay + half_minus * cy),
+        k * az + half_minus * cz,
+        pull + damping_plus * hx,
+        ey + damping_plus * vy,
+        ez + damping_plus * vz,
+        twist + damping_plus * turning,
+        k * by + half_plus * ry,
+        k * bz + half_plus * rz,
+    )
 
 
 @law
@@ -160,10 +187,28 @@ def turned_forces(edge, stiff, minus, plus, pull, twist, turning, small, w, by, 
     """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel."""
     is_small = small > 0.5
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = end_forces(
-        edge, stiff, minus, plus, pull, twist, turning, h0, select(is_small, d1, 0.0), select(is_small, d2, 0.0),
-        select(is_small, h1, 0.0), select(is_small, h2, 0.0), select(is_small, 0.0, d1), select(is_small, 0.0, d2),
-        d4, d5, select(is_small, 0.0, h1), select(is_small, 0.0, h2), h4, h5, True,
-    )  # fmt: skip
+        edge,
+        stiff,
+        minus,
+        plus,
+        pull,
+        twist,
+        turning,
+        h0,
+        select(is_small, d1, 0.0),
+        select(is_small, d2, 0.0),
+        select(is_small, h1, 0.0),
+        select(is_small, h2, 0.0),
+        select(is_small, 0.0, d1),
+        select(is_small, 0.0, d2),
+        d4,
+        d5,
+        select(is_small, 0.0, h1),
+        select(is_small, 0.0, h2),
+        h4,
+        h5,
+        True,
+    )
     zero = 0.0 * w
     fx, fy, fz = rotate_back(w, zero, by, bz, fx, fy, fz)
     mx, my, mz = rotate_back(w, zero, by, bz, mx, my, mz)

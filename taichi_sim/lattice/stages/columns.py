@@ -5,8 +5,18 @@ from taichi_sim.lattice.stages.memory import CHANNEL_WIDTH
 
 # Columns of the table of links: slots of the two voxels in VOXEL, of the beam in BEAM and of the rest length in REST;
 # the components along and across the link's axis; whether both ends are damped alike; numbers of the two voxels.
-(LINK_MINUS, LINK_PLUS, LINK_BEAM, LINK_REST, LINK_ALONG, LINK_SIDE_1, LINK_SIDE_2, LINK_SYMMETRIC, LINK_FIRST,
- LINK_SECOND) = range(10)  # fmt: skip
+(
+    LINK_MINUS,
+    LINK_PLUS,
+    LINK_BEAM,
+    LINK_REST,
+    LINK_ALONG,
+    LINK_SIDE_1,
+    LINK_SIDE_2,
+    LINK_SYMMETRIC,
+    LINK_FIRST,
+    LINK_SECOND,
+) = range(10)
 LINK_COLUMNS = 10
 
 # Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface

@@ -110,20 +110,44 @@ def group_slots(g, plan: ti.template()):
     constant = plan[CONSTANT] + g * CONSTANT_COLUMNS
     value = plan[CHANNEL] + g * CHANNELS_PER_GROUP + VALUE
     return (
-        constant + EXPANSION, value + TEMPERATURE * CHANNEL_WIDTH,
-        value + SCALE * CHANNEL_WIDTH, value + (SCALE + 1) * CHANNEL_WIDTH, value + (SCALE + 2) * CHANNEL_WIDTH,
-        constant + MASS, value + ACCELERATION * CHANNEL_WIDTH, value + (ACCELERATION + 1) * CHANNEL_WIDTH,
-        value + (ACCELERATION + 2) * CHANNEL_WIDTH, value + FORCE * CHANNEL_WIDTH,
-        value + (FORCE + 1) * CHANNEL_WIDTH, value + (FORCE + 2) * CHANNEL_WIDTH,
-        value + GLOBAL_DAMPING * CHANNEL_WIDTH, constant + CRITICAL_TRANSLATION, constant + CRITICAL_ROTATION,
-    )  # fmt: skip
+        constant + EXPANSION,
+        value + TEMPERATURE * CHANNEL_WIDTH,
+        value + SCALE * CHANNEL_WIDTH,
+        value + (SCALE + 1) * CHANNEL_WIDTH,
+        value + (SCALE + 2) * CHANNEL_WIDTH,
+        constant + MASS,
+        value + ACCELERATION * CHANNEL_WIDTH,
+        value + (ACCELERATION + 1) * CHANNEL_WIDTH,
+        value + (ACCELERATION + 2) * CHANNEL_WIDTH,
+        value + FORCE * CHANNEL_WIDTH,
+        value + (FORCE + 1) * CHANNEL_WIDTH,
+        value + (FORCE + 2) * CHANNEL_WIDTH,
+        value + GLOBAL_DAMPING * CHANNEL_WIDTH,
+        constant + CRITICAL_TRANSLATION,
+        constant + CRITICAL_ROTATION,
+    )
 
 
 @law
 def group_state(
-    expansion, temperature, scale_x, scale_y, scale_z, mass, ax, ay, az, fx, fy, fz, zeta,
-    critical_translation, critical_rotation, edge, gravity,
-):  # fmt: skip
+    expansion,
+    temperature,
+    scale_x,
+    scale_y,
+    scale_z,
+    mass,
+    ax,
+    ay,
+    az,
+    fx,
+    fy,
+    fz,
+    zeta,
+    critical_translation,
+    critical_rotation,
+    edge,
+    gravity,
+):
     """Rest sizes and their mean, external force on a voxel, damping coefficients."""
     warmth = 1.0 + expansion * temperature
     sx = scale_x * warmth
@@ -132,10 +156,16 @@ def group_state(
     # Exactly h for unit scales: a voxel that starts on the floor must touch it, or it would not stick.
     mean = edge * ((sx + sy + sz) / 3.0)
     return (
-        edge * sx, edge * sy, edge * sz, mean,
-        mass * ax + fx, mass * ay + fy, mass * (az - gravity) + fz,
-        zeta * critical_translation, zeta * critical_rotation,
-    )  # fmt: skip
+        edge * sx,
+        edge * sy,
+        edge * sz,
+        mean,
+        mass * ax + fx,
+        mass * ay + fy,
+        mass * (az - gravity) + fz,
+        zeta * critical_translation,
+        zeta * critical_rotation,
+    )
 
 
 @ti.func
@@ -164,8 +194,13 @@ def contact_slots(s1, s2, plan: ti.template(), surface: ti.template()):
     c1 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s1 + SURFACE_GROUP]
     c2 = plan[CONSTANT] + surface[SURFACE_COLUMNS * s2 + SURFACE_GROUP]
     return (
-        c1 + INVERSE_MASS, c2 + INVERSE_MASS, c1 + STIFFNESS, c2 + STIFFNESS, c1 + CONTACT_DAMPING, c2 + CONTACT_DAMPING
-    )  # fmt: skip
+        c1 + INVERSE_MASS,
+        c2 + INVERSE_MASS,
+        c1 + STIFFNESS,
+        c2 + STIFFNESS,
+        c1 + CONTACT_DAMPING,
+        c2 + CONTACT_DAMPING,
+    )
 
 
 @ti.func
@@ -220,8 +255,9 @@ def square_stage(m: ti.template(), k, q, plan: ti.template(), square_table: ti.t
 
 
 @ti.func
-def add_pressure(m: ti.template(), k, v, fx, fy, fz, plan: ti.template(), voxel_table: ti.template(),
-                 corner_table: ti.template()):  # fmt: skip
+def add_pressure(
+    m: ti.template(), k, v, fx, fy, fz, plan: ti.template(), voxel_table: ti.template(), corner_table: ti.template()
+):
     """A force on voxel v, and that of the pressure on the squares around it, in ascending order."""
     row = v * VOXEL_COLUMNS
     for i in range(voxel_table[row + FIRST_CORNER], voxel_table[row + END_CORNER]):

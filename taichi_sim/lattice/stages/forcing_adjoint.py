@@ -47,9 +47,18 @@ def touching(x1, y1, z1, px, py, pz, x2, y2, z2, qx, qy, qz, size1, size2, w1, w
 
 @ti.func
 def contact_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, base, a: ti.template(), s1, s2, near, plan: ti.template(),
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    base,
+    a: ti.template(),
+    s1,
+    s2,
+    near,
+    plan: ti.template(),
     surface: ti.template(),
-):  # fmt: skip
+):
     """Reverse the contact of two surface voxels in the lanes where they are near."""
     f1 = force_slots(s1, plan, surface)
     f2 = force_slots(s2, plan, surface)
@@ -95,9 +104,17 @@ def force_slots(s, plan: ti.template(), surface: ti.template()):
 
 @ti.func
 def square_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, base, a: ti.template(), q, plan: ti.template(),
-    square_table: ti.template(), voxel_table: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    base,
+    a: ti.template(),
+    q,
+    plan: ti.template(),
+    square_table: ti.template(),
+    voxel_table: ti.template(),
+):
     """Reverse the pressure on a square."""
     pressures = stages.square_pressures(q, plan, square_table, voxel_table)
     places = load_all(rec, kr, stages.square_places(base, q, plan, square_table))
@@ -118,8 +135,9 @@ def square_forces(q, plan: ti.template(), square_table: ti.template()):
 
 
 @ti.func
-def recall_channels(m: ti.template(), k, rec: ti.template(), kr, new, plan: ti.template(), rest_table: ti.template(),
-                    edge, gravity):  # fmt: skip
+def recall_channels(
+    m: ti.template(), k, rec: ti.template(), kr, new, plan: ti.template(), rest_table: ti.template(), edge, gravity
+):
     """Put the parameters' memory into the state that it had in the step that led to the record at ``new``."""
     for i in range(plan[GROUPS] * QUANTITY_COUNT):
         slot = plan[CHANNEL] + i * CHANNEL_WIDTH + VALUE
@@ -130,9 +148,17 @@ def recall_channels(m: ti.template(), k, rec: ti.template(), kr, new, plan: ti.t
 
 @ti.func
 def group_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, new, a: ti.template(), plan: ti.template(), rest_table: ti.template(),
-    edge, gravity,
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    new,
+    a: ti.template(),
+    plan: ti.template(),
+    rest_table: ti.template(),
+    edge,
+    gravity,
+):
     """Reverse what follows from the channels; adds to the cotangents of their bases and rates."""
     for r in range(plan[RESTS]):
         slot = plan[REST] + r * REST_WIDTH

@@ -47,9 +47,21 @@ def pose_slots(base, l, plan: ti.template(), link_table: ti.template()):
     c = link_table[row + LINK_SIDE_2]
     q1, q2 = p1 + ORIENTATION, p2 + ORIENTATION
     return (
-        p1 + a, p1 + b, p1 + c, q1, q1 + 1 + a, q1 + 1 + b, q1 + 1 + c,
-        p2 + a, p2 + b, p2 + c, q2, q2 + 1 + a, q2 + 1 + b, q2 + 1 + c,
-    )  # fmt: skip
+        p1 + a,
+        p1 + b,
+        p1 + c,
+        q1,
+        q1 + 1 + a,
+        q1 + 1 + b,
+        q1 + 1 + c,
+        p2 + a,
+        p2 + b,
+        p2 + c,
+        q2,
+        q2 + 1 + a,
+        q2 + 1 + b,
+        q2 + 1 + c,
+    )
 
 
 @ti.func
@@ -66,9 +78,15 @@ def stays_straight(before, x, y, z, rest):
 
 @ti.func
 def link_stage(
-    m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
+    m: ti.template(),
+    k,
+    l,
+    edge,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
     fluid: ti.template(),
-):  # fmt: skip
+):
     """What link l adds to its "-" voxel, force F and moment M, and takes from its "+" voxel, G and N: (F, M, G, N).
 
     World frame, components along the link's axis first.
@@ -95,9 +113,21 @@ def link_stage(
 
 @ti.func
 def bend(
-    m: ti.template(), k, l, edge, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
-    x, y, z, qw, qx, qy, qz,
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    l,
+    edge,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+    x,
+    y,
+    z,
+    qw,
+    qx,
+    qy,
+    qz,
+):
     """The beam to a voxel at (x, y, z) with orientation q, all in the frame of the "-" voxel: (F, M, G, N)."""
     memory = plan[LINK] + l * LINK_WIDTH
     beam = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM]
@@ -109,10 +139,28 @@ def bend(
         h0, h1, h2, h3, h4, h5 = remember(m, k, memory, 0.5, d0, d1, d2, d3, d4, d5)
         pull = axial_force(m, k, l, d0, plan, link_table, voxel_table)
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.end_forces(
-            edge, load(m, k, beam + STIFF), load(m, k, beam + DAMP_MINUS), load(m, k, beam + DAMP_PLUS), pull,
-            load(m, k, beam + TWIST) * d3, 0.5 * load(m, k, beam + TWIST_ROOT) * h3, h0, d1, d2, h1, h2,
-            0.0, 0.0, d4, d5, 0.0, 0.0, h4, h5, False,
-        )  # fmt: skip
+            edge,
+            load(m, k, beam + STIFF),
+            load(m, k, beam + DAMP_MINUS),
+            load(m, k, beam + DAMP_PLUS),
+            pull,
+            load(m, k, beam + TWIST) * d3,
+            0.5 * load(m, k, beam + TWIST_ROOT) * h3,
+            h0,
+            d1,
+            d2,
+            h1,
+            h2,
+            0.0,
+            0.0,
+            d4,
+            d5,
+            0.0,
+            0.0,
+            h4,
+            h5,
+            False,
+        )
     else:
         d0, d1, d2, d3, d4, d5, small, w, by, bz = beams.turned_strains(x, y, z, qw, qx, qy, qz, rest, before)
         # A switch of regime invalidates the memory: no damping in this step.
@@ -121,10 +169,27 @@ def bend(
         store(m, k, memory + REGIME, small)
         pull = axial_force(m, k, l, d0, plan, link_table, voxel_table)
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.turned_forces(
-            edge, load(m, k, beam + STIFF), load(m, k, beam + DAMP_MINUS), load(m, k, beam + DAMP_PLUS), pull,
-            load(m, k, beam + TWIST) * d3, 0.5 * load(m, k, beam + TWIST_ROOT) * h3, small, w, by, bz,
-            d1, d2, d4, d5, h0, h1, h2, h4, h5,
-        )  # fmt: skip
+            edge,
+            load(m, k, beam + STIFF),
+            load(m, k, beam + DAMP_MINUS),
+            load(m, k, beam + DAMP_PLUS),
+            pull,
+            load(m, k, beam + TWIST) * d3,
+            0.5 * load(m, k, beam + TWIST_ROOT) * h3,
+            small,
+            w,
+            by,
+            bz,
+            d1,
+            d2,
+            d4,
+            d5,
+            h0,
+            h1,
+            h2,
+            h4,
+            h5,
+        )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 

@@ -26,27 +26,109 @@ from taichi_sim.runtime import ti
 
 @law
 def straight_link(
-    x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2, m0, m1, m2, m3, m4, m5, rest, inverse_rest,
-    axial, transverse, stiff, minus, plus, twist, twist_root, squeeze, area, edge, fluid: ti.template(),
-):  # fmt: skip
+    x1,
+    y1,
+    z1,
+    w1,
+    a1,
+    b1,
+    c1,
+    x2,
+    y2,
+    z2,
+    w2,
+    a2,
+    b2,
+    c2,
+    m0,
+    m1,
+    m2,
+    m3,
+    m4,
+    m5,
+    rest,
+    inverse_rest,
+    axial,
+    transverse,
+    stiff,
+    minus,
+    plus,
+    twist,
+    twist_root,
+    squeeze,
+    area,
+    edge,
+    fluid: ti.template(),
+):
     """What the stage computes, as one law, for a link that is and was in the small-angle regime."""
     x, y, z, qw, qx, qy, qz = beams.relative_pose(x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2)
     d0, d1, d2, d3, d4, d5 = beams.straight_strains(x, y, z, qw, qx, qy, qz, rest)
     pull = (axial * (d0 * inverse_rest) + transverse * squeeze) * area
     turning = 0.5 * twist_root * (0.5 * (d3 - m3))
     forces = beams.end_forces(
-        edge, stiff, minus, plus, pull, twist * d3, turning, 0.5 * (d0 - m0), d1, d2, 0.5 * (d1 - m1), 0.5 * (d2 - m2),
-        0.0, 0.0, d4, d5, 0.0, 0.0, 0.5 * (d4 - m4), 0.5 * (d5 - m5), False,
-    )  # fmt: skip
+        edge,
+        stiff,
+        minus,
+        plus,
+        pull,
+        twist * d3,
+        turning,
+        0.5 * (d0 - m0),
+        d1,
+        d2,
+        0.5 * (d1 - m1),
+        0.5 * (d2 - m2),
+        0.0,
+        0.0,
+        d4,
+        d5,
+        0.0,
+        0.0,
+        0.5 * (d4 - m4),
+        0.5 * (d5 - m5),
+        False,
+    )
     ends = to_world(w1, a1, b1, c1, x2 - x1, y2 - y1, z2 - z1, fluid, *forces)
     return ends + (d0, d1, d2, d3, d4, d5)
 
 
 @law
 def turned_link(
-    x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2, m0, m1, m2, m3, m4, m5, rest, inverse_rest,
-    axial, transverse, stiff, minus, plus, twist, twist_root, squeeze, area, edge, before, fluid: ti.template(),
-):  # fmt: skip
+    x1,
+    y1,
+    z1,
+    w1,
+    a1,
+    b1,
+    c1,
+    x2,
+    y2,
+    z2,
+    w2,
+    a2,
+    b2,
+    c2,
+    m0,
+    m1,
+    m2,
+    m3,
+    m4,
+    m5,
+    rest,
+    inverse_rest,
+    axial,
+    transverse,
+    stiff,
+    minus,
+    plus,
+    twist,
+    twist_root,
+    squeeze,
+    area,
+    edge,
+    before,
+    fluid: ti.template(),
+):
     """The same for a link of any regime; ``before`` is its last one."""
     x, y, z, qw, qx, qy, qz = beams.relative_pose(x1, y1, z1, w1, a1, b1, c1, x2, y2, z2, w2, a2, b2, c2)
     d0, d1, d2, d3, d4, d5, small, w, by, bz = beams.turned_strains(x, y, z, qw, qx, qy, qz, rest, before)
@@ -54,17 +136,33 @@ def turned_link(
     half = select(before == small, 0.5 + 0.0 * before, 0.0)
     turning = 0.5 * twist_root * (half * (d3 - m3))
     forces = beams.turned_forces(
-        edge, stiff, minus, plus, pull, twist * d3, turning, small, w, by, bz, d1, d2, d4, d5,
-        half * (d0 - m0), half * (d1 - m1), half * (d2 - m2), half * (d4 - m4), half * (d5 - m5),
-    )  # fmt: skip
+        edge,
+        stiff,
+        minus,
+        plus,
+        pull,
+        twist * d3,
+        turning,
+        small,
+        w,
+        by,
+        bz,
+        d1,
+        d2,
+        d4,
+        d5,
+        half * (d0 - m0),
+        half * (d1 - m1),
+        half * (d2 - m2),
+        half * (d4 - m4),
+        half * (d5 - m5),
+    )
     ends = to_world(w1, a1, b1, c1, x2 - x1, y2 - y1, z2 - z1, fluid, *forces)
     return ends + (d0, d1, d2, d3, d4, d5)
 
 
 @law
-def to_world(
-    w, a, b, c, dx, dy, dz, fluid: ti.template(), fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
-):  # fmt: skip
+def to_world(w, a, b, c, dx, dy, dz, fluid: ti.template(), fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz):
     """F, M, G and N turned from the frame of the "-" voxel; in a fluid balanced, the other end being d away."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, a, b, c)
     fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
@@ -88,11 +186,19 @@ def force_seeds(a: ti.template(), k, l, plan: ti.template(), link_table: ti.temp
     v = link_table[row + LINK_SIDE_1]
     w = link_table[row + LINK_SIDE_2]
     return (
-        load(a, k, f1 + u), load(a, k, f1 + v), load(a, k, f1 + w),
-        load(a, k, f1 + 3 + u), load(a, k, f1 + 3 + v), load(a, k, f1 + 3 + w),
-        0.0 - load(a, k, f2 + u), 0.0 - load(a, k, f2 + v), 0.0 - load(a, k, f2 + w),
-        0.0 - load(a, k, f2 + 3 + u), 0.0 - load(a, k, f2 + 3 + v), 0.0 - load(a, k, f2 + 3 + w),
-    )  # fmt: skip
+        load(a, k, f1 + u),
+        load(a, k, f1 + v),
+        load(a, k, f1 + w),
+        load(a, k, f1 + 3 + u),
+        load(a, k, f1 + 3 + v),
+        load(a, k, f1 + 3 + w),
+        0.0 - load(a, k, f2 + u),
+        0.0 - load(a, k, f2 + v),
+        0.0 - load(a, k, f2 + w),
+        0.0 - load(a, k, f2 + 3 + u),
+        0.0 - load(a, k, f2 + 3 + v),
+        0.0 - load(a, k, f2 + 3 + w),
+    )
 
 
 @ti.func
@@ -108,16 +214,33 @@ def constant_slots(l, plan: ti.template(), link_table: ti.template()):
     rest = plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST]
     beam = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM]
     return (
-        rest, rest + 1, beam + AXIAL, beam + TRANSVERSE, beam + STIFF, beam + DAMP_MINUS, beam + DAMP_PLUS,
-        beam + TWIST, beam + TWIST_ROOT,
-    )  # fmt: skip
+        rest,
+        rest + 1,
+        beam + AXIAL,
+        beam + TRANSVERSE,
+        beam + STIFF,
+        beam + DAMP_MINUS,
+        beam + DAMP_PLUS,
+        beam + TWIST,
+        beam + TWIST_ROOT,
+    )
 
 
 @ti.func
 def link_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, base, a: ti.template(), l, edge, plan: ti.template(),
-    link_table: ti.template(), voxel_table: ti.template(), fluid: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    base,
+    a: ti.template(),
+    l,
+    edge,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+    fluid: ti.template(),
+):
     """Reverse link l: reads the cotangents of its voxels' forces (FORCE) and of its new memory (LINK)."""
     poses = load_all(rec, kr, pose_slots(base, l, plan, link_table))
     memory = load_all(rec, kr, memory_slots(base, l, plan))
@@ -148,9 +271,17 @@ def relative_pose_of(p: ti.template()):
 
 @ti.func
 def give(
-    a: ti.template(), k, rec: ti.template(), kr, base, l, plan: ti.template(), link_table: ti.template(),
-    voxel_table: ti.template(), cotangents: ti.template(),
-):  # fmt: skip
+    a: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    base,
+    l,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+    cotangents: ti.template(),
+):
     """Add the cotangents of a link's inputs to those of state and constants."""
     accumulate_all(a, k, pose_slots(0, l, plan, link_table), cotangents[:14])
     store_all(a, k, memory_slots(0, l, plan), cotangents[14:20])  # those of the new memory have been taken
@@ -158,6 +289,8 @@ def give(
     if plan[POISSON_ON] != 0:
         strains = load_all(rec, kr, transverse_slots(base, l, plan, link_table, voxel_table))
         accumulate_all(
-            a, k, transverse_slots(0, l, plan, link_table, voxel_table),
+            a,
+            k,
+            transverse_slots(0, l, plan, link_table, voxel_table),
             ti.static(pull_back(beams.cross_section, strains, (), cotangents[29:])),
-        )  # fmt: skip
+        )

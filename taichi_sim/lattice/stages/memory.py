@@ -39,8 +39,21 @@ MOVED, DIVERGED = 0, 1  # places in the monitor
 SIZE, MEAN_SIZE, PUSH, DRAG, SPIN_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: rest sizes, external force, damping
 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
-(VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS, RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON,
- FLUID_ON, SQUARES) = range(SECTION_COUNT, SECTION_COUNT + 13)  # fmt: skip
+(
+    VOXELS,
+    LINKS,
+    GROUPS,
+    RESTS,
+    SURFACE,
+    PAIRS,
+    STATE_SLOTS,
+    RING_MASK,
+    FLOOR_ON,
+    CONTACT_ON,
+    POISSON_ON,
+    FLUID_ON,
+    SQUARES,
+) = range(SECTION_COUNT, SECTION_COUNT + 13)
 PLAN_SIZE = SECTION_COUNT + 13
 
 
@@ -59,15 +72,34 @@ class Memory:
     slots: int
 
     @classmethod
-    def of(cls, voxels: int, links: int, gauges: int, surface: int, groups: int, beams: int, rests: int,
-           squares: int, forces: tuple[int, int]) -> "Memory":  # fmt: skip
+    def of(
+        cls,
+        voxels: int,
+        links: int,
+        gauges: int,
+        surface: int,
+        groups: int,
+        beams: int,
+        rests: int,
+        squares: int,
+        forces: tuple[int, int],
+    ) -> "Memory":
         """Lay out a memory for so many items; sections without items keep one, as none may be empty."""
         rows = (
-            (voxels, VOXEL_WIDTH), (links, LINK_WIDTH), (gauges, STRAIN_WIDTH),
-            (groups * QUANTITY_COUNT, CHANNEL_WIDTH), (surface, 3), (1, 2), (groups, CURRENT_WIDTH),
-            (groups, CONSTANT_COLUMNS), (beams, BEAM_COLUMNS), (rests, REST_WIDTH), (surface, 3), forces,
+            (voxels, VOXEL_WIDTH),
+            (links, LINK_WIDTH),
+            (gauges, STRAIN_WIDTH),
+            (groups * QUANTITY_COUNT, CHANNEL_WIDTH),
+            (surface, 3),
+            (1, 2),
+            (groups, CURRENT_WIDTH),
+            (groups, CONSTANT_COLUMNS),
+            (beams, BEAM_COLUMNS),
+            (rests, REST_WIDTH),
+            (surface, 3),
+            forces,
             (squares, PRESSED_WIDTH),
-        )  # fmt: skip
+        )
         sections = tuple((max(count, 1), width) for count, width in rows)
         ends = np.cumsum([count * width for count, width in sections])
         return cls(sections, (0, *(int(e) for e in ends[:-1])), int(ends[-1]))

@@ -16,11 +16,25 @@ NOWHERE = 2**30
 
 @ti.func
 def rebuild_lane(
-    ms: ti.template(), block, k, lane, bunch: ti.template(), radius_squared, plan: ti.template(),
-    surface: ti.template(), excluded: ti.template(), scratch: ti.template(), scratch_scalar: ti.template(),
-    near: ti.template(), near_scalar: ti.template(), fresh: ti.template(), row: ti.template(), partner: ti.template(),
-    mask: ti.template(), info: ti.template(),
-):  # fmt: skip
+    ms: ti.template(),
+    block,
+    k,
+    lane,
+    bunch: ti.template(),
+    radius_squared,
+    plan: ti.template(),
+    surface: ti.template(),
+    excluded: ti.template(),
+    scratch: ti.template(),
+    scratch_scalar: ti.template(),
+    near: ti.template(),
+    near_scalar: ti.template(),
+    fresh: ti.template(),
+    row: ti.template(),
+    partner: ti.template(),
+    mask: ti.template(),
+    info: ti.template(),
+):
     """Build one robot's part of a block's list; returns 0 and changes nothing if the list has no room.
 
     ms is the memory seen as scalars [slot, lane]; scratch holds the robot's surface positions ``bunch`` at a time.
@@ -78,9 +92,18 @@ def rebuild_lane(
 
 @ti.func
 def _near_voxels(
-    block, s, bunch: ti.template(), count, radius_squared, excluded: ti.template(), scratch: ti.template(),
-    scratch_scalar: ti.template(), near: ti.template(), near_scalar: ti.template(), fresh: ti.template(),
-):  # fmt: skip
+    block,
+    s,
+    bunch: ti.template(),
+    count,
+    radius_squared,
+    excluded: ti.template(),
+    scratch: ti.template(),
+    scratch_scalar: ti.template(),
+    near: ti.template(),
+    near_scalar: ti.template(),
+    fresh: ti.template(),
+):
     """Collect later surface voxels near surface voxel s, in ascending order; returns their number."""
     found = 0
     x = scratch_scalar[block, 0, s // bunch, s % bunch]

@@ -74,9 +74,16 @@ class Tables:
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
         return memory.Memory.of(
-            len(self.group), len(self.link_ends), self.gauges, len(self.surface_voxels), len(self.group_region),
-            self.beam.shape[1], len(self.rest), self.squares, forces,
-        )  # fmt: skip
+            len(self.group),
+            len(self.link_ends),
+            self.gauges,
+            len(self.surface_voxels),
+            len(self.group_region),
+            self.beam.shape[1],
+            len(self.rest),
+            self.squares,
+            forces,
+        )
 
     def initial_sections(self) -> tuple[tuple[int, np.ndarray], ...]:
         """Sections of the memory that the tables fill, with values of shape (B, items, components)."""
@@ -171,9 +178,15 @@ def _link_table(
 
 
 def _voxel_table(
-    body: LatticeBody, order: np.ndarray, place: np.ndarray, group_of: np.ndarray, squares: np.ndarray, poisson: bool,
-    fluid: bool, closed: bool,
-) -> tuple[np.ndarray, int]:  # fmt: skip
+    body: LatticeBody,
+    order: np.ndarray,
+    place: np.ndarray,
+    group_of: np.ndarray,
+    squares: np.ndarray,
+    poisson: bool,
+    fluid: bool,
+    closed: bool,
+) -> tuple[np.ndarray, int]:
     topology, count = body.topology, len(order)
     table = np.full((count, columns.VOXEL_COLUMNS), -1, np.int32)
     table[:, columns.GROUP] = group_of[order] * CONSTANT_COLUMNS

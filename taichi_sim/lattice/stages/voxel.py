@@ -69,9 +69,24 @@ from taichi_sim.runtime import ti
 
 @ti.func
 def voxel_stage(
-    m: ti.template(), k, v, dt, edge, fx, fy, fz, mx, my, mz, cx, cy, cz,
-    plan: ti.template(), voxel_table: ti.template(), start: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    v,
+    dt,
+    edge,
+    fx,
+    fy,
+    fz,
+    mx,
+    my,
+    mz,
+    cx,
+    cy,
+    cz,
+    plan: ti.template(),
+    voxel_table: ti.template(),
+    start: ti.template(),
+):
     """Integrate voxel v under the forces F and moments M of its links and the contact force c, world; its new place."""
     row = v * VOXEL_COLUMNS
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
@@ -235,14 +250,16 @@ def gauged_faces(m: ti.template(), k, base, v, plan: ti.template(), voxel_table:
     gauge = base + plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
     normal = v * VOXEL_COLUMNS + NORMAL
     return (
-        load(m, k, gauge), load(m, k, gauge + 1), load(m, k, gauge + 2),
+        load(m, k, gauge),
+        load(m, k, gauge + 1),
+        load(m, k, gauge + 2),
         0.5 * ti.cast(link_count(v, 0, voxel_table), float),
         0.5 * ti.cast(link_count(v, 1, voxel_table), float),
         0.5 * ti.cast(link_count(v, 2, voxel_table), float),
         ti.cast(voxel_table[normal], float),
         ti.cast(voxel_table[normal + 1], float),
         ti.cast(voxel_table[normal + 2], float),
-    )  # fmt: skip
+    )
 
 
 @ti.func
@@ -276,9 +293,14 @@ def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.temp
 
 @ti.func
 def axis_strain(
-    m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), link_table: ti.template(),
+    m: ti.template(),
+    k,
+    v,
+    axis: ti.template(),
+    plan: ti.template(),
+    link_table: ti.template(),
     voxel_table: ti.template(),
-):  # fmt: skip
+):
     """Mean of a voxel's shares in the strains of its links along an axis."""
     total = 0.0 * load(m, k, plan[CONSTANT])
     for side in ti.static(range(2)):

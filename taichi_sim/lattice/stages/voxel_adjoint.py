@@ -62,9 +62,25 @@ from taichi_sim.runtime import ti
 
 @law
 def pushed(
-    px, py, pz, fx, fy, fz, inverse_mass, drag, z, mean_size, stiffness, contact_damping, kinetic_friction,
-    dt, edge, sticks, stuck, floor_near,
-):  # fmt: skip
+    px,
+    py,
+    pz,
+    fx,
+    fy,
+    fz,
+    inverse_mass,
+    drag,
+    z,
+    mean_size,
+    stiffness,
+    contact_damping,
+    kinetic_friction,
+    dt,
+    edge,
+    sticks,
+    stuck,
+    floor_near,
+):
     """New momentum of a voxel under the force F of all but floor and drag; sticking before and after are known."""
     vx = px * inverse_mass
     vy = py * inverse_mass
@@ -131,9 +147,19 @@ def three(slot):
 
 @ti.func
 def voxel_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.template(), v, dt, edge, plan: ti.template(),
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    old,
+    new,
+    a: ti.template(),
+    v,
+    dt,
+    edge,
+    plan: ti.template(),
     voxel_table: ti.template(),
-):  # fmt: skip
+):
     """Reverse voxel v: from the cotangents of its new state to those of its old one and of its force and moment."""
     row = v * VOXEL_COLUMNS
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
@@ -149,17 +175,24 @@ def voxel_adjoint(
     new_momenta = load_all(rec, kr, three(after + MOMENTUM) + three(after + SPIN))
     if bits != 0:
         nought = 0.0 * inverse_mass
-        accumulate_all(a, k, channel_slots(v, TRANSLATION, plan, voxel_table), (
-            held(bits, 1, nought, cx), held(bits, 2, nought, cy), held(bits, 4, nought, cz),
-        ))  # fmt: skip
+        accumulate_all(
+            a,
+            k,
+            channel_slots(v, TRANSLATION, plan, voxel_table),
+            (
+                held(bits, 1, nought, cx),
+                held(bits, 2, nought, cy),
+                held(bits, 4, nought, cz),
+            ),
+        )
         cx, cy, cz = held(bits, 1, cx, nought), held(bits, 2, cy, nought), held(bits, 4, cz, nought)
         if bits >= 8:
             cw, ca, cb, cc = rotation_adjoint(
                 m, k, a, v, dt * inverse_inertia, bits, plan, voxel_table, old_pose, new_momenta, (cw, ca, cb, cc)
             )
-    p = ti.static(pull_back(
-        placed, old_pose + new_momenta + (inverse_mass, inverse_inertia), (dt,), (cx, cy, cz, cw, ca, cb, cc)
-    ))  # fmt: skip
+    p = ti.static(
+        pull_back(placed, old_pose + new_momenta + (inverse_mass, inverse_inertia), (dt,), (cx, cy, cz, cw, ca, cb, cc))
+    )
     gx, gy, gz = gx + p[7], gy + p[8], gz + p[9]
     sx, sy, sz = sx + p[10], sy + p[11], sz + p[12]
     if bits != 0:
@@ -184,9 +217,18 @@ def quaternion(voxel):
 
 @ti.func
 def rotation_adjoint(
-    m: ti.template(), k, a: ti.template(), v, step, bits, plan: ti.template(), voxel_table: ti.template(),
-    pose: ti.template(), momenta: ti.template(), seeds: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    a: ti.template(),
+    v,
+    step,
+    bits,
+    plan: ti.template(),
+    voxel_table: ti.template(),
+    pose: ti.template(),
+    momenta: ti.template(),
+    seeds: ti.template(),
+):
     """Reverse the hold on a voxel's rotation; the cotangents of its free orientation."""
     free = motion.rotate_by_momentum(pose[3], pose[4], pose[5], pose[6], momenta[3], momenta[4], momenta[5], step)
     slots = channel_slots(v, ROTATION, plan, voxel_table)
@@ -200,18 +242,27 @@ def rotation_adjoint(
 
 @ti.func
 def spin_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, old, a: ti.template(), v, dt, plan: ti.template(),
-    voxel_table: ti.template(), seeds: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    old,
+    a: ti.template(),
+    v,
+    dt,
+    plan: ti.template(),
+    voxel_table: ti.template(),
+    seeds: ti.template(),
+):
     """Reverse the change of angular momentum; gives the cotangents of the moment."""
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
     inverse_inertia = plan[CONSTANT] + voxel_table[v * VOXEL_COLUMNS + GROUP] + INVERSE_INERTIA
     drag = plan[CURRENT] + voxel_table[v * VOXEL_COLUMNS + GROUP] + SPIN_DRAG
     spin = load_all(rec, kr, three(old + voxel + SPIN))
     nought = 0.0 * spin[0]
-    g = ti.static(pull_back(
-        turned, spin + (nought, nought, nought) + load_all(m, k, (inverse_inertia, drag)), (dt,), seeds
-    ))  # fmt: skip
+    g = ti.static(
+        pull_back(turned, spin + (nought, nought, nought) + load_all(m, k, (inverse_inertia, drag)), (dt,), seeds)
+    )
     store_all(a, k, three(voxel + SPIN), g[:3])
     store_all(a, k, three(plan[FORCE] + 6 * v + 3), g[3:6])
     accumulate_all(a, k, channel_slots(v, MOMENT, plan, voxel_table), g[3:6])
@@ -220,9 +271,20 @@ def spin_adjoint(
 
 @ti.func
 def momentum_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, old, new, a: ti.template(), v, dt, edge, plan: ti.template(),
-    voxel_table: ti.template(), seeds: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    old,
+    new,
+    a: ti.template(),
+    v,
+    dt,
+    edge,
+    plan: ti.template(),
+    voxel_table: ti.template(),
+    seeds: ti.template(),
+):
     """Reverse the change of momentum, floor and friction included; gives the cotangents of the force."""
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
     group = voxel_table[v * VOXEL_COLUMNS + GROUP]
@@ -235,9 +297,13 @@ def momentum_adjoint(
     momentum = load_all(rec, kr, three(old + voxel + MOMENTUM))
     nought = 0.0 * z
     slots = (
-        constant + INVERSE_MASS, current + DRAG, current + MEAN_SIZE, constant + STIFFNESS,
-        constant + CONTACT_DAMPING, channel_slots(v, KINETIC_FRICTION, plan, voxel_table)[0],
-    )  # fmt: skip
+        constant + INVERSE_MASS,
+        current + DRAG,
+        current + MEAN_SIZE,
+        constant + STIFFNESS,
+        constant + CONTACT_DAMPING,
+        channel_slots(v, KINETIC_FRICTION, plan, voxel_table)[0],
+    )
     mass, drag, size, stiffness, damping, friction = load_all(m, k, slots)
     inputs = momentum + (nought, nought, nought, mass, drag, z, size, stiffness, damping, friction)
     sticks, stuck = load(rec, kr, old + voxel + STICKS), load(rec, kr, new + voxel + STICKS)
@@ -263,9 +329,16 @@ def give_force(a: ti.template(), k, v, plan: ti.template(), voxel_table: ti.temp
 
 @ti.func
 def pressure_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, old, a: ti.template(), v, plan: ti.template(),
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    old,
+    a: ti.template(),
+    v,
+    plan: ti.template(),
     voxel_table: ti.template(),
-):  # fmt: skip
+):
     """Reverse the force of the pressure on a voxel's faces."""
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
     gauge = plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
@@ -281,9 +354,16 @@ def pressure_adjoint(
 
 @ti.func
 def drag_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, old, a: ti.template(), v, plan: ti.template(),
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    old,
+    a: ti.template(),
+    v,
+    plan: ti.template(),
     voxel_table: ti.template(),
-):  # fmt: skip
+):
     """Reverse the drag of a fluid."""
     voxel = plan[VOXEL] + v * VOXEL_WIDTH
     inverse_mass = plan[CONSTANT] + voxel_table[v * VOXEL_COLUMNS + GROUP] + INVERSE_MASS
@@ -297,9 +377,17 @@ def drag_adjoint(
 
 @ti.func
 def gauge_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, new, a: ti.template(), v, plan: ti.template(),
-    link_table: ti.template(), voxel_table: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    new,
+    a: ti.template(),
+    v,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+):
     """Reverse a voxel's gauges: takes the cotangents of its new strains to those of its links' new memory."""
     row = v * VOXEL_COLUMNS
     gauge = plan[STRAIN] + voxel_table[row + GAUGE]
@@ -309,13 +397,18 @@ def gauge_adjoint(
     if plan[POISSON_ON] != 0:
         nu = plan[CONSTANT] + voxel_table[row + GROUP] + NU
         tension = (
-            in_tension(m, k, v, 0, plan, voxel_table), in_tension(m, k, v, 1, plan, voxel_table),
+            in_tension(m, k, v, 0, plan, voxel_table),
+            in_tension(m, k, v, 1, plan, voxel_table),
             in_tension(m, k, v, 2, plan, voxel_table),
-        )  # fmt: skip
-        g = ti.static(pull_back(
-            motion.poisson_strains, load_all(rec, kr, three(new + gauge)) + (load(m, k, nu),), tension,
-            load_all(a, k, three(gauge + 3)),
-        ))  # fmt: skip
+        )
+        g = ti.static(
+            pull_back(
+                motion.poisson_strains,
+                load_all(rec, kr, three(new + gauge)) + (load(m, k, nu),),
+                tension,
+                load_all(a, k, three(gauge + 3)),
+            )
+        )
         gx, gy, gz = gx + g[0], gy + g[1], gz + g[2]
         accumulate(a, k, nu, g[3])
         store_all(a, k, three(gauge + 3), (nought, nought, nought))
@@ -326,9 +419,19 @@ def gauge_adjoint(
 
 @ti.func
 def axis_adjoint(
-    m: ti.template(), k, rec: ti.template(), kr, new, a: ti.template(), v, axis: ti.template(), seed,
-    plan: ti.template(), link_table: ti.template(), voxel_table: ti.template(),
-):  # fmt: skip
+    m: ti.template(),
+    k,
+    rec: ti.template(),
+    kr,
+    new,
+    a: ti.template(),
+    v,
+    axis: ti.template(),
+    seed,
+    plan: ti.template(),
+    link_table: ti.template(),
+    voxel_table: ti.template(),
+):
     """Reverse :func:`voxel_stage.axis_strain`."""
     if link_count(v, axis, voxel_table) == 2:
         seed = 0.5 * seed

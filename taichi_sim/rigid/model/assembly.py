@@ -194,6 +194,9 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
         bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
         if part.parent is not None:
             hinge = part.hinge
-            joints.append(Weld(part.parent, part.name) if hinge is None else Hinge(
-                part.parent, part.name, hinge.anchor, hinge.axis, hinge.motor, hinge.command, hinge.stops))  # fmt: skip
+            joints.append(
+                Weld(part.parent, part.name)
+                if hinge is None
+                else Hinge(part.parent, part.name, hinge.anchor, hinge.axis, hinge.motor, hinge.command, hinge.stops)
+            )
     return Tree(bodies, joints, fixed)

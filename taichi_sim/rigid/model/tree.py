@@ -174,8 +174,11 @@ class Tree:
             joint_of[joint.child] = joint
         reached, order = {names[0]}, [0]
         while len(order) < len(names):
-            found = [i for i, name in enumerate(names)
-                     if name not in reached and name in joint_of and joint_of[name].parent in reached]  # fmt: skip
+            found = [
+                i
+                for i, name in enumerate(names)
+                if name not in reached and name in joint_of and joint_of[name].parent in reached
+            ]
             if not found:
                 lost = [name for name in names if name not in reached]
                 raise ValueError(
@@ -222,5 +225,9 @@ class Tree:
 
     def points(self) -> list[tuple[int, Floats, float]]:
         """Balls that touch the ground where the bodies do: body (its place), centre from the body's, radius [m]."""
-        return [(n, centre, radius) for n, (body, _) in enumerate(self.ordered)
-                for shape in body.shapes for centre, radius in shape.points()]  # fmt: skip
+        return [
+            (n, centre, radius)
+            for n, (body, _) in enumerate(self.ordered)
+            for shape in body.shapes
+            for centre, radius in shape.points()
+        ]

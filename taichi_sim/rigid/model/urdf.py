@@ -72,8 +72,9 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
     return numbers(origin, "xyz", "0 0 0", 3), turn.as_matrix()
 
 
-def _hang(joint: Element, parent: Place, angles: dict[str, float], speed: float,
-          command: int) -> tuple[Place, HingeOf | None]:  # fmt: skip
+def _hang(
+    joint: Element, parent: Place, angles: dict[str, float], speed: float, command: int
+) -> tuple[Place, HingeOf | None]:
     """The place of a joint's child, and the hinge it hangs on."""
     kind, place = joint.get("type", ""), parent.then(*_origin(joint))
     if kind == "fixed":

@@ -91,17 +91,26 @@ def clear_work(g: ti.template(), k, plan: ti.template()):
 
 
 @ti.func
-def unshift_moments(m: ti.template(), c: ti.template(), g: ti.template(), k, plan: ti.template(), floating,
-                    sign):  # fmt: skip
+def unshift_moments(m: ti.template(), c: ti.template(), g: ti.template(), k, plan: ti.template(), floating, sign):
     """``shift_moments`` reversed; momenta are those that c carries."""
     x, y, z, vx, vy, vz, share = common_motion(m, c, k, plan, floating)
     zero = 0.0 * x
     g0, g1, g2, g3, g4, g5 = zero, zero, zero, zero, zero, zero
     for b in range(plan[BODIES]):
         body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
-        inputs = ti.static(spatial.joined(
-            load(m, k, given + MASS), row(m, k, body + PLACE, 3), row(c, k, body + CARRIED + 3, 3), x, y, z, vx, vy,
-            vz))  # fmt: skip
+        inputs = ti.static(
+            spatial.joined(
+                load(m, k, given + MASS),
+                row(m, k, body + PLACE, 3),
+                row(c, k, body + CARRIED + 3, 3),
+                x,
+                y,
+                z,
+                vx,
+                vy,
+                vz,
+            )
+        )
         seeds = ti.static([sign * s for s in row(g, k, body + CARRIED, 3)])
         to = ti.static(pull_back(laws.moment_shift, inputs, (), seeds))
         accumulate(g, k, given + MASS, to[0])
@@ -123,8 +132,19 @@ def unshift_moments(m: ti.template(), c: ti.template(), g: ti.template(), k, pla
 
 
 @ti.func
-def unmove(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(),
-           time_step, correction, floating, drifting: ti.template(), conserving: ti.template()):  # fmt: skip
+def unmove(
+    m: ti.template(),
+    a: ti.template(),
+    g: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    time_step,
+    correction,
+    floating,
+    drifting: ti.template(),
+    conserving: ti.template(),
+):
     """From the state after a step to velocities, hinges' rates and the state before."""
     if ti.static(conserving):
         for b in range(plan[BODIES]):  # momenta after the step
@@ -170,17 +190,39 @@ def prepare_adjoint(m: ti.template(), a: ti.template(), g: ti.template(), k, pla
 
 
 @ti.func
-def unsolve(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(),
-            points: ti.template(), listed: ti.template(), block, count, rows, time_step, weight, push_out,
-            drifting: ti.template(), conserving: ti.template()):  # fmt: skip
+def unsolve(
+    m: ti.template(),
+    a: ti.template(),
+    g: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    points: ti.template(),
+    listed: ti.template(),
+    block,
+    count,
+    rows,
+    time_step,
+    weight,
+    push_out,
+    drifting: ti.template(),
+    conserving: ti.template(),
+):
     """From velocities to where bodies are, what they carry and what hinges want."""
     one = 0.0 * load(m, k, POSITION) + 1.0
     for b in range(plan[BODIES]):
         body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
-        inputs = ti.static(spatial.joined(
-            row(m, k, given + MASS, 7), row(m, k, body + ROTATION, 9), row(m, k, body + PLACE, 3),
-            row(m, k, body + CARRIED, 6), row(m, k, body + DRIFT, 3), row(m, k, body + VELOCITY, 6),
-            row(a, k, body + VELOCITY, 6)))  # fmt: skip
+        inputs = ti.static(
+            spatial.joined(
+                row(m, k, given + MASS, 7),
+                row(m, k, body + ROTATION, 9),
+                row(m, k, body + PLACE, 3),
+                row(m, k, body + CARRIED, 6),
+                row(m, k, body + DRIFT, 3),
+                row(m, k, body + VELOCITY, 6),
+                row(a, k, body + VELOCITY, 6),
+            )
+        )
         to = ti.static(pull_back(laws.work, inputs, (time_step, weight, push_out, drifting, conserving), (one,)))
         add(g, k, given + MASS, to[:7])
         add(g, k, body + ROTATION, to[7:16])
@@ -192,10 +234,17 @@ def unsolve(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.te
     for n in range(count):
         i = listed[block, n]
         body, point, given = body_at(plan, points[i]), point_at(plan, i), plan[POINT_PARAMETER] + i * 4
-        inputs = ti.static(spatial.joined(
-            row(m, k, body + ROTATION, 9), row(m, k, body + PLACE, 3), row(m, k, body + DRIFT, 3),
-            row(m, k, given, POINT_PARAMETER_WIDTH), load(m, k, POSITION + 2), row(m, k, body + VELOCITY, 6),
-            row(a, k, body + VELOCITY, 6)))  # fmt: skip
+        inputs = ti.static(
+            spatial.joined(
+                row(m, k, body + ROTATION, 9),
+                row(m, k, body + PLACE, 3),
+                row(m, k, body + DRIFT, 3),
+                row(m, k, given, POINT_PARAMETER_WIDTH),
+                load(m, k, POSITION + 2),
+                row(m, k, body + VELOCITY, 6),
+                row(a, k, body + VELOCITY, 6),
+            )
+        )
         multiplier = 0.0 - load(a, k, point + IMPULSES + rows)
         strength = one * 0.0
         if rows > 0:
@@ -214,17 +263,30 @@ def unsolve(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.te
         body, parent = body_at(plan, b), body_at(plan, table[b * BODY_COLUMNS + PARENT])
         of_y, of_z = ti.static(row(g, k, body + VELOCITY, 6)), ti.static(row(g, k, body + MOMENTUM, 6))
         if table[b * BODY_COLUMNS + HINGED] == 1:
-            screw = ti.static(spatial.plus_times(
-                spatial.plus_times(row(g, k, body + SCREW, 6), of_y, load(m, k, body + RATE)), of_z,
-                load(a, k, body + RATE)))  # fmt: skip
+            screw = ti.static(
+                spatial.plus_times(
+                    spatial.plus_times(row(g, k, body + SCREW, 6), of_y, load(m, k, body + RATE)),
+                    of_z,
+                    load(a, k, body + RATE),
+                )
+            )
             put(g, k, body + SCREW, screw)
         add(g, k, parent + VELOCITY, of_y)
         add(g, k, parent + MOMENTUM, of_z)
 
 
 @ti.func
-def uncommand(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(), rows,
-              time_step, push_out):  # fmt: skip
+def uncommand(
+    m: ti.template(),
+    a: ti.template(),
+    g: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    rows,
+    time_step,
+    push_out,
+):
     """From hinges' rows to angles, neurons and motors."""
     for b in range(1, plan[BODIES]):
         if table[b * BODY_COLUMNS + HINGED] == 1:
@@ -235,8 +297,12 @@ def uncommand(m: ti.template(), a: ti.template(), g: ti.template(), k, plan: ti.
             angle = load(m, k, body + ANGLE)
             stopped = (angle <= load(m, k, given + LOWER)) | (angle >= load(m, k, given + UPPER))
             wanted = select(stopped, 0.0 * of_target, of_target)
-            accumulate(g, k, body + ANGLE, load(m, k, given + BY_ANGLE) * wanted
-                       - push_out * select(stopped, of_target, 0.0 * of_target))  # fmt: skip
+            accumulate(
+                g,
+                k,
+                body + ANGLE,
+                load(m, k, given + BY_ANGLE) * wanted - push_out * select(stopped, of_target, 0.0 * of_target),
+            )
             accumulate(g, k, given + BY_ANGLE, angle * wanted)
             accumulate(g, k, given + OFFSET, wanted)
             pushed = load(m, k, body + PUSH)
@@ -274,8 +340,9 @@ def unsense(m: ti.template(), g: ti.template(), k, plan: ti.template(), eyes: ti
     for s in range(plan[LIGHTS]):
         body = body_at(plan, eyes[s])
         given = plan[LIGHT_PARAMETER] + s * LIGHT_PARAMETER_WIDTH
-        inputs = ti.static(spatial.joined(
-            base, row(m, k, body + ROTATION, 9), row(m, k, body + PLACE, 3), row(m, k, given, 3), source))  # fmt: skip
+        inputs = ti.static(
+            spatial.joined(base, row(m, k, body + ROTATION, 9), row(m, k, body + PLACE, 3), row(m, k, given, 3), source)
+        )
         seed = load(g, k, plan[READING] + plan[TOUCHES] + s)
         to = ti.static(pull_back(laws.light_reading, inputs, (), (seed,)))
         add(g, k, POSITION, to[:3])
@@ -286,8 +353,7 @@ def unsense(m: ti.template(), g: ti.template(), k, plan: ti.template(), eyes: ti
 
 
 @ti.func
-def unplace(m: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(),
-            drifting: ti.template()):  # fmt: skip
+def unplace(m: ti.template(), g: ti.template(), k, plan: ti.template(), table: ti.template(), drifting: ti.template()):
     """From bodies, leaves first, to the base and the angles."""
     for back in range(1, plan[BODIES]):
         b = plan[BODIES] - back
@@ -299,9 +365,14 @@ def unplace(m: ti.template(), g: ti.template(), k, plan: ti.template(), table: t
             add(g, k, body + OWN, of_drift)
             add(g, k, POSITION, back_again)
             add(g, k, body + PLACE, back_again)
-        before = ti.static(spatial.joined(
-            row(m, k, parent + ROTATION, 9), row(m, k, parent + PLACE, 3), row(m, k, given + ANCHOR, 3),
-            row(m, k, given + CENTRE, 3)))  # fmt: skip
+        before = ti.static(
+            spatial.joined(
+                row(m, k, parent + ROTATION, 9),
+                row(m, k, parent + PLACE, 3),
+                row(m, k, given + ANCHOR, 3),
+                row(m, k, given + CENTRE, 3),
+            )
+        )
         of_place = ti.static(row(g, k, body + PLACE, 3))
         if table[b * BODY_COLUMNS + HINGED] == 1:
             sine, cosine = sine_cosine(load(m, k, body + ANGLE))

@@ -49,8 +49,18 @@ from taichi_sim.runtime import ti
 
 
 @ti.func
-def assemble(m: ti.template(), k, plan: ti.template(), points: ti.template(), listed: ti.template(), block, count,
-             phase, correction, drifting: ti.template()):  # fmt: skip
+def assemble(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    points: ti.template(),
+    listed: ti.template(),
+    block,
+    count,
+    phase,
+    correction,
+    drifting: ti.template(),
+):
     """Inertias and momenta of bodies on their own; from phase 1 on with the friction of points that rub."""
     for b in range(plan[BODIES]):
         body = body_at(plan, b)

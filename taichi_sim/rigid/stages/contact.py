@@ -51,15 +51,24 @@ BLOCK_FLIPS = 5.0  # of all violators at once without there being fewer; then on
 
 
 @ti.func
-def find_contacts(m: ti.template(), k, plan: ti.template(), table: ti.template(), points: ti.template(),
-                  listed: ti.template(), block, touching):  # fmt: skip
+def find_contacts(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    points: ti.template(),
+    listed: ti.template(),
+    block,
+    touching,
+):
     """Depths of all points; lists those that touch in any lane, sets touch sensors, returns their number."""
     count = 0
     for i in range(plan[POINTS]):
         b = points[i]
         body, point, given = body_at(plan, b), point_at(plan, i), plan[POINT_PARAMETER] + i * POINT_PARAMETER_WIDTH
-        at = ti.static(spatial.plus(row(m, k, body + PLACE, 3),
-                                    spatial.turned(row(m, k, body + ROTATION, 9), row(m, k, given, 3))))  # fmt: skip
+        at = ti.static(
+            spatial.plus(row(m, k, body + PLACE, 3), spatial.turned(row(m, k, body + ROTATION, 9), row(m, k, given, 3)))
+        )
         radius = load(m, k, given + 3)
         height = load(m, k, POSITION + 2) + at[2] + load(m, k, body + DRIFT + 2)
         depth = radius - height
@@ -79,8 +88,19 @@ def find_contacts(m: ti.template(), k, plan: ti.template(), table: ti.template()
 
 
 @ti.func
-def reduce_points(m: ti.template(), k, plan: ti.template(), points: ti.template(), paths: ti.template(),
-                  table: ti.template(), listed: ti.template(), block, count, push_out, floating):  # fmt: skip
+def reduce_points(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    points: ti.template(),
+    paths: ti.template(),
+    table: ti.template(),
+    listed: ti.template(),
+    block,
+    count,
+    push_out,
+    floating,
+):
     """Rows of the factored matrix, and how much each point's free velocity falls short."""
     for n in range(count):
         b = points[listed[block, n]]
@@ -111,8 +131,18 @@ def reduce_points(m: ti.template(), k, plan: ti.template(), points: ti.template(
 
 
 @ti.func
-def fill_matrix(m: ti.template(), k, plan: ti.template(), points: ti.template(), paths: ti.template(),
-                table: ti.template(), listed: ti.template(), block, count, compliance):  # fmt: skip
+def fill_matrix(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    points: ti.template(),
+    paths: ti.template(),
+    table: ti.template(),
+    listed: ti.template(),
+    block,
+    count,
+    compliance,
+):
     """The matrix of normal rows, its lower triangle; ``compliance`` on its diagonal makes it definite."""
     for n in range(count):
         b, point = points[listed[block, n]], point_at(plan, listed[block, n])
@@ -196,8 +226,9 @@ def choose_members(m: ti.template(), k, plan: ti.template(), listed: ti.template
 
 
 @ti.func
-def solve_normals(m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase, tolerance,
-                  most):  # fmt: skip
+def solve_normals(
+    m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase, tolerance, most
+):
     """Normal impulses, exactly: those push that must, and no other point sinks in.
 
     Block principal pivoting: all violators change sides at once; where that stops helping, the last one does (Murty).
@@ -234,8 +265,18 @@ def solve_normals(m: ti.template(), k, plan: ti.template(), listed: ti.template(
 
 
 @ti.func
-def apply_normals(m: ti.template(), k, plan: ti.template(), points: ti.template(), paths: ti.template(),
-                  table: ti.template(), listed: ti.template(), block, count, phase):  # fmt: skip
+def apply_normals(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    points: ti.template(),
+    paths: ti.template(),
+    table: ti.template(),
+    listed: ti.template(),
+    block,
+    count,
+    phase,
+):
     """Add normal impulses to the right-hand sides of hinges and base."""
     for n in range(count):
         b, point = points[listed[block, n]], point_at(plan, listed[block, n])

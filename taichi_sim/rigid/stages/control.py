@@ -99,8 +99,11 @@ def command_hinges(m: ti.template(), k, plan: ti.template(), table: ti.template(
             command = 0.0 * angle
             if motor >= 0:
                 command = load(m, k, plan[NEURON] + motor)
-            wanted = (load(m, k, given + BY_COMMAND) * command + load(m, k, given + BY_ANGLE) * angle
-                      + load(m, k, given + OFFSET))  # fmt: skip
+            wanted = (
+                load(m, k, given + BY_COMMAND) * command
+                + load(m, k, given + BY_ANGLE) * angle
+                + load(m, k, given + OFFSET)
+            )
             strength = time_step * load(m, k, given + TORQUE)
             lower, upper = load(m, k, given + LOWER), load(m, k, given + UPPER)
             at_lower, at_upper = angle <= lower, angle >= upper

@@ -19,8 +19,19 @@ ENDLESS = 1e30  # a coefficient of friction that stands for infinity
 
 
 @ti.func
-def rub(m: ti.template(), k, plan: ti.template(), points: ti.template(), listed: ti.template(), block, count, phase,
-        strength, friction, correction):  # fmt: skip
+def rub(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    points: ti.template(),
+    listed: ti.template(),
+    block,
+    count,
+    phase,
+    strength,
+    friction,
+    correction,
+):
     """The strength of each point's friction in the next phase: those rub that push without friction."""
     for n in range(count):
         i = listed[block, n]
@@ -29,9 +40,11 @@ def rub(m: ti.template(), k, plan: ti.template(), points: ti.template(), listed:
         most = 0.0 * load(m, k, point) + strength
         if friction < ENDLESS:
             w, v = ti.static(row(m, k, body + VELOCITY, 3)), ti.static(row(m, k, body + VELOCITY + 3, 3))
-            moving = ti.static(spatial.minus_times(
-                spatial.plus(v, spatial.cross(w, row(m, k, point + AT, 3))), row(m, k, body + DRIFT, 3), correction
-            ))  # fmt: skip
+            moving = ti.static(
+                spatial.minus_times(
+                    spatial.plus(v, spatial.cross(w, row(m, k, point + AT, 3))), row(m, k, body + DRIFT, 3), correction
+                )
+            )
             speed = sqrt(moving[0] * moving[0] + moving[1] * moving[1] + _SLOWEST)
             if phase == 0:
                 store(m, k, point + SLIDES, speed)

@@ -25,8 +25,18 @@ def _cut(values: Reals, *widths: int) -> list[list[Any]]:
 
 
 @primitive
-def momentum(mass: Any, inertia: Reals, place: Reals, carried: Reals, drift: Reals, time_step: Any, weight: Any,
-             correction: Any, drifting: bool, conserving: bool) -> list[Any]:  # fmt: skip
+def momentum(
+    mass: Any,
+    inertia: Reals,
+    place: Reals,
+    carried: Reals,
+    drift: Reals,
+    time_step: Any,
+    weight: Any,
+    correction: Any,
+    drifting: bool,
+    conserving: bool,
+) -> list[Any]:
     """A body's spatial momentum with what gravity and gyroscopic moments add in a step.
 
     ``inertia`` is about its own centre, turned into the axes of the world. The gyroscopic moment is that at the
@@ -35,8 +45,14 @@ def momentum(mass: Any, inertia: Reals, place: Reals, carried: Reals, drift: Rea
     angular, linear = _cut(carried, 3, 3)
     falling = time_step * weight * mass
     if conserving:  # carried are momenta
-        return [angular[0] + place[1] * falling, angular[1] - place[0] * falling, angular[2],
-                linear[0], linear[1], linear[2] + falling]  # fmt: skip
+        return [
+            angular[0] + place[1] * falling,
+            angular[1] - place[0] * falling,
+            angular[2],
+            linear[0],
+            linear[1],
+            linear[2] + falling,
+        ]
     spin = [spatial.dot([inertia[i], inertia[j], inertia[l]], angular) for i, j, l in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
     gyroscopic = spatial.cross(angular, spin)
     v = spatial.plus_times(linear, drift, correction) if drifting else linear

@@ -49,9 +49,14 @@ def place_bodies(m: ti.template(), k, plan: ti.template(), table: ti.template(),
     for b in range(1, plan[BODIES]):
         body, parent = body_at(plan, b), body_at(plan, table[b * BODY_COLUMNS + PARENT])
         given = plan[PARAMETER] + b * PARAMETER_WIDTH
-        before = ti.static(spatial.joined(
-            row(m, k, parent + ROTATION, 9), row(m, k, parent + PLACE, 3), row(m, k, given + ANCHOR, 3),
-            row(m, k, given + CENTRE, 3)))  # fmt: skip
+        before = ti.static(
+            spatial.joined(
+                row(m, k, parent + ROTATION, 9),
+                row(m, k, parent + PLACE, 3),
+                row(m, k, given + ANCHOR, 3),
+                row(m, k, given + CENTRE, 3),
+            )
+        )
         if table[b * BODY_COLUMNS + HINGED] == 1:
             sine, cosine = sine_cosine(load(m, k, body + ANGLE))
             placed = ti.static(laws.hinged_place(*before, sine, cosine, *row(m, k, given + AXIS, 3)))
@@ -95,15 +100,25 @@ def shift_moments(m: ti.template(), k, plan: ti.template(), floating, sign):
     x, y, z, vx, vy, vz, _share = common_motion(m, m, k, plan, floating)
     for b in range(plan[BODIES]):
         body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
-        before = ti.static(spatial.joined(
-            load(m, k, given + MASS), row(m, k, body + PLACE, 3), row(m, k, body + CARRIED + 3, 3)))  # fmt: skip
+        before = ti.static(
+            spatial.joined(load(m, k, given + MASS), row(m, k, body + PLACE, 3), row(m, k, body + CARRIED + 3, 3))
+        )
         shift = ti.static(laws.moment_shift(*before, x, y, z, vx, vy, vz))
         put(m, k, body + CARRIED, spatial.plus_times(row(m, k, body + CARRIED, 3), shift, sign))
 
 
 @ti.func
-def gather_momentum(m: ti.template(), k, plan: ti.template(), time_step, weight, correction, floating,
-                    drifting: ti.template(), conserving: ti.template()):  # fmt: skip
+def gather_momentum(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    time_step,
+    weight,
+    correction,
+    floating,
+    drifting: ti.template(),
+    conserving: ti.template(),
+):
     """Inertias about the common point, and the momentum of each body."""
     if ti.static(conserving):
         shift_moments(m, k, plan, floating, 1.0)
@@ -114,13 +129,26 @@ def gather_momentum(m: ti.template(), k, plan: ti.template(), time_step, weight,
         turned = ti.static(spatial.turned_inertia(row(m, k, body + ROTATION, 9), row(m, k, given + REST_INERTIA, 6)))
         carried, drift = ti.static(row(m, k, body + CARRIED, 6)), ti.static(row(m, k, body + DRIFT, 3))
         put(m, k, body + INERTIA, spatial.moved_inertia(turned, mass, place))
-        put(m, k, body + MOMENTUM, laws.momentum(mass, turned, place, carried, drift, time_step, weight, correction,
-                                                 drifting, conserving))  # fmt: skip
+        put(
+            m,
+            k,
+            body + MOMENTUM,
+            laws.momentum(mass, turned, place, carried, drift, time_step, weight, correction, drifting, conserving),
+        )
 
 
 @ti.func
-def move_bodies(m: ti.template(), k, plan: ti.template(), table: ti.template(), time_step, correction, floating,
-                drifting: ti.template(), conserving: ti.template()):  # fmt: skip
+def move_bodies(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    time_step,
+    correction,
+    floating,
+    drifting: ti.template(),
+    conserving: ti.template(),
+):
     """Carry velocities or momenta, and move on: semi-implicit Euler."""
     velocity = ti.static(row(m, k, body_at(plan, 0) + VELOCITY, 6))
     for b in range(plan[BODIES]):
@@ -148,6 +176,13 @@ def move_bodies(m: ti.template(), k, plan: ti.template(), table: ti.template(), 
 def moving_body(m: ti.template(), k, plan: ti.template(), b):
     """What ``laws.carried_on`` wants to know of a body."""
     body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
-    return ti.static(spatial.joined(
-        row(m, k, given + MASS, 7), row(m, k, body + ROTATION, 9), row(m, k, body + PLACE, 3),
-        row(m, k, body + DRIFT, 3), row(m, k, body + OWN, 3), row(m, k, body + VELOCITY, 6)))  # fmt: skip
+    return ti.static(
+        spatial.joined(
+            row(m, k, given + MASS, 7),
+            row(m, k, body + ROTATION, 9),
+            row(m, k, body + PLACE, 3),
+            row(m, k, body + DRIFT, 3),
+            row(m, k, body + OWN, 3),
+            row(m, k, body + VELOCITY, 6),
+        )
+    )

@@ -89,10 +89,16 @@ def about_axis(axis: Reals, sine: Any, cosine: Any) -> list[Any]:
     xr, yr, zr = emit(x * rest), emit(y * rest), emit(z * rest)
     xs, ys, zs = emit(x * sine), emit(y * sine), emit(z * sine)
     return [
-        emit(cosine + x * xr), emit(x * yr - zs), emit(x * zr + ys),
-        emit(x * yr + zs), emit(cosine + y * yr), emit(y * zr - xs),
-        emit(x * zr - ys), emit(y * zr + xs), emit(cosine + z * zr),
-    ]  # fmt: skip
+        emit(cosine + x * xr),
+        emit(x * yr - zs),
+        emit(x * zr + ys),
+        emit(x * yr + zs),
+        emit(cosine + y * yr),
+        emit(y * zr - xs),
+        emit(x * zr - ys),
+        emit(y * zr + xs),
+        emit(cosine + z * zr),
+    ]
 
 
 @primitive
@@ -119,10 +125,22 @@ def rigid_matrix(inertia: Reals, mass: Any, place: Reals) -> list[Any]:
     zero = emit(0.0 * mass)
     return [
         *inertia,
-        zero, mz, emit(0.0 - my), mass,
-        emit(0.0 - mz), zero, mx, zero, mass,
-        my, emit(0.0 - mx), zero, zero, zero, mass,
-    ]  # fmt: skip
+        zero,
+        mz,
+        emit(0.0 - my),
+        mass,
+        emit(0.0 - mz),
+        zero,
+        mx,
+        zero,
+        mass,
+        my,
+        emit(0.0 - mx),
+        zero,
+        zero,
+        zero,
+        mass,
+    ]
 
 
 @primitive
@@ -144,9 +162,18 @@ def drag(place: Reals, strength: Any) -> list[tuple[int, Any]]:
     x, y, z = place
     sx, sy, sz = emit(strength * x), emit(strength * y), emit(strength * z)
     entries = {
-        (0, 0): sz * z, (1, 1): sz * z, (2, 0): 0.0 - sx * z, (2, 1): 0.0 - sy * z, (2, 2): sx * x + sy * y,
-        (3, 1): sz, (3, 2): 0.0 - sy, (4, 0): 0.0 - sz, (4, 2): sx, (3, 3): strength, (4, 4): strength,
-    }  # fmt: skip
+        (0, 0): sz * z,
+        (1, 1): sz * z,
+        (2, 0): 0.0 - sx * z,
+        (2, 1): 0.0 - sy * z,
+        (2, 2): sx * x + sy * y,
+        (3, 1): sz,
+        (3, 2): 0.0 - sy,
+        (4, 0): 0.0 - sz,
+        (4, 2): sx,
+        (3, 3): strength,
+        (4, 4): strength,
+    }
     return [(_at(i, j), emit(value)) for (i, j), value in entries.items()]
 
 

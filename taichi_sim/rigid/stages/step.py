@@ -42,17 +42,39 @@ MOST_PIVOTS = 60
 FARTHEST = 1e6  # m, or m/s: beyond it a robot has exploded
 
 # Places in the array of numbers of a run.
-(TIME_STEP, GRAVITY, ERROR_REDUCTION, SLIP_STRENGTH, FRICTION, COMPLIANCE, MEMORY, GAIN, APART, TOUCHING, FLOATING,
- TOLERANCE) = range(12)  # fmt: skip
+(
+    TIME_STEP,
+    GRAVITY,
+    ERROR_REDUCTION,
+    SLIP_STRENGTH,
+    FRICTION,
+    COMPLIANCE,
+    MEMORY,
+    GAIN,
+    APART,
+    TOUCHING,
+    FLOATING,
+    TOLERANCE,
+) = range(12)
 SETTINGS = 12
 
 AWAY = (0.0, 0.0, 1e4, 1.0, 0.0, 0.0, 0.0)  # where a robot is put that exploded: high above the ground
 
 
 @ti.func
-def observe(m: ti.template(), k, plan: ti.template(), table: ti.template(), points: ti.template(),
-            eyes: ti.template(), listed: ti.template(), settings: ti.template(), block, t,
-            drifting: ti.template()):  # fmt: skip
+def observe(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    points: ti.template(),
+    eyes: ti.template(),
+    listed: ti.template(),
+    settings: ti.template(),
+    block,
+    t,
+    drifting: ti.template(),
+):
     """Where everything is, what is sensed and what neurons say; returns how many points are listed as touching."""
     place_bodies(m, k, plan, table, drifting)
     clear_touch(m, k, plan, settings[APART])
@@ -63,9 +85,21 @@ def observe(m: ti.template(), k, plan: ti.template(), table: ti.template(), poin
 
 
 @ti.func
-def respond(m: ti.template(), k, plan: ti.template(), table: ti.template(), points: ti.template(),
-            paths: ti.template(), listed: ti.template(), settings: ti.template(), block, count, phases,
-            drifting: ti.template(), conserving: ti.template()):  # fmt: skip
+def respond(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    points: ti.template(),
+    paths: ti.template(),
+    listed: ti.template(),
+    settings: ti.template(),
+    block,
+    count,
+    phases,
+    drifting: ti.template(),
+    conserving: ti.template(),
+):
     """Velocities of all bodies at the end of the step."""
     h = settings[TIME_STEP]
     push_out = settings[ERROR_REDUCTION] / h
@@ -75,14 +109,37 @@ def respond(m: ti.template(), k, plan: ti.template(), table: ti.template(), poin
         if phase == 0 or count > 0:
             solve_phase(m, k, plan, table, points, paths, listed, settings, block, count, phase, push_out, drifting)
             if phase + 1 < phases:
-                rub(m, k, plan, points, listed, block, count, phase, settings[SLIP_STRENGTH], settings[FRICTION],
-                    push_out)  # fmt: skip
+                rub(
+                    m,
+                    k,
+                    plan,
+                    points,
+                    listed,
+                    block,
+                    count,
+                    phase,
+                    settings[SLIP_STRENGTH],
+                    settings[FRICTION],
+                    push_out,
+                )
 
 
 @ti.func
-def solve_phase(m: ti.template(), k, plan: ti.template(), table: ti.template(), points: ti.template(),
-                paths: ti.template(), listed: ti.template(), settings: ti.template(), block, count, phase, push_out,
-                drifting: ti.template()):  # fmt: skip
+def solve_phase(
+    m: ti.template(),
+    k,
+    plan: ti.template(),
+    table: ti.template(),
+    points: ti.template(),
+    paths: ti.template(),
+    listed: ti.template(),
+    settings: ti.template(),
+    block,
+    count,
+    phase,
+    push_out,
+    drifting: ti.template(),
+):
     """Velocities of all bodies, and impulses of hinges and normals that go with them."""
     rows = ti.min(phase, 1)  # phases after the first share its memory
     left = MOST_SWITCHES

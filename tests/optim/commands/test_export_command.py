@@ -39,8 +39,9 @@ def test_a_gait_table_is_a_gait(morpholab, folder, simulator):
     assert (folder / "named.csv").read_bytes() == (folder / "gait.csv").read_bytes()
     code, _, error = morpholab("simulate --gait rolling --from-rows")
     assert (code, error) == (
-        2, "morpholab simulate: error: from-rows: 'rolling' has no rows; name a gait table (.csv)\n",
-    )  # fmt: skip
+        2,
+        "morpholab simulate: error: from-rows: 'rolling' has no rows; name a gait table (.csv)\n",
+    )
 
 
 def test_a_damaged_table_is_no_gait(morpholab, folder):

@@ -125,8 +125,11 @@ def test_what_no_genes_say_has_no_gradient_check(morpholab, tmp_path):
     held = settling(INCHING.schedule.levels[:, :2], [0, 0], 1, [9999, 9])
     save_gait(RelaxedDesign(0.0, 90.0, held), tmp_path / "held.json")
     code, _, error = morpholab("gradient-check --gait held.json --quiet")
-    assert (code, error) == (2, "morpholab gradient-check: error: motion_steps: graded genes move as fast as bladders "
-                                "do; give at most 100, and settle_steps\n")  # fmt: skip
+    assert (code, error) == (
+        2,
+        "morpholab gradient-check: error: motion_steps: graded genes move as fast as bladders "
+        "do; give at most 100, and settle_steps\n",
+    )
 
 
 def test_a_chart_fills_the_part_of_a_cell_that_is_on():
@@ -149,7 +152,7 @@ def test_a_chart_fills_the_part_of_a_cell_that_is_on():
         (-0.03, 0, ("not physical: -0.0300 BL/s remain",)),
         (np.nan, 1, ("on hill:15: a run diverged\n",)),
     ],
-)  # fmt: skip
+)
 def test_a_judgement_tells_what_a_gait_is_worth(morpholab, monkeypatch, brief, speed, code, told):
     runs = np.full(8, speed)
     found = GaitJudgement(runs, runs, np.full((8, 2), 0.03), runs / 0.3, 1000)

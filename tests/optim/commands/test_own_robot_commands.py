@@ -42,7 +42,10 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert config["problem"]["terrain"]["slope"] == 3.0 and "drives" in json.loads(config["problem"]["robot"])
     code, out, _ = morpholab(f"view runs/x runs/x/best.json gone.py --frames 20 --out page.html {QUICK}")
     assert code == 0 and [line.partition(":")[0] for line in out.splitlines()[:3]] == [
-        "x on hill", "best on flat", "gone on flat"]  # fmt: skip
+        "x on hill",
+        "best on flat",
+        "gone on flat",
+    ]
     (tmp_path / "gone.py").write_text(MINE.replace("0.1)", "0.2)"))
     code, _, error = morpholab(f"codesign --resume --robot gone.py --out runs/x {QUICK}")
     assert code == 2 and "robot: gone.py is not the robot of the run in runs/x; leave it out" in error

@@ -147,7 +147,7 @@ def test_a_judgement_is_of_the_rig(monkeypatch):
     monkeypatch.setattr("robots.inflatable.gaits.simulate", stand_in)
     monkeypatch.setattr(
         "robots.inflatable.robustness.slip_under_load",
-        lambda watched, design, actuation, robot: np.full(2, actuation.low_friction)
+        lambda watched, design, actuation, robot: np.full(2, actuation.low_friction),
     )
     geometry, actuation = FITTED.robot(SMALL)
     found = judge_gait(INCHING, Terrain(15.0), geometry=geometry, actuation=actuation, runs=2)

@@ -50,8 +50,10 @@ def test_a_quadruped_with_weights_from_a_file(morpholab, tmp_path):
     assert re.search(r"walk.glb: \d\d kB\n", out)
     np.save(tmp_path / "w.npy", np.zeros((8, 5)))
     code, _, error = morpholab("view legged --controller w.npy --glb again.glb --quiet")
-    assert (code, error) == (2, "morpholab view: error: controller: w.npy has shape (8, 5), which is not allowed; "
-                                "give (5, 8)\n")  # fmt: skip
+    assert (code, error) == (
+        2,
+        "morpholab view: error: controller: w.npy has shape (8, 5), which is not allowed; give (5, 8)\n",
+    )
 
 
 def test_files_of_designs(morpholab, tmp_path):

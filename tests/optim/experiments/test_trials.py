@@ -39,8 +39,9 @@ def test_points_are_recorded_in_the_order_asked_for_and_same_seeds_have_the_same
     again = record_trials(Hill(), "random", {"climbers": 4}, [5], 10)
     assert one.points.shape == (2, 10, 2) and (one.evaluations == 10).all()
     assert np.array_equal(one.points[1], again.points[0]) and not np.array_equal(one.points[0], one.points[1])
-    assert np.array_equal(one.objectives[..., 0], np.where(one.points[..., 0] > 0.99, np.nan, one.points[..., 0]),
-                          equal_nan=True)  # fmt: skip
+    assert np.array_equal(
+        one.objectives[..., 0], np.where(one.points[..., 0] > 0.99, np.nan, one.points[..., 0]), equal_nan=True
+    )
 
 
 def test_a_trial_ends_with_the_step_that_solves_everything_and_its_first_success_is_counted():

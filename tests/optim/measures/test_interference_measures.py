@@ -105,8 +105,13 @@ def state_of(climber, distance, born=None):
     """What climbers kept, as the study has it."""
     distance = np.array(distance, np.float32)
     born = np.arange(len(climber)) if born is None else born
-    return {"generation": np.array(max(born) + 1), "born": np.array(born, np.int32),
-            "climber": np.array(climber, np.int32), "distance": distance, "light": 1.0 / distance**2}  # fmt: skip
+    return {
+        "generation": np.array(max(born) + 1),
+        "born": np.array(born, np.int32),
+        "climber": np.array(climber, np.int32),
+        "distance": distance,
+        "light": 1.0 / distance**2,
+    }
 
 
 def runs_of(worst):

@@ -263,8 +263,12 @@ def test_a_package_of_a_rig(task, tmp_path, morpholab):
     assert load_calibration(package / "calibration.json") == (fitted, "small")
     machine = json.loads((package / "machine.json").read_text())
     assert machine["simulated"] == {
-        "geometry": "small", "precision": "f32", "runs": 2, "seed": 0, "properties": vars(fitted)
-    }  # fmt: skip
+        "geometry": "small",
+        "precision": "f32",
+        "runs": 2,
+        "seed": 0,
+        "properties": vars(fitted),
+    }
     replay = f"pipeline --replay {package} --quiet --json --threads 1"
     speeds = [(state["replayed"], state["designed"]) for state in json.loads(morpholab(replay)[1])["states"]]
     assert all(replayed == pytest.approx(designed, rel=1e-3) for replayed, designed in speeds)

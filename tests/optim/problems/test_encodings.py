@@ -29,15 +29,23 @@ QUICK = WalkerActuation(settling=0.02, cycles=1)
 # Weights into four of the six hidden nodes, into the output (its bias last), and the nodes' functions. Found by
 # fitting networks to the published gaits.
 ROLLING_GENOME = (
-    [-1.0, -1.0, -1.6, 0.6, 0.2, -0.2, -2.5, 2.2], [-2.2, -1.7, -0.9, 0.5, -2.2, -0.5, -0.2, 2.0],
-    [-0.5, -2.4, -1.7, 1.8, 2.1, -0.1, -1.8, -1.0], [-2.8, -2.5, 0.8, -1.7, 1.8, -1.9, -0.4, -1.7],
-    [0.0] * 16, [-1.9, -2.1, 1.7, 2.2, 0.0, 0.0, -0.2], [1, 5, 1, 4, 0, 0],
-)  # fmt: skip
+    [-1.0, -1.0, -1.6, 0.6, 0.2, -0.2, -2.5, 2.2],
+    [-2.2, -1.7, -0.9, 0.5, -2.2, -0.5, -0.2, 2.0],
+    [-0.5, -2.4, -1.7, 1.8, 2.1, -0.1, -1.8, -1.0],
+    [-2.8, -2.5, 0.8, -1.7, 1.8, -1.9, -0.4, -1.7],
+    [0.0] * 16,
+    [-1.9, -2.1, 1.7, 2.2, 0.0, 0.0, -0.2],
+    [1, 5, 1, 4, 0, 0],
+)
 INCHING_GENOME = (
-    [1.6, 0.3, -0.6, 0.8, 0.4, 0.4, 0.0, 0.6], [-0.7, 0.4, 0.6, 1.0, 1.6, -0.6, -1.9, 1.2],
-    [0.0, -1.5, -2.2, -0.4, 2.0, 0.9, -2.1, 0.9], [0.0, 1.5, 0.2, 2.4, -2.1, 0.9, -2.0, 0.6],
-    [0.0] * 16, [-0.6, -0.3, -2.5, -2.2, 0.0, 0.0, 1.7], [3, 3, 5, 5, 0, 0],
-)  # fmt: skip
+    [1.6, 0.3, -0.6, 0.8, 0.4, 0.4, 0.0, 0.6],
+    [-0.7, 0.4, 0.6, 1.0, 1.6, -0.6, -1.9, 1.2],
+    [0.0, -1.5, -2.2, -0.4, 2.0, 0.9, -2.1, 0.9],
+    [0.0, 1.5, 0.2, 2.4, -2.1, 0.9, -2.0, 0.6],
+    [0.0] * 16,
+    [-0.6, -0.3, -2.5, -2.2, 0.0, 0.0, 1.7],
+    [3, 3, 5, 5, 0, 0],
+)
 
 
 def gaits(encoding, **settings):
@@ -214,8 +222,10 @@ def test_a_run_of_walkers_is_refused_as_such(tmp_path, capsys):
     config = {"problem": WalkerProblem().describe(), "method": {"name": "random", "seed": 0}, "generations": 1}
     with open_run(tmp_path / "a", config):
         pass
-    for line in (["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")],
-                 ["codesign", "--resume", "--out", str(tmp_path / "a")]):  # fmt: skip
+    for line in (
+        ["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")],
+        ["codesign", "--resume", "--out", str(tmp_path / "a")],
+    ):
         assert main(line) == 2
         refusal = f": error: {tmp_path / 'a'}: problem: it is a walker, but a gait is needed here\n"
         assert capsys.readouterr().err.endswith(refusal)
@@ -252,8 +262,10 @@ def equal_cost(monkeypatch):
 
 
 def test_comparisons_continue_where_they_stopped(equal_cost, tmp_path, capsys):
-    entries = {"many starts": equal_cost.Entry(Sphere, "random", {"climbers": 4}),
-               "climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4})}  # fmt: skip
+    entries = {
+        "many starts": equal_cost.Entry(Sphere, "random", {"climbers": 4}),
+        "climbing": equal_cost.Entry(Sphere, "hill-climb", {"climbers": 4}),
+    }
 
     def contest(budget, name):
         return equal_cost.Contest(entries, "evaluations", budget, tmp_path / name)
@@ -265,8 +277,10 @@ def test_comparisons_continue_where_they_stopped(equal_cost, tmp_path, capsys):
     whole.run([0, 1])
     assert whole.complete and not contest(41, "whole").complete
     for name in entries:
-        curves = [[(p["evaluations"], p["best"], p["mean"]) for p in contest(40, where).curve(name, 1)]
-                  for where in ("pieces", "whole")]  # fmt: skip
+        curves = [
+            [(p["evaluations"], p["best"], p["mean"]) for p in contest(40, where).curve(name, 1)]
+            for where in ("pieces", "whole")
+        ]
         assert curves[0] == curves[1] and [e for e, _, _ in curves[0]] == list(range(4, 41, 4))
         assert whole.at(whole.curve(name, 1), 15, "best") == curves[0][2][1]
         assert np.isnan(whole.at(whole.curve(name, 1), 3, "best"))

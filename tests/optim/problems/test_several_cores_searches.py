@@ -45,9 +45,15 @@ def tiny(monkeypatch):
 def test_the_slopes_of_a_problem_are_by_each_core(tiny):
     """Those of an empty core are cut where its gene is."""
     problem = GaitProblem(
-        (Terrain(),), geometry="two-core", encoding="graded", columns=1, steps=60, ramp_steps=60, precision="f64",
+        (Terrain(),),
+        geometry="two-core",
+        encoding="graded",
+        columns=1,
+        steps=60,
+        ramp_steps=60,
+        precision="f64",
         threads=1,
-    )  # fmt: skip
+    )
     space = problem.space.relaxed()
     values = space.to_dict((space.low + space.high) / 2)
     point = space.from_dict(values | {"pressure_1": 6e3, "pressure_2": -1e3, "settle_1": 0.0})

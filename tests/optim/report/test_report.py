@@ -127,10 +127,16 @@ def test_a_page_says_what_the_files_say(morpholab, reported, tmp_path):
     assert {best.pressure / 1000, best.orientation, last["best"], 25.0} <= set(page.numbers)
     assert {line[name] for line in lines for name in ("best", "mean", "median", "evaluations")} <= set(page.numbers)
     told = [
-        "Terrains flat, hill:15", "Free orientation, shape, control", "Method hill-climb", "Settings climbers 5",
-        "Seed 0", "4 of 4", "25 (0 failed)", "morpholab export runs/a --csv gait.csv",
+        "Terrains flat, hill:15",
+        "Free orientation, shape, control",
+        "Method hill-climb",
+        "Settings climbers 5",
+        "Seed 0",
+        "4 of 4",
+        "25 (0 failed)",
+        "morpholab export runs/a --csv gait.csv",
         "--gait runs/a/best.json --slope 15 --geometry small",
-    ]  # fmt: skip
+    ]
     assert [words for words in told if words not in page.text] == []
     about = json.loads((tmp_path / "runs/a/environment.json").read_text())
     assert f"numpy {about['versions']['numpy']}" in page.text
@@ -167,8 +173,11 @@ def test_damage_that_can_be_read_around_is_told(morpholab, reported, tmp_path):
     page, document = reported("a")
     assert document["generation"] == 3 and document["best"] == log(tmp_path / "a")[3]["best"]
     assert [note.split()[0] for note in document["damages"]] == [
-        "checkpoint.npz", "environment.json", "timing.jsonl", "best.json"
-    ]  # fmt: skip
+        "checkpoint.npz",
+        "environment.json",
+        "timing.jsonl",
+        "best.json",
+    ]
     assert all(note in page.text for note in document["damages"])
 
 
@@ -239,7 +248,7 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
         ("unknown --out b.html", "run: unknown designs a kite, which has no report; gait, walker, vehicle, robot have"),
         ("a/best.json --out b.html", "run: a/best.json holds no run; a report takes"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_reported_is_one_line(morpholab, simulator, tmp_path, line, message):
     (tmp_path / "empty").mkdir()
     (tmp_path / "there.html").write_text("mine")

@@ -29,12 +29,14 @@ def mutate(folder, rng):
         path.write_bytes(other.read_bytes())
         other.write_bytes(content)
     else:
-        path.write_bytes({
-            "truncated": content[:place],
-            "flipped": content[:place] + bytes([content[place] ^ bit]) + content[place + 1 :],
-            "emptied": b"",
-            "grown": content + content[place:],
-        }[how])  # fmt: skip
+        path.write_bytes(
+            {
+                "truncated": content[:place],
+                "flipped": content[:place] + bytes([content[place] ^ bit]) + content[place + 1 :],
+                "emptied": b"",
+                "grown": content + content[place:],
+            }[how]
+        )
     return f"{path.name} {how} at {place} bit {bit}, {other.name}"
 
 

@@ -98,9 +98,17 @@ def test_the_log_tells_every_generation(whole):
     assert [line["generation"] for line in lines] == list(range(GENERATIONS + 1))
     assert [line["evaluations"] for line in lines] == [3 * (i + 1) for i in range(GENERATIONS + 1)]
     assert set(lines[-1]) == {
-        "generation", "evaluations", "failed", "best", "mean", "median", "scores", "best_point", "best_details",
+        "generation",
+        "evaluations",
+        "failed",
+        "best",
+        "mean",
+        "median",
+        "scores",
+        "best_point",
+        "best_details",
         "numbers",
-    }  # fmt: skip
+    }
     last = lines[-1]
     assert last["best"] == -last["best_details"]["distance"] == max(last["scores"]) >= last["mean"]
     assert json.loads((whole / "best.json").read_text()) == last["best_point"]
@@ -121,9 +129,17 @@ def test_failures_are_counted_and_never_averaged(tmp_path):
     problem.evaluate = lambda points: Evaluation([np.nan, -2.0, -4.0])
     run(tmp_path / "some", generations=0, problem=problem)
     assert log(tmp_path / "some")[0] | {"best_point": 0} == {
-        "generation": 0, "evaluations": 3, "failed": 1, "best": -2.0, "mean": -3.0, "median": -3.0,
-        "scores": [None, -2.0, -4.0], "best_point": 0, "best_details": {}, "numbers": {},
-    }  # fmt: skip
+        "generation": 0,
+        "evaluations": 3,
+        "failed": 1,
+        "best": -2.0,
+        "mean": -3.0,
+        "median": -3.0,
+        "scores": [None, -2.0, -4.0],
+        "best_point": 0,
+        "best_details": {},
+        "numbers": {},
+    }
     problem.evaluate = lambda points: Evaluation([np.nan] * 3)
     last = run(tmp_path / "all", generations=1, problem=problem)
     assert (last.failed, last.best, last.mean, last.best_point, last.best_details) == (
@@ -254,11 +270,13 @@ def spoil(path, how):
     if how == "missing":
         path.unlink()
     else:
-        path.write_bytes({
-            "torn": content[: len(content) // 2],
-            "empty": b"",
-            "flipped": content[:700] + bytes([content[700] ^ 1]) + content[701:],
-        }[how])  # fmt: skip
+        path.write_bytes(
+            {
+                "torn": content[: len(content) // 2],
+                "empty": b"",
+                "flipped": content[:700] + bytes([content[700] ^ 1]) + content[701:],
+            }[how]
+        )
 
 
 @pytest.mark.parametrize("how", ["torn", "empty", "flipped", "missing"])

@@ -109,20 +109,54 @@ def test_it_does_what_the_library_does(space):
 def test_every_number_of_the_library_is_known():
     """A release of the library that keeps more must not go unnoticed: tell here whether it changes."""
     inner_constants = {
-        "_n_dim", "_popsize", "_mu", "_mu_eff", "_cc", "_c1", "_cmu", "_c_sigma", "_d_sigma", "_cm", "_chi_n",
-        "_weights", "_bounds", "_n_max_resampling", "_tolx", "_tolxup", "_tolfun", "_tolconditioncov", "_funhist_term",
-        "_lr_adapt", "_alpha", "_beta_mean", "_beta_Sigma", "_gamma", "_Emean", "_ESigma", "_Vmean", "_VSigma",
-        "_eta_mean", "_eta_Sigma",
-    }  # fmt: skip
+        "_n_dim",
+        "_popsize",
+        "_mu",
+        "_mu_eff",
+        "_cc",
+        "_c1",
+        "_cmu",
+        "_c_sigma",
+        "_d_sigma",
+        "_cm",
+        "_chi_n",
+        "_weights",
+        "_bounds",
+        "_n_max_resampling",
+        "_tolx",
+        "_tolxup",
+        "_tolfun",
+        "_tolconditioncov",
+        "_funhist_term",
+        "_lr_adapt",
+        "_alpha",
+        "_beta_mean",
+        "_beta_Sigma",
+        "_gamma",
+        "_Emean",
+        "_ESigma",
+        "_Vmean",
+        "_VSigma",
+        "_eta_mean",
+        "_eta_Sigma",
+    }
     elsewhere = {"_B", "_D", "_rng"}  # found again when drawing; seeded anew each generation
     method = CMAESWithMargin(EVERYTHING)
     fresh, told = method._build(np.full(4, 0.5)), method._draw()[0]
     told.tell([(told.ask()[1], float(i)) for i in range(60)])
     assert vars(told._cma).keys() == inner_constants | elsewhere | set(INNER)
     outer_constants = {
-        "_cma", "_n_max_resampling", "_discrete_idx", "_discrete_space_low", "_discrete_space_size",
-        "_discrete_space_step", "_continuous_idx", "_continuous_space", "_n_zdim", "margin",
-    }  # fmt: skip
+        "_cma",
+        "_n_max_resampling",
+        "_discrete_idx",
+        "_discrete_space_low",
+        "_discrete_space_size",
+        "_discrete_space_step",
+        "_continuous_idx",
+        "_continuous_space",
+        "_n_zdim",
+        "margin",
+    }
     assert vars(told).keys() == outer_constants | set(MARGIN)
     for a, b, names in ((fresh._cma, told._cma, inner_constants), (fresh, told, outer_constants - {"_cma"})):
         assert all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)

@@ -44,10 +44,15 @@ class Slopes:
         steps = np.array([steps_of(design) for design in designs]) - warm_up
         distance = speed * steps * 1.0602478e-4 * 0.22
         way = np.deg2rad(80.0)
-        return SimpleNamespace(distance=distance, speed=speed, status=np.full(len(designs), "ok"), steps=steps,
-                               displacement=strides[:, None] * [np.cos(way), np.sin(way)],
-                               stages=np.repeat(distance[:, None] / stages, stages, axis=1),
-                               time_step=1.0602478e-4)  # fmt: skip
+        return SimpleNamespace(
+            distance=distance,
+            speed=speed,
+            status=np.full(len(designs), "ok"),
+            steps=steps,
+            displacement=strides[:, None] * [np.cos(way), np.sin(way)],
+            stages=np.repeat(distance[:, None] / stages, stages, axis=1),
+            time_step=1.0602478e-4,
+        )
 
 
 @pytest.fixture
@@ -165,8 +170,9 @@ def test_speeds_of_a_step_are_of_the_slopes_on_which_its_best_was_tried(tmp_path
 
     def step(ladder: bool) -> Step:
         problem = dataclasses.replace(Program(tmp_path, PLAN, 0, 15.0)._on(RUNGS, GRADED), ladder=ladder)
-        details = dict(zip(("speed_flat", "speed_hill:5", "speed_hill:10", "speed_hill:15"), (0.03, 0.01, 0.0, -0.01),
-                           strict=True))  # fmt: skip
+        details = dict(
+            zip(("speed_flat", "speed_hill:5", "speed_hill:10", "speed_hill:15"), (0.03, 0.01, 0.0, -0.01), strict=True)
+        )
         last = Generation(0, 1, 0, 0.0, 0.0, 0.0, None, problem.space.to_dict(problem.space.low), details, {})
         return Step("kind-1", problem, History(tmp_path, {}, (last,), (1.0,), None, False), 1.0)
 

@@ -99,8 +99,9 @@ def test_gaits_climb_a_ladder_as_far_as_they_are_fast_enough(hill):
     np.testing.assert_array_equal(found.details["speed_hill:10"], counted[:, 1])
     counted[:, :2] = np.minimum(counted[:, :2], ahead)
     np.testing.assert_allclose(found.objectives[:, 0], counted.mean(axis=1))
-    simulations = problem.robot_steps(points, found) / [gaits_initial(d.pressure) + steps_of(d)
-                                                        for d in map(problem.design, points)]  # fmt: skip
+    simulations = problem.robot_steps(points, found) / [
+        gaits_initial(d.pressure) + steps_of(d) for d in map(problem.design, points)
+    ]
     assert simulations.tolist() == reached.sum(axis=1).tolist()
     with pytest.raises(ValueError, match=r"^ahead: 0\.01 is not allowed without a ladder$"):
         GaitProblem(terrains, **given, ahead=0.01)
@@ -229,8 +230,13 @@ def test_the_fastest_that_stays_wins_and_one_that_diverged_never():
 
 def quick(monkeypatch):
     """The study's searches with few points each."""
-    few = {"hill-climb": {"climbers": 2}, "genetic": {"population": 4}, "gradient": {"climbers": 2},
-           "memetic": {"population": 5, "every": 2, "refine": 2}, "ladder": {"population": 4, "starts": 6}}  # fmt: skip
+    few = {
+        "hill-climb": {"climbers": 2},
+        "genetic": {"population": 4},
+        "gradient": {"climbers": 2},
+        "memetic": {"population": 5, "every": 2, "refine": 2},
+        "ladder": {"population": 4, "starts": 6},
+    }
     found = {name: dataclasses.replace(s, settings=few[name]) for name, s in searches.SEARCHES.items()}
     monkeypatch.setattr(hunting, "SEARCHES", found)
     return hunting.Hunt(4, (0, 1), finalists=2, runs=2)
@@ -285,8 +291,10 @@ def test_runs_that_found_nothing_count_neither_as_speeds_nor_as_runs():
     nan = np.nan
     rows = differences({"one": np.array([nan, 0.1, 0.2]), "two": np.array([0.3, nan, nan])}, {"one": [1], "two": [2]})
     assert rows == []
-    (row,) = differences({"one": np.array([nan, 0.1, 0.2, 0.3]), "two": np.array([0.3, nan, 0.4, 0.5])},
-                         {"one": [1, 2, 3, 4], "two": [1, 2, 3, 4]})  # fmt: skip
+    (row,) = differences(
+        {"one": np.array([nan, 0.1, 0.2, 0.3]), "two": np.array([0.3, nan, 0.4, 0.5])},
+        {"one": [1, 2, 3, 4], "two": [1, 2, 3, 4]},
+    )
     assert row["same_start"] and row["difference"] == pytest.approx(0.2)
 
 

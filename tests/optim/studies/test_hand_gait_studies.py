@@ -100,7 +100,7 @@ def test_slopes_are_studied_for_both_gaits(simulator, tmp_path):
     ]
     assert {(pressure, terrain.slope) for pressure, terrain in gaits_of(simulator)} == {
         (pressure, slope) for pressure in (12e3, 0.0) for slope in (0.0, 7.5, 15.0)
-    }  # fmt: skip
+    }
     assert (tmp_path / "a/slopes.png").exists() and "| 7.5 |" in (tmp_path / "a/slopes.md").read_text()
 
 
@@ -116,8 +116,22 @@ def test_nothing_changes_with_a_factor_of_one():
     for vary in VARIATIONS.values():
         one = vary(1.0)
         assert (one.pressure, one.actuation) == (12e3, ACTUATION)
-        sizes = [[getattr(g, name) for name in ("rows", "foot_rows", "bladder_columns", "bladder_layers", "voxel_size",
-                 "youngs_modulus", "bladder_modulus", "density")] for g in (one.geometry, PUBLISHED)]  # fmt: skip
+        sizes = [
+            [
+                getattr(g, name)
+                for name in (
+                    "rows",
+                    "foot_rows",
+                    "bladder_columns",
+                    "bladder_layers",
+                    "voxel_size",
+                    "youngs_modulus",
+                    "bladder_modulus",
+                    "density",
+                )
+            ]
+            for g in (one.geometry, PUBLISHED)
+        ]
         assert sizes[0] == pytest.approx(sizes[1])
 
 
@@ -155,8 +169,11 @@ def test_variations_that_are_not_allowed_are_one_line(factors, message):
 
 def test_a_behaviour_survives_with_half_the_distance_and_all_copies():
     usual = np.array([[2.0, 2.2], [1.0, 1.0]])
-    found = {("unchanged", 1.0): usual, ("density", 2.0): np.array([[1.0, 1.2], [0.4, 0.5]]),
-             ("density", 0.5): np.array([[2.0, np.nan], [0.9, 1.0]])}  # fmt: skip
+    found = {
+        ("unchanged", 1.0): usual,
+        ("density", 2.0): np.array([[1.0, 1.2], [0.4, 0.5]]),
+        ("density", 0.5): np.array([[2.0, np.nan], [0.9, 1.0]]),
+    }
     rows = sensitivity.rows_of(found, ("rolling", "inching"))
     assert [row["survives"] for row in rows] == [True, True, True, False, False, True]
     assert rows[2]["share"] == pytest.approx(1.1 / 2.1)
@@ -267,7 +284,7 @@ def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch
         (lambda: metrics.SoftRobotMetrics(pressures=(16e3,)), "pressure: 16000.0 is not allowed; .* to 15000 Pa"),
         (lambda: metrics.SoftRobotMetrics(orientations=()), r"orientations: \(\) are not allowed; give at least one"),
     ],
-)  # fmt: skip
+)
 def test_bad_settings_are_one_line(make, message):
     with pytest.raises(ValueError, match=message) as error:
         make()

@@ -187,8 +187,11 @@ def test_rows_tests_and_curves_of_made_up_searches():
     flat = made_up([[0.0, 0.1, np.nan], [0.1, 0.3, np.nan]])
     hill = made_up([[-0.2, 0.0, 0.0], [0.0, 0.02, 0.01]])
     control = made_up([[-0.5, -0.4], [-0.3, -0.1]])
-    found = {"orientation-shape-control-flat": flat, "orientation-shape-control-hill": hill,
-             "rolling-on-the-hill-by-the-text": control}  # fmt: skip
+    found = {
+        "orientation-shape-control-flat": flat,
+        "orientation-shape-control-hill": hill,
+        "rolling-on-the-hill-by-the-text": control,
+    }
     summary = summarise(ShapeChange(), found, Played({}))
     row = summary["rows"][0]
     assert (row["flat_mean"], row["flat_max"], row["hill_mean"], row["hill_max"]) == pytest.approx(
@@ -245,8 +248,10 @@ def test_costs_add_up_over_processes_and_survive_a_torn_line(tmp_path):
 
 
 def test_climbers_that_drew_the_same_numbers_are_compared_in_pairs():
-    found = {"orientation-shape-control-hill": made_up([[0.0, 0.03, np.nan, 0.0]]),
-             "rolling-on-the-hill-as-run": made_up([[-0.2, -0.1, 0.0, np.nan]])}  # fmt: skip
+    found = {
+        "orientation-shape-control-hill": made_up([[0.0, 0.03, np.nan, 0.0]]),
+        "rolling-on-the-hill-as-run": made_up([[-0.2, -0.1, 0.0, np.nan]]),
+    }
     (test,) = tests(found)
     paired = test["paired"]
     assert paired["climbers"] == 2 and paired["difference"] == pytest.approx(0.165)

@@ -93,7 +93,7 @@ def test_named_bodies():
         (lambda: VehicleProblem(sensors=3), "sensors: 3 is not allowed with a contralateral controller; give 2"),
         (lambda: VehicleProblem(controller="fuzzy"), "controller: 'fuzzy' is unknown; choose one of"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_one_line(build, message):
     with pytest.raises(ValueError, match=message) as error:
         build()

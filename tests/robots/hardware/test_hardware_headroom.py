@@ -14,9 +14,7 @@ RIG = PneumaticRig()
 
 def test_neighbours_that_are_asked_the_same_are_one_and_none_is_missing():
     found = rig_report(INCHING)
-    assert [use.names for use in found.uses] == [
-        ("core",), CHANNELS[1:5], CHANNELS[5:9], ("foot1", "foot2")
-    ]  # fmt: skip
+    assert [use.names for use in found.uses] == [("core",), CHANNELS[1:5], CHANNELS[5:9], ("foot1", "foot2")]
     assert [use.verdict for use in found.uses] == ["at the limit", "at the limit", "within", "at the limit"]
 
 

@@ -36,14 +36,18 @@ def test_gradcheck():
 
     def outcome(values, rates, moved, pushed, stiffer, heavier):
         found = run(
-            shape, plan, values=torch.tensor(plan.events["value"]) + values,
+            shape,
+            plan,
+            values=torch.tensor(plan.events["value"]) + values,
             rates=torch.tensor(plan.events["rate"]) + 1e-3 * rates,
             state={"positions": positions + 1e-3 * moved, "velocities": velocities + 0.1 * pushed},
             materials={
                 "youngs_modulus": torch.tensor([[2e5, 3e5]]) * (1 + stiffer),
                 "density": torch.tensor([[2e3, 3e3]]) * (1 + heavier),
-            }, floor=True, time_step=TIME_STEP,
-        )  # fmt: skip
+            },
+            floor=True,
+            time_step=TIME_STEP,
+        )
         return found.positions / 1e-3, found.strains / 1e-2, found.final_velocities, found.final_orientations
 
     sizes = (plan.events.shape, plan.events.shape, (1, 3, 3), (1, 3, 3), (1, 2), (1, 2))

@@ -67,8 +67,15 @@ def test_columns_do_what_the_page_says(seed, shapes):
     said, tilt = Replay(design), 9.80665 * math.cos(math.radians(180 + 15))
     program = build_relaxed_program([design], Terrain(15.0)).program
     assert program.lengths[0] == said.begin + len(said.sizes) == said.begin + played(design).steps
-    steps = np.unique(np.concatenate([np.linspace(0, len(said.sizes) - 1, 3000).astype(int),
-                                      np.flatnonzero(np.diff(said.dampings)), np.arange(3)]))  # fmt: skip
+    steps = np.unique(
+        np.concatenate(
+            [
+                np.linspace(0, len(said.sizes) - 1, 3000).astype(int),
+                np.flatnonzero(np.diff(said.dampings)),
+                np.arange(3),
+            ]
+        )
+    )
 
     def channel(region, quantity):
         return program.values_after(0, region, quantity, said.begin + steps + 1)

@@ -131,8 +131,10 @@ def test_points_without_values_between_are_judged_as_true_ones(simulator):
     assert between.details.keys() == true.details.keys() == {"speed_flat", "speed_hill:15"}
     first, *_, last = simulator.calls
     assert {**vars(first), "designs": 0, "terrain": 0, "ramp_steps": RAMP_STEPS} == {
-        **vars(last), "designs": 0, "terrain": 0,
-    }  # fmt: skip
+        **vars(last),
+        "designs": 0,
+        "terrain": 0,
+    }
 
 
 def test_the_ramp_of_the_pressure_is_as_published_unless_pressure_is_free(simulator):
@@ -185,9 +187,12 @@ def test_descriptions_are_as_they_were_and_tell_what_is_new():
     assert "encoding" not in old and "ramp_steps" not in old
     assert GaitProblem.from_description(old).encoding == "codes"
     for settings in (
-        {}, {"ramp_steps": 500}, {"objectives": "terrains"}, {"ramp_steps": 500, "encoding": "codes"},
+        {},
+        {"ramp_steps": 500},
+        {"objectives": "terrains"},
+        {"ramp_steps": 500, "encoding": "codes"},
         {"encoding": "pattern"},
-    ):  # fmt: skip
+    ):
         described = json.loads(json.dumps(problem(**settings).describe()))
         again = GaitProblem.from_description(described)
         assert again.describe() == described and again.space == problem(**settings).space
@@ -216,10 +221,21 @@ def test_codesign_by_gradients(morpholab, simulator, tmp_path):
     assert best.schedule == GaitSchedule(np.reshape(bits, (10, 3)))
     assert simulator.simulate([best], Terrain(), **robot()).speed[0] == document["best"]
     config = tomllib.loads((tmp_path / "a/config.toml").read_text())
-    assert config["problem"]["encoding"] == "bits" and config["method"] | {
-        "name": "gradient", "climbers": 3, "seed": 2, "rule": "adam", "gradient": "exact", "verify": True,
-        "learning_rate": 0.05, "samples": 8,
-    } == config["method"]  # fmt: skip
+    assert (
+        config["problem"]["encoding"] == "bits"
+        and config["method"]
+        | {
+            "name": "gradient",
+            "climbers": 3,
+            "seed": 2,
+            "rule": "adam",
+            "gradient": "exact",
+            "verify": True,
+            "learning_rate": 0.05,
+            "samples": 8,
+        }
+        == config["method"]
+    )
 
 
 def robot():
@@ -316,7 +332,7 @@ def test_a_gradient_search_with_the_simulator(morpholab, monkeypatch, tmp_path):
     monkeypatch.setitem(inflatable.NAMED_GEOMETRIES, "small", TINY)
     monkeypatch.setattr(
         "optim.problems.inflatable.problem.InflatableActuation",
-        functools.partial(inflatable.InflatableActuation, **QUICK)
+        functools.partial(inflatable.InflatableActuation, **QUICK),
     )
     monkeypatch.setattr("optim.problems.inflatable.problem.RAMP_STEPS", 200)
     picture = "robots.view.picture.save_motion_picture"  # in the other precision, for which kernels are built anew

@@ -135,8 +135,9 @@ def test_gradients_agree_with_differences_while_durations_hold():
         direction = scale * generator.normal(size=(3, rows, 2))
         moved = [
             graded(dataclasses.replace(design.schedule, **{part: getattr(design.schedule, part) + h * change}))
-            for h in steps for design, change in zip(designs, direction, strict=True)
-        ]  # fmt: skip
+            for h in steps
+            for design, change in zip(designs, direction, strict=True)
+        ]
         distance = simulate_relaxed(moved, HILL, **options).distance.reshape(4, 3)
         far, near = (distance[::2] - distance[1::2]) / (steps[::2] - steps[1::2])[:, None]
         along = (getattr(found, part) * direction).reshape(3, -1).sum(axis=1)
@@ -337,9 +338,12 @@ class Counted:
         nominal = np.array([gaits.counted_steps(d) for d in designs])
         metre = np.ones(len(designs)) / self.geometry.body_length / self.geometry.time_step
         return SimpleNamespace(
-            speed=metre / nominal, steps=steps, status=np.full(len(steps), "ok"), stages=np.ones((len(steps), 1)),
+            speed=metre / nominal,
+            steps=steps,
+            status=np.full(len(steps), "ok"),
+            stages=np.ones((len(steps), 1)),
             time_step=self.geometry.time_step,
-        )  # fmt: skip
+        )
 
 
 @pytest.mark.parametrize("steps", [None, 20_000, 400_000])

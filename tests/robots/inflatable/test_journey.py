@@ -69,8 +69,9 @@ def test_runs_of_a_journey_differ_by_their_noise_alone():
     again = simulate_journey([Leg(WALK, HILL)], runs=3, perturbation=1e-6, seed=4, **OPTIONS)
     assert len(set(noisy.distances[:, 0].tolist())) == 3
     np.testing.assert_array_equal(noisy.distances, again.distances)
-    np.testing.assert_allclose(noisy.speeds[:, 0], noisy.distances[:, 0] / (TINY.body_length * noisy.steps[0]
-                                                                           * TINY.time_step))  # fmt: skip
+    np.testing.assert_allclose(
+        noisy.speeds[:, 0], noisy.distances[:, 0] / (TINY.body_length * noisy.steps[0] * TINY.time_step)
+    )
 
 
 def test_a_journey_that_diverges_is_no_number():
@@ -108,8 +109,10 @@ def test_a_change_of_shape_takes_the_measured_times():
 def test_a_change_of_shape_ends_with_the_shape():
     """Of a small pouch: round, then flat again; and its rows alone say the same."""
     slow = {**OPTIONS, "actuation": replace(QUICK, hold_steps=4000)}
-    legs = [Leg(change_of_shape(*ends, 0.0, times=(0.3, 0.3), geometry=TINY, actuation=QUICK), Terrain())
-            for ends in ((0.0, 6e3), (6e3, 0.0))]  # fmt: skip
+    legs = [
+        Leg(change_of_shape(*ends, 0.0, times=(0.3, 0.3), geometry=TINY, actuation=QUICK), Terrain())
+        for ends in ((0.0, 6e3), (6e3, 0.0))
+    ]
     found = simulate_journey(legs, **slow)
     target = simulate_journey([legs[1]], **slow).positions[0, 0]
     flat, full, end = found.positions[0]

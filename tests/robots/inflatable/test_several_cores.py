@@ -144,7 +144,7 @@ def test_one_core_is_the_published_body():
             "pressure: 2 values are not allowed; give one, for the one core",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_refused_in_one_line(build, message):
     with pytest.raises(ValueError, match=f"^{message}") as error:
         build()
@@ -284,8 +284,9 @@ def test_pictures_show_every_core(inflated):
     motion = inflatable_motion(result, designs[1], actuation=STEADY, robot=1)
     cores = [channel for channel in motion.channels if channel.name.startswith("core")]
     assert [(channel.name, *channel.values) for channel in cores] == [
-        ("core pressure 1", 12.0, 12.0), ("core pressure 2", 0.0, 0.0)
-    ]  # fmt: skip
+        ("core pressure 1", 12.0, 12.0),
+        ("core pressure 2", 0.0, 0.0),
+    ]
     assert played(designs[1], STEADY).pressures.tolist() == [[FULL, 0.0]] * 2
     starts, forces = motion.lattice.pressure_forces(0)
     pushed = np.linalg.norm(forces, axis=1) > 0

@@ -156,8 +156,13 @@ def test_slip_needs_frames():
 
 
 def judged(**changes) -> GaitJudgement:
-    usual = {"speeds": np.full(8, 0.03), "hard_speeds": np.zeros(8), "slip": np.tile([0.05, 0.01], (8, 1)),
-             "distances": np.full(8, 0.1), "steps": 180_000}  # fmt: skip
+    usual = {
+        "speeds": np.full(8, 0.03),
+        "hard_speeds": np.zeros(8),
+        "slip": np.tile([0.05, 0.01], (8, 1)),
+        "distances": np.full(8, 0.1),
+        "steps": 180_000,
+    }
     return GaitJudgement(**usual | changes)
 
 
@@ -179,10 +184,13 @@ def test_a_gait_that_slides_for_its_living_is_not_physical():
     assert one.slip_ratio == pytest.approx(8 * 0.03 / 0.7) and one.to_document()["slip_deviation"] is None
 
 
-@pytest.mark.parametrize("lost", [
-    {"speeds": np.array([np.nan] + [0.03] * 7), "distances": np.array([np.nan] + [0.1] * 7)},
-    {"hard_speeds": np.array([np.nan] * 8)},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "lost",
+    [
+        {"speeds": np.array([np.nan] + [0.03] * 7), "distances": np.array([np.nan] + [0.1] * 7)},
+        {"hard_speeds": np.array([np.nan] * 8)},
+    ],
+)
 def test_a_gait_that_diverged_is_that_and_nothing_else(lost):
     found = judged(**lost)
     assert found.diverged and found.faults == ("a run diverged",)
@@ -209,8 +217,9 @@ def test_a_judgement_simulates_under_both_conditions(monkeypatch):
     design = dataclasses.replace(INCHING, schedule=short)
     quick = {"inflation_rate": 0.03, "pressure_ramp": 50.0, "hold_steps": 200, "settle_steps": 100}
     actuation, parts = dataclasses.replace(QUICK, **quick), []
-    found = judge_gait(design, Terrain(5.0), geometry=TINY, actuation=actuation, runs=2, precision="f32",
-                       progress=parts.append)  # fmt: skip
+    found = judge_gait(
+        design, Terrain(5.0), geometry=TINY, actuation=actuation, runs=2, precision="f32", progress=parts.append
+    )
     assert found.steps == gaits.steps_of(design, actuation) < 3000
     assert found.speeds.shape == found.hard_speeds.shape == (2,) and found.slip.shape == (2, 2)
     assert (found.slip > 0).any() and np.isfinite(found.slip_ratios).all()

@@ -49,8 +49,12 @@ def test_what_a_session_is_given_is_checked():
 @pytest.mark.parametrize("driver", ["fused", "stepped"])
 def test_a_lattice_goes_on_from_what_was_saved(driver):
     rubber = Material(youngs_modulus=1e5, density=1e3, static_friction=0.5, kinetic_friction=0.4)
-    bar = LatticeBody(voxels=[(x, 0, z) for x in range(5) for z in range(2)], materials=(rubber,),
-                      material_index=[0] * 10, voxel_size=0.01)  # fmt: skip
+    bar = LatticeBody(
+        voxels=[(x, 0, z) for x in range(5) for z in range(2)],
+        materials=(rubber,),
+        material_index=[0] * 10,
+        voxel_size=0.01,
+    )
     engine = LatticeEngine(bar, batch=2, gravity=9.8, floor=True, driver=driver, threads=1)
 
     def grow(to, steps):

@@ -40,18 +40,35 @@ def lopsided(**settings):
     body = body_from_array(array, (SOFT, HARD), 0.02, regions=regions, pressure_normals=normals)
     drives = (
         Drive("legs", (0, 1), amplitude=Free(0, 0.2), phase=(Free(0, 1), Free(0, 1, 0.3)), mean=Free(0.9, 1.1)),
-        Drive("rest", (2,), knots=(Free(-1, 1, 0.5), Free(-1, 1), 0.0, 0.1), amplitude=0.1, phase=Free(0, 1, 0.21),
-              axes="xz"),
+        Drive(
+            "rest",
+            (2,),
+            knots=(Free(-1, 1, 0.5), Free(-1, 1), 0.0, 0.1),
+            amplitude=0.1,
+            phase=Free(0, 1, 0.21),
+            axes="xz",
+        ),
         Drive("grip", (0,), "friction", mean=0.8, amplitude=Free(0, 0.5)),
         Drive("blow", (1,), "pressure", amplitude=Free(0, 400.0), phase=0.1),
         Drive("warm", (2,), "temperature", mean=1.0, amplitude=Free(0, 4.0)),
-    )  # fmt: skip
+    )
     given = {"moduli": {"soft": Free(3e4, 6e4)}, "cycles": 1, "settling": 0.1, "heading": 20.0} | settings
     return LatticeRobot(body, drives, **given)
 
 
-NAMES = ["legs_mean", "legs_amplitude", "legs_phase_1", "legs_phase_2", "rest_phase", "rest_knots_1", "rest_knots_2",
-         "grip_amplitude", "blow_amplitude", "warm_amplitude", "soft_modulus"]  # fmt: skip
+NAMES = [
+    "legs_mean",
+    "legs_amplitude",
+    "legs_phase_1",
+    "legs_phase_2",
+    "rest_phase",
+    "rest_knots_1",
+    "rest_knots_2",
+    "grip_amplitude",
+    "blow_amplitude",
+    "warm_amplitude",
+    "soft_modulus",
+]
 
 
 def test_the_gradient_is_that_of_central_differences_in_everything_free():

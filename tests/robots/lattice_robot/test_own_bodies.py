@@ -167,16 +167,25 @@ def deflection(body: LatticeBody, load: float) -> float:
     builder.set(Quantity.ACCELERATION + 2, -load, regions=every)
     builder.set(Quantity.GLOBAL_DAMPING, 0.02, regions=every)
     engine.run(builder.build(6000))
-    return float(-engine.state().positions[0, body.voxels[:, 0] == free, 2].mean() + body.start_positions[
-        body.voxels[:, 0] == free, 2].mean())  # fmt: skip
+    return float(
+        -engine.state().positions[0, body.voxels[:, 0] == free, 2].mean()
+        + body.start_positions[body.voxels[:, 0] == free, 2].mean()
+    )
 
 
 def test_the_same_cantilever_from_array_mesh_and_files_bends_the_same(tmp_path):
     """10 x 2 x 2 voxels of 5 mm, held at one end; the deflections are equal to the bit."""
     array = np.ones((10, 2, 2), int)
     array[0] = 2
-    tissue = Material(1e6, 1e3, static_friction=1.0, kinetic_friction=0.5, internal_damping=0.8, global_damping=0.01,
-                      collision_damping=0.7)  # fmt: skip
+    tissue = Material(
+        1e6,
+        1e3,
+        static_friction=1.0,
+        kinetic_friction=0.5,
+        internal_damping=0.8,
+        global_damping=0.01,
+        collision_damping=0.7,
+    )
     held = array == 2
     from_array = body_from_array(array, (tissue, tissue), 0.005, fixed=held)
     box = trimesh.creation.box(extents=(50, 10, 10))

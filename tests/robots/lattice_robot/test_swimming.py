@@ -105,7 +105,11 @@ def test_water_has_a_name_and_what_it_needs():
     assert Terrain(fluid_density=800.0, pressure_drag=2.0, friction_drag=0.1).resistance == (800.0, 40.0)
     assert Terrain().where == "on flat" and not Terrain().is_fluid and VACUUM.is_fluid
     assert [t.spoken for t in (water, Terrain(), Terrain(3.0), Terrain(-3.0))] == [
-        "in water", "on flat ground", "up a slope of 3°", "down a slope of 3°"]  # fmt: skip
+        "in water",
+        "on flat ground",
+        "up a slope of 3°",
+        "down a slope of 3°",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,7 @@ def test_vehicles_follow_the_reference_until_they_reach_the_light(reference, pre
         if not key.startswith("trajectory/"):
             continue
         name, *weights = key.removeprefix("trajectory/").split("_")
-        done = simulate(ROVERS[name], [[float(w) for w in weights]], record_every=EVERY, precision=precision,
-                        threads=1)  # fmt: skip
+        done = simulate(ROVERS[name], [[float(w) for w in weights]], record_every=EVERY, precision=precision, threads=1)
         frames = done.rollouts.frames
         for k, light in enumerate(LIGHTS):
             away = np.hypot(*(expected[k, :, :2] - light).T)
@@ -85,8 +84,9 @@ def test_a_light_is_reached_before_it_could_be_touched():
 def test_wires_cross_and_a_positive_weight_turns_towards_the_other_side():
     assert controllers((0.3, -0.9)).tolist() == [[[0, 0.3], [-0.9, 0]]]  # one row a sensor; columns left, right
     ahead = [(0.0, 6.0)]
-    left, right, both = (simulate(Rover(), w, ahead, steps=600, threads=1).position[0, 0]
-                         for w in ((1, 0), (0, 1), (1, 1)))  # fmt: skip
+    left, right, both = (
+        simulate(Rover(), w, ahead, steps=600, threads=1).position[0, 0] for w in ((1, 0), (0, 1), (1, 1))
+    )
     assert left[0] < -1e-2 < 1e-2 < right[0] and left[0] == pytest.approx(-right[0], abs=1e-3)
     assert abs(both[0]) < 1e-3 and both[1] > 0.1
     still = simulate(Rover(), (0, 0), ahead, steps=600, threads=1).position[0, 0]

@@ -74,8 +74,9 @@ def test_uphill_is_up():
     for heading in (0.0, 40.0, 90.0):
         angle = np.deg2rad(heading)
         uphill = rotate(Ground(0.0, 20.0, heading).upright, np.array([np.cos(angle), np.sin(angle), 0.0]))
-        assert uphill == pytest.approx([*np.cos(np.deg2rad(20)) * np.array([np.cos(angle), np.sin(angle)]),
-                                        np.sin(np.deg2rad(20))])  # fmt: skip
+        assert uphill == pytest.approx(
+            [*np.cos(np.deg2rad(20)) * np.array([np.cos(angle), np.sin(angle)]), np.sin(np.deg2rad(20))]
+        )
 
 
 def test_a_walker_shows_what_its_voxels_do():

@@ -22,8 +22,15 @@ from taichi_sim.rigid import Box, Capsule
 
 def solid(shape, scale=1.0) -> Motion:
     one = np.ones((1, 1))
-    return Motion("solid", [0.0], (Node("a", shape, (1.0, 0, 0)),), one[..., None] * [0.0, 0, 2.0],
-                  one[..., None] * [1.0, 0, 0, 0], one[..., None] * ([scale] * 3), [[0.0, 0, 2.0]])  # fmt: skip
+    return Motion(
+        "solid",
+        [0.0],
+        (Node("a", shape, (1.0, 0, 0)),),
+        one[..., None] * [0.0, 0, 2.0],
+        one[..., None] * [1.0, 0, 0, 0],
+        one[..., None] * ([scale] * 3),
+        [[0.0, 0, 2.0]],
+    )
 
 
 def area_and_volume(quads):
@@ -159,9 +166,12 @@ def test_the_camera_follows_the_way():
 
 def test_far_ways_are_cut_and_near_ones_are_not():
     motion = solid(BALL)
-    motion = replace(motion, times=[0.0, 1.0], path=[[-50.0, 0, 2], [0, 0, 2]], **{
-        field: np.repeat(getattr(motion, field), 2, axis=0) for field in ("translation", "rotation", "scale")
-    })  # fmt: skip
+    motion = replace(
+        motion,
+        times=[0.0, 1.0],
+        path=[[-50.0, 0, 2], [0, 0, 2]],
+        **{field: np.repeat(getattr(motion, field), 2, axis=0) for field in ("translation", "rotation", "scale")},
+    )
     near, far = (setting(motion, [1], reach=reach).stretch.travel for reach in (6.0, np.inf))
     assert np.ptp(near) == pytest.approx(6.5) and np.ptp(far) == pytest.approx(51.0)
 
@@ -184,8 +194,10 @@ def test_a_film_is_as_long_as_told():
 
 
 def test_films_have_a_key_of_their_colours():
-    bare, keyed = (next(pictures([motions.inflatable()], seconds=0.2, rate=10.0, colour=colour))
-                   for colour in ("material", "strain"))  # fmt: skip
+    bare, keyed = (
+        next(pictures([motions.inflatable()], seconds=0.2, rate=10.0, colour=colour))
+        for colour in ("material", "strain")
+    )
     assert keyed.shape[0] == bare.shape[0] + 48
     below = keyed[-48:].astype(int)
     assert (below[..., 0] - below[..., 2] > 100).any() and (below[..., 2] - below[..., 0] > 80).any()

@@ -87,8 +87,12 @@ def test_ends_of_long_solids_are_as_exact():
 
 def test_a_still_motion_takes_no_room_and_a_far_one_is_refused():
     still = made(frames=1)
-    held = Motion("still", np.arange(500.0), still.nodes, *(np.repeat(a, 500, axis=0) for a in (
-        still.translation, still.rotation, still.scale, still.path)))  # fmt: skip
+    held = Motion(
+        "still",
+        np.arange(500.0),
+        still.nodes,
+        *(np.repeat(a, 500, axis=0) for a in (still.translation, still.rotation, still.scale, still.path)),
+    )
     assert len(pack(held).data) < 1000
     far = made(translation=np.full((4, 3, 3), 1e6))
     with pytest.raises(ValueError, match=r"^motion: 1e\+06 m is too far for steps of [\de.-]+; show less of it$"):
@@ -101,8 +105,13 @@ def test_a_page_holds_its_motions():
     about = json.loads(seen.scripts["about"])
     assert [motion["name"] for motion in about] == ["robot", "made"]
     for n, (motion, told) in enumerate(zip(motions, about, strict=True)):
-        packed = Packed(told["frames"], told["nodes"], tuple(told["steps"]), told["planes"],
-                        base64.b64decode(seen.scripts[f"motion-{n}"]))  # fmt: skip
+        packed = Packed(
+            told["frames"],
+            told["nodes"],
+            tuple(told["steps"]),
+            told["planes"],
+            base64.b64decode(seen.scripts[f"motion-{n}"]),
+        )
         translation, rotation, scale = unpack(packed)
         assert np.abs(translation - motion.translation).max() <= 1e-4
         assert (np.abs((rotation * motion.rotation).sum(axis=-1)) > 0.999).all()

@@ -27,8 +27,9 @@ def bent(radius: float, geometry=motions.TINY, turn: float = 0.0) -> InflatableR
     orientation = np.array([np.cos(turn / 2), 0, np.sin(turn / 2), 0])
     count, one = body.voxel_count, np.ones(1)
     extents = np.full((1, 1, count, 6), geometry.voxel_size / 2)
-    frames = Frames(places[None, None], np.broadcast_to(orientation, (1, 1, count, 4)), np.zeros(1), extents,
-                    2 * extents[..., ::2])  # fmt: skip
+    frames = Frames(
+        places[None, None], np.broadcast_to(orientation, (1, 1, count, 4)), np.zeros(1), extents, 2 * extents[..., ::2]
+    )
     return InflatableResult(
         one, one, one, np.array(["ok"]), one[:, None], np.array([1]), 1e-4, frames, body, np.zeros((1, 2))
     )

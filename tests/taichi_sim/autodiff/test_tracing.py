@@ -63,24 +63,36 @@ BEAM = (0.0101, 1 / 0.0101, 40.0, 5.0, 3000.0, 50.0, 40.0, 0.03, 4e-3, 0.01, 1.0
 LAWS = {
     "straight link": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, False), 18),
     "large link": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, False), 18),
-    "small link in a mixed block": (link_adjoint.turned_link, (*POSE, *NEXT, *MEMORY, *BEAM),
-                                    (EDGE, beams.SMALL, False), 18),
+    "small link in a mixed block": (
+        link_adjoint.turned_link,
+        (*POSE, *NEXT, *MEMORY, *BEAM),
+        (EDGE, beams.SMALL, False),
+        18,
+    ),
     "link that switches": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL, False), 18),
     "straight link in a fluid": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, True), 18),
     "large link in a fluid": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, True), 18),
     "placing": (voxel_adjoint.placed, (*NEXT, 0.1, -0.2, 0.3, 1e-4, 2e-4, -1e-4, 300.0, 2e7), (DT,), 7),
-    "pressure": (voxel_adjoint.pressed, (*POSE[3:], 0.1, -0.05, 0.2, 0.01, 0.011, 0.009, 500.0),
-                 (1.0, 0.5, 1.0, 0.0, 0.0, 1.0), 3),
+    "pressure": (
+        voxel_adjoint.pressed,
+        (*POSE[3:], 0.1, -0.05, 0.2, 0.01, 0.011, 0.009, 500.0),
+        (1.0, 0.5, 1.0, 0.0, 0.0, 1.0),
+        3,
+    ),
     "held rotation": (voxel_adjoint.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
-    "square under pressure": (enclosure.pressed_square, (*POSE[:3], *NEXT[:3], 0.011, 0.009, 0.001, -5e-4, 0.0102, 2e-4,
-                              500.0, 600.0, 400.0, 450.0), (), 12),
+    "square under pressure": (
+        enclosure.pressed_square,
+        (*POSE[:3], *NEXT[:3], 0.011, 0.009, 0.001, -5e-4, 0.0102, 2e-4, 500.0, 600.0, 400.0, 450.0),
+        (),
+        12,
+    ),
     "sliding": (floor.sliding_friction, (0.02, -0.01, 0.4, 0.3), (), 2),
     "poisson": (motion.poisson_strains, (0.1, 0.05, -0.02, 0.3), (1.0, 0.0, 1.0), 3),
     "beam constants": (materials.beam_row, (3e5, 3000.0, 0.3, 1.0, 2e5, 2500.0, 0.2, 0.8), (EDGE, DT), 9),
     "voxel constants": (materials.voxel_row, (3e5, 3000.0, 0.9, 1e-3, 0.3), (EDGE,), 9),
     "a half turn": (rotations.to_rotation_vector, (0.1, 0.7, -0.5, 0.5), (), 3),
-}  # fmt: skip
+}
 
 
 def our_kernel(function, inputs: int, constants: int, flags: list[bool], results: int, real: Real):

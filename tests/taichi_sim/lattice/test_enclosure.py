@@ -82,8 +82,13 @@ def test_a_skin_that_does_not_close_is_refused_in_one_line(case):
     elif case == "loose":
         box = shell()
         voxels = np.concatenate([box.voxels, [[4, 1, 1]]])
-        body = LatticeBody(voxels, (RUBBER,), np.zeros(len(voxels), int), EDGE,
-                           pressure_normals=np.concatenate([box.pressure_normals, [[1, 0, 0]]]))  # fmt: skip
+        body = LatticeBody(
+            voxels,
+            (RUBBER,),
+            np.zeros(len(voxels), int),
+            EDGE,
+            pressure_normals=np.concatenate([box.pressure_normals, [[1, 0, 0]]]),
+        )
     message = r"^pressure_normals: voxel \(\d, \d, \d\) is [^\n]*; in a fluid, give [^\n]*$"
     with pytest.raises(ValueError, match=message):
         LatticeEngine(body, 1, fluid=True)
@@ -164,9 +169,12 @@ def test_every_driver_gives_the_same_bits(precision, native):
     body = lopsided()
     rng = np.random.default_rng(0)
     count = body.voxel_count
-    moving = LatticeState(body.start_positions[None] + rng.normal(0, 2e-4, (1, count, 3)),
-                          np.tile([1.0, 0, 0, 0], (1, count, 1)), rng.normal(0, 0.1, (1, count, 3)),
-                          np.zeros((1, count, 3)))  # fmt: skip
+    moving = LatticeState(
+        body.start_positions[None] + rng.normal(0, 2e-4, (1, count, 3)),
+        np.tile([1.0, 0, 0, 0], (1, count, 1)),
+        rng.normal(0, 0.1, (1, count, 3)),
+        np.zeros((1, count, 3)),
+    )
     runs = [
         inflated(body, 300, 8e3, moving, precision=precision, **options)
         for options in ({"width": 1}, {"width": native}, {"driver": "stepped"})

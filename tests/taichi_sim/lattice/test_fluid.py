@@ -15,8 +15,9 @@ PRESSURE, FRICTION = 600.0, 10.0  # half the density of water times coefficients
 
 
 def body(voxels):
-    return LatticeBody(voxels=voxels, materials=(Material(4e5, DENSITY),), material_index=[0] * len(voxels),
-                       voxel_size=EDGE)  # fmt: skip
+    return LatticeBody(
+        voxels=voxels, materials=(Material(4e5, DENSITY),), material_index=[0] * len(voxels), voxel_size=EDGE
+    )
 
 
 def in_water(shape, steps, gravity=0.0, velocity=None, resistance=(PRESSURE, FRICTION), **options):
@@ -24,8 +25,14 @@ def in_water(shape, steps, gravity=0.0, velocity=None, resistance=(PRESSURE, FRI
     lab = LatticeEngine(shape, 1, fluid=True, gravity=gravity, time_step=1e-4, **options)
     if velocity is not None:
         count = shape.voxel_count
-        lab.set_state(LatticeState(shape.start_positions[None], np.tile(UPRIGHT, (1, count, 1)),
-                                   np.tile(velocity, (1, count, 1)), np.zeros((1, count, 3))))  # fmt: skip
+        lab.set_state(
+            LatticeState(
+                shape.start_positions[None],
+                np.tile(UPRIGHT, (1, count, 1)),
+                np.tile(velocity, (1, count, 1)),
+                np.zeros((1, count, 3)),
+            )
+        )
     builder = ProgramBuilder(1)
     for part, value in enumerate(resistance):
         builder.set(Quantity.RESISTANCE + part, value, regions=np.arange(shape.region_count))

@@ -39,8 +39,9 @@ def quick_designs(count: int) -> list:
 def trajectory(designs, precision="f64", threads=1, **options):
     """Recorded poses (B, S, V, 7) of a quick gait on a slope."""
     runtime.start(precision=precision, threads=threads)
-    engine = LatticeEngine(TINY.body, len(designs), time_step=TINY.time_step, floor=True, precision=precision,
-                           threads=threads, **options)  # fmt: skip
+    engine = LatticeEngine(
+        TINY.body, len(designs), time_step=TINY.time_step, floor=True, precision=precision, threads=threads, **options
+    )
     program = build_program(designs, Terrain(slope=5.0), QUICK, record_every=100)
     result = engine.run(program)
     assert (result.status == "ok").all()
@@ -175,12 +176,14 @@ def test_nothing_compiles_again(monkeypatch):
     compiled.clear()
     for slope in (0.0, 10.0):
         designs = quick_designs(5)
-        engine = LatticeEngine(
-            TINY.body, 5, time_step=TINY.time_step, floor=True, precision="f32", threads=1, width=16
-        )
+        engine = LatticeEngine(TINY.body, 5, time_step=TINY.time_step, floor=True, precision="f32", threads=1, width=16)
         engine.run(build_program(designs, Terrain(slope=slope), QUICK))
-    other = LatticeBody(voxels=np.argwhere(np.ones((3, 2, 2))), materials=(Material(1e6, 900, poissons_ratio=0.2),),
-                        material_index=np.zeros(12), voxel_size=0.002)  # fmt: skip
+    other = LatticeBody(
+        voxels=np.argwhere(np.ones((3, 2, 2))),
+        materials=(Material(1e6, 900, poissons_ratio=0.2),),
+        material_index=np.zeros(12),
+        voxel_size=0.002,
+    )
     LatticeEngine(other, 40, precision="f32", threads=1, width=16, gravity=9.8).run(ProgramBuilder(40).build(5))
     assert compiled == []
 

@@ -86,8 +86,14 @@ def test_poissons_ratio_narrows_a_stretched_block():
     voxels = np.argwhere(np.ones((7, 3, 3)))
     fixed = np.zeros((63, 6), bool)
     fixed[voxels[:, 0] == 0] = True
-    body = LatticeBody(voxels=voxels, materials=(Material(1e6, 1000, poissons_ratio=0.3),), material_index=np.zeros(63),
-                       voxel_size=0.01, fixed=fixed, regions=voxels[:, 0] == 6)  # fmt: skip
+    body = LatticeBody(
+        voxels=voxels,
+        materials=(Material(1e6, 1000, poissons_ratio=0.3),),
+        material_index=np.zeros(63),
+        voxel_size=0.01,
+        fixed=fixed,
+        regions=voxels[:, 0] == 6,
+    )
     engine = LatticeEngine(body, self_contact=False, time_step=0.5 * body.recommended_time_step)
     builder = ProgramBuilder(1)
     builder.set(Quantity.FORCE, 2.0, regions=[1])
@@ -128,8 +134,13 @@ def test_prescribed_motion_of_fixed_voxels():
 def test_pressure_balances_the_stretch_of_a_box():
     """P times the deformed end faces equals the axial force of two rows of two voxels joined end to end."""
     voxels = np.array([(0, 0, 0), (1, 0, 0)])
-    body = LatticeBody(voxels=voxels, materials=(Material(1e6, 1000),), material_index=[0, 0], voxel_size=0.01,
-                       pressure_normals=[(-1, 0, 0), (1, 0, 0)])  # fmt: skip
+    body = LatticeBody(
+        voxels=voxels,
+        materials=(Material(1e6, 1000),),
+        material_index=[0, 0],
+        voxel_size=0.01,
+        pressure_normals=[(-1, 0, 0), (1, 0, 0)],
+    )
     engine = LatticeEngine(body)
     run(engine, 20_000, (Quantity.PRESSURE, 2e4))
     x = engine.state().positions[0, :, 0]

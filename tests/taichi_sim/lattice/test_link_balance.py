@@ -17,17 +17,21 @@ def pouch(materials=UNLIKE[:1]) -> LatticeBody:
     """The pouch with a fin; of two materials side by side if so many are given."""
     shape = lopsided()
     index = (shape.voxels[:, 0] > 1).astype(int) * (len(materials) - 1)
-    return LatticeBody(shape.voxels, materials, index, EDGE, cut_links=shape.cut_links,
-                       pressure_normals=shape.pressure_normals)  # fmt: skip
+    return LatticeBody(
+        shape.voxels, materials, index, EDGE, cut_links=shape.cut_links, pressure_normals=shape.pressure_normals
+    )
 
 
 def kicked(shape: LatticeBody) -> LatticeState:
     """Distorted, its voxels turned and moving all ways."""
     rng, count = np.random.default_rng(5), shape.voxel_count
     turns = np.concatenate([np.ones((1, count, 1)), rng.normal(0, 0.02, (1, count, 3))], axis=2)
-    return LatticeState(shape.start_positions[None] + rng.normal(0, 0.02 * EDGE, (1, count, 3)),
-                        turns / np.linalg.norm(turns, axis=2, keepdims=True), rng.normal(0, KICK, (1, count, 3)),
-                        rng.normal(0, KICK / EDGE, (1, count, 3)))  # fmt: skip
+    return LatticeState(
+        shape.start_positions[None] + rng.normal(0, 0.02 * EDGE, (1, count, 3)),
+        turns / np.linalg.norm(turns, axis=2, keepdims=True),
+        rng.normal(0, KICK, (1, count, 3)),
+        rng.normal(0, KICK / EDGE, (1, count, 3)),
+    )
 
 
 class Motion:
@@ -91,8 +95,10 @@ def test_a_strained_body_keeps_its_momenta_in_vacuum(materials, driver):
         lab.set_state(kicked(shape))
         start = Motion(lab)
         end = go_on(lab, 300)
-        ends[fluid] = (np.abs(end.momentum - start.momentum).max() / (KICK * shape.voxel_count * 1e-3),
-                       np.abs(end.spin - start.spin).max() / start.spin_scale)  # fmt: skip
+        ends[fluid] = (
+            np.abs(end.momentum - start.momentum).max() / (KICK * shape.voxel_count * 1e-3),
+            np.abs(end.spin - start.spin).max() / start.spin_scale,
+        )
     assert max(ends[True]) < 1e-12
     assert ends[False][1] > 1e-4 and (ends[False][0] > 1e-6) == (len(materials) > 1)
 
@@ -100,8 +106,13 @@ def test_a_strained_body_keeps_its_momenta_in_vacuum(materials, driver):
 def test_energy_is_damped_under_pressure():
     """What is left after a kick is the motion as a whole, which nothing can damp."""
     lab = inflated(LatticeEngine(pouch(), 1, time_step=TIME_STEP, fluid=True))
-    lab.set_state(LatticeState(lab.state().positions, lab.state().orientations, *(
-        getattr(kicked(lab.body), f) for f in ("velocities", "angular_velocities"))))  # fmt: skip
+    lab.set_state(
+        LatticeState(
+            lab.state().positions,
+            lab.state().orientations,
+            *(getattr(kicked(lab.body), f) for f in ("velocities", "angular_velocities")),
+        )
+    )
     first = Motion(lab).energy
     later = [go_on(lab, 1000).energy for _ in range(4)]
     assert later[0] < 0.5 * first

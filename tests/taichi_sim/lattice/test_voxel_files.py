@@ -148,9 +148,11 @@ def test_a_difference_needs_its_base(tmp_path):
 # --- broken .vxa
 
 BOMB = zlib.compress(bytes(200_000_000), 9)
-LAUGHS = '<!DOCTYPE z [<!ENTITY a "aaaaaaaaaa">' + "".join(
-    f'<!ENTITY {chr(98 + n)} "{10 * f"&{chr(97 + n)};"}">' for n in range(12)
-) + "]>"  # fmt: skip
+LAUGHS = (
+    '<!DOCTYPE z [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {chr(98 + n)} "{10 * f"&{chr(97 + n)};"}">' for n in range(12))
+    + "]>"
+)
 
 
 @pytest.mark.parametrize(
@@ -263,15 +265,28 @@ def random_robot(seed):
     voxels = np.argwhere(rng.random((4, 3, 3)) < 0.7) - 2
     count = len(voxels)
     tissue = tuple(
-        Material(*rng.uniform(1, 1e6, 2), *rng.uniform(0, 0.49, 1), *rng.random(5), scale=tuple(rng.uniform(0.5, 2, 3)),
-                 thermal_expansion=rng.random(), temperature=rng.random(), name=f"m {n} é")
+        Material(
+            *rng.uniform(1, 1e6, 2),
+            *rng.uniform(0, 0.49, 1),
+            *rng.random(5),
+            scale=tuple(rng.uniform(0.5, 2, 3)),
+            thermal_expansion=rng.random(),
+            temperature=rng.random(),
+            name=f"m {n} é",
+        )
         for n in range(3)
-    )  # fmt: skip
+    )
     pairs = np.argwhere(np.abs(voxels[:, None] - voxels[None]).sum(axis=2) == 1)
     body = LatticeBody(
-        voxels, tissue, rng.integers(0, 3, count), rng.random() + 1e-3, rng.integers(0, 5, count),
-        pairs[rng.permutation(len(pairs))[:4]], rng.random((count, 6)) < 0.2, rng.integers(-1, 2, (count, 3)),
-    )  # fmt: skip
+        voxels,
+        tissue,
+        rng.integers(0, 3, count),
+        rng.random() + 1e-3,
+        rng.integers(0, 5, count),
+        pairs[rng.permutation(len(pairs))[:4]],
+        rng.random((count, 6)) < 0.2,
+        rng.integers(-1, 2, (count, 3)),
+    )
     rows = lambda width: np.round(rng.normal(size=(3, width)), 1)[rng.integers(0, 3, count)]  # noqa: E731
     colours = rng.integers(0, 256, (3, 4)).astype(np.uint8)
     return VoxelFile(body, colours, rows(3), rows(3), rows(6), None, 9.81, True)
@@ -315,7 +330,7 @@ def test_export_then_import_is_the_identity(tmp_path, seed):
         (vxl(ROWS, morpholab={"cutLinks": [[0]]}), "morpholab: cutLinks or pressureNormals are damaged"),
     ],
     ids=range(20),
-)  # fmt: skip
+)
 def test_broken_json_is_refused_in_one_line(tmp_path, text, message):
     with pytest.raises(ValueError, match=r"robot\.vxl\.json: ") as error:
         load(tmp_path, text, "robot.vxl.json")
@@ -335,8 +350,11 @@ BITS = [b"-", b"9e9", b"null", b"[", b"{}", b'"', b"0", b",", b"1e999", b"\xff",
 @pytest.mark.parametrize("name", ["robot.vxa", "robot.vxd", "robot.vxl.json"])
 def test_random_damage_is_refused_in_one_line_or_read(tmp_path, name):
     rng = np.random.default_rng(0)
-    whole = {"robot.vxa": vxa(ARRAY, more=numbers(PHASES)), "robot.vxl.json": write_vxl_json(random_robot(0)),
-             "robot.vxd": f"<VXD>{replacing(structure(ARRAY, 'ZLIB'))}</VXD>"}[name]  # fmt: skip
+    whole = {
+        "robot.vxa": vxa(ARRAY, more=numbers(PHASES)),
+        "robot.vxl.json": write_vxl_json(random_robot(0)),
+        "robot.vxd": f"<VXD>{replacing(structure(ARRAY, 'ZLIB'))}</VXD>",
+    }[name]
     (tmp_path / "base.vxa").write_text(vxa(ARRAY))
     counts = {"read": 0, "refused": 0}
     for _ in range(400):

@@ -59,8 +59,14 @@ def test_so_it_is_with_momenta_coulomb_friction_and_bodies_that_differ(precision
     commands = np.random.default_rng(0).uniform(-1, 1, (12, 5, 8))
 
     def run_some(chosen, **settings):
-        engine = RigidEngine([trees[n] for n in chosen], World(0.02, slip=1e-3, friction=0.7), LEGGED.senses(),
-                             precision=precision, threads=1, **settings)  # fmt: skip
+        engine = RigidEngine(
+            [trees[n] for n in chosen],
+            World(0.02, slip=1e-3, friction=0.7),
+            LEGGED.senses(),
+            precision=precision,
+            threads=1,
+            **settings,
+        )
         return engine.run(150, commands=commands[chosen], hold=30)
 
     whole = run_some(np.arange(12))

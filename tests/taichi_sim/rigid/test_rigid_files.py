@@ -91,8 +91,11 @@ def test_what_is_ignored_is_named_in_one_warning():
         model = parse_model(ANT)
     assert len(caught) == 1 and "\n" not in str(caught[0].message)
     assert set(model.ignored) == {
-        "<jointpos> sensors", "damping of joints", "gains of drives", "torques of motors, which are driven by rate"
-    }  # fmt: skip
+        "<jointpos> sensors",
+        "damping of joints",
+        "gains of drives",
+        "torques of motors, which are driven by rate",
+    }
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         parse_model(mjcf(BALL))
@@ -115,8 +118,10 @@ def whegged_text():
             f'<body name="wheel {leg}" pos="0 0 -0.175"><joint name="axle {leg}" axis="1 0 0"/>'
             '<geom size="0.1" mass="1"/></body></body></body>'
         )
-    hips = "".join(f'<position joint="hip {n}" kp="10" kv="10" ctrlrange="{-limit} {limit}" forcerange="-10 10"/>'
-                   for n in range(4))  # fmt: skip
+    hips = "".join(
+        f'<position joint="hip {n}" kp="10" kv="10" ctrlrange="{-limit} {limit}" forcerange="-10 10"/>'
+        for n in range(4)
+    )
     axles = "".join(
         f'<velocity joint="axle {n}" kv="10" ctrlrange="{-rate} {rate}" forcerange="-10 10"/>' for n in range(4)
     )
@@ -235,8 +240,10 @@ def test_two_solids_of_a_body_have_their_inertia_about_their_common_centre():
     ],
 )
 def test_turns_are_read_in_all_ways_of_giving_them(turn, expected):
-    body = (f'<body pos="0 0 1" {turn}><freejoint/>'
-            '<inertial pos="0.1 0.2 0.3" mass="1" fullinertia="0.3 0.4 0.5 0.01 0.02 0.03"/></body>')  # fmt: skip
+    body = (
+        f'<body pos="0 0 1" {turn}><freejoint/>'
+        '<inertial pos="0.1 0.2 0.3" mass="1" fullinertia="0.3 0.4 0.5 0.01 0.02 0.03"/></body>'
+    )
     found = parse_model(mjcf(body)).tree.bodies[0]
     rotation, inertia = np.array(expected), np.array([[0.3, 0.01, 0.02], [0.01, 0.4, 0.03], [0.02, 0.03, 0.5]])
     assert np.allclose(found.position, [0, 0, 1] + rotation @ [0.1, 0.2, 0.3])

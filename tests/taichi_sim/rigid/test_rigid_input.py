@@ -165,8 +165,11 @@ def grown(seed, bodies):
     parts, joints = [], []
     for n in range(bodies):
         place = rng.uniform((-0.5, -0.5, 0.7), (0.5, 0.5, 1.7))
-        shape = [Sphere(rng.uniform(0.05, 0.2)), Capsule(0.05, rng.uniform(0.1, 0.4), rng.normal(size=3)),
-                 Box(rng.uniform(0.1, 0.3, 3))][rng.integers(3)]  # fmt: skip
+        shape = [
+            Sphere(rng.uniform(0.05, 0.2)),
+            Capsule(0.05, rng.uniform(0.1, 0.4), rng.normal(size=3)),
+            Box(rng.uniform(0.1, 0.3, 3)),
+        ][rng.integers(3)]
         parts.append(Body(f"body {n}", place, rng.uniform(0.5, 2), [shape]))
         if n:
             parent = parts[rng.integers(n)]

@@ -51,8 +51,11 @@ def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_co
     for _ in range(4):
         turn = rng.normal(size=(1, 4))
         start = State(
-            np.array([[0, 0, 0.8]]), turn / np.linalg.norm(turn), rng.uniform(-0.7, 0.7, (1, 8)),
-            rng.normal(size=(1, 6)), rng.normal(size=(1, 8)),
-        )  # fmt: skip
+            np.array([[0, 0, 0.8]]),
+            turn / np.linalg.norm(turn),
+            rng.uniform(-0.7, 0.7, (1, 8)),
+            rng.normal(size=(1, 6)),
+            rng.normal(size=(1, 8)),
+        )
         world = World(0.02, -9.81, SLIP, friction)
         assert disagreement(LEGGED, world, rng.uniform(-1, 1, (40, 8)), 40, start) < tolerance

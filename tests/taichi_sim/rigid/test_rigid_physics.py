@@ -209,10 +209,12 @@ def test_what_is_pulled_over_the_ground_creeps_at_the_force_times_the_slip(torqu
     arm = Body("arm", (reach, 0, radius), 1.0, [Sphere(radius)])
     tree = Tree(
         [mast, hub, arm],
-        [Hinge("mast", "hub", (0, 0, 0.3), (0, 0, 1), Motor.velocity(100.0, torque)),
-         Hinge("hub", "arm", (0, 0, 0.3), (0, 1, 0))],
+        [
+            Hinge("mast", "hub", (0, 0, 0.3), (0, 0, 1), Motor.velocity(100.0, torque)),
+            Hinge("hub", "arm", (0, 0, 0.3), (0, 1, 0)),
+        ],
         fixed=True,
-    )  # fmt: skip
+    )
     found = simulate(tree, World(0.01, -1.0, slip=0.01), 600, commands=np.ones((1, 1, 1)))
     rate = np.diff(found.frames.angles[-2:, 0, 0])[0] / 0.01
     assert np.isclose(rate * reach, torque / reach / 100, rtol=1e-6)

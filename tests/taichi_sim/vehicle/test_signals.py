@@ -191,7 +191,7 @@ def test_no_pairs_have_no_distances():
         ([[1.0]], [[1.0]], {"device": "gpu"}, "device: 'gpu' is unknown"),
         ([[1.0]], [[1.0]], {"threads": 0}, "threads: 0 is not allowed"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_refused_in_one_line(first, second, settings, message):
     with pytest.raises(ValueError, match=message) as refused:
         warping_distances(first, second, **settings)

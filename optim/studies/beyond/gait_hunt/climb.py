@@ -100,8 +100,9 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
     """
     check_folder(folder, FILES, "gait-climb")
     seeds, found = settings.seeds, list[Climbed]()
-    beside([(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds],
-           jobs, where, progress)  # fmt: skip
+    beside(
+        [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds], jobs, where, progress
+    )
     for number, seed in enumerate(seeds):
         share = part_of(progress if jobs == 1 else None, number, len(seeds))
         found.append(_climb(folder / "runs", settings, seed, where, share))
@@ -117,10 +118,16 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     finalists: dict[str, Sequence[Finalist]] = {}
     for number, step in enumerate(program.run()):
         (finalists[step.name],) = kept_finalists(
-            runs / f"seed-{seed}-{step.name}.json", [step.history], step.problem, Terrain(settings.slope),
-            settings.finalists, settings.runs, part_of(progress, 27 + number, 30),
-            geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
-        )  # fmt: skip
+            runs / f"seed-{seed}-{step.name}.json",
+            [step.history],
+            step.problem,
+            Terrain(settings.slope),
+            settings.finalists,
+            settings.runs,
+            part_of(progress, 27 + number, 30),
+            geometry=NAMED_GEOMETRIES[settings.geometry],
+            **{"precision": "f32", **where},
+        )
     return Climbed(seed, list(program.steps.values()), finalists)
 
 
@@ -173,8 +180,13 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     for row in rows:
         found = ("",) * 5
         if row["speed"] is not None:
-            found = (row["found_by"], f"{row['orientation']:.0f}°", f"{np.max(row['pressure']) / 1e3:.1f}",
-                     f"{row['speed']:.4f}", f"{row['hard_speed']:.4f}")  # fmt: skip
+            found = (
+                row["found_by"],
+                f"{row['orientation']:.0f}°",
+                f"{np.max(row['pressure']) / 1e3:.1f}",
+                f"{row['speed']:.4f}",
+                f"{row['hard_speed']:.4f}",
+            )
         lines.append(
             f"| {row['seed']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {' | '.join(found)} "
             f"| {'yes' if row['stays'] else 'no'} |"
@@ -194,8 +206,10 @@ def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
             for name, colour in zip(names, COLOURS, strict=False):
                 tried = [(place, step.speeds[name]) for place, step in enumerate(steps) if name in step.speeds]
                 panel.plot(*np.array(tried).reshape(-1, 2).T, "o", color=colour, label=name, markersize=4)
-                hard = [(place, (step.last.best_details or {}).get(f"speed_{name}{HARD}"))
-                        for place, step in enumerate(steps)]  # fmt: skip
+                hard = [
+                    (place, (step.last.best_details or {}).get(f"speed_{name}{HARD}"))
+                    for place, step in enumerate(steps)
+                ]
                 judged = [(place, speed) for place, speed in hard if speed is not None]
                 label = f"{name}, harder" if judged else None
                 panel.plot(*np.array(judged, float).reshape(-1, 2).T, "x", color=colour, label=label, markersize=4)

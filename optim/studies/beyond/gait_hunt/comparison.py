@@ -11,9 +11,7 @@ from optim.measures.statistics import difference_of_means, holm
 from taichi_sim.autodiff.dual import Array
 
 
-def differences(
-    speeds: Mapping[str, Array], starts: Mapping[str, Sequence[float | None]]
-) -> list[dict[str, Any]]:  # fmt: skip
+def differences(speeds: Mapping[str, Array], starts: Mapping[str, Sequence[float | None]]) -> list[dict[str, Any]]:
     """Every two searches: the difference of what their runs found, and p adjusted for the number of pairs (Holm).
 
     Searches whose runs begin with the same gaits, seed by seed, are compared by the differences of these pairs (the

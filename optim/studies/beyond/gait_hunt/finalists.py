@@ -42,9 +42,15 @@ def _conditions(problem: GaitProblem, terrain: Terrain, where: Mapping[str, Any]
 
 
 def kept_finalists(
-    path: Path, histories: Sequence[History], problem: GaitProblem, terrain: Terrain, count: int, runs: int,
-    progress: Progress, **where: Any,
-) -> list[list[Finalist]]:  # fmt: skip
+    path: Path,
+    histories: Sequence[History],
+    problem: GaitProblem,
+    terrain: Terrain,
+    count: int,
+    runs: int,
+    progress: Progress,
+    **where: Any,
+) -> list[list[Finalist]]:
     """The last bests of each run of a search, played in full: from the file, if they are of these runs and conditions.
 
     All of them are one batch under either condition, since a few robots take as long as a vector full of them. The
@@ -62,8 +68,12 @@ def kept_finalists(
     """
     found = [last_bests(history, problem, count) for history in histories]
     bests = json.dumps([[generation.best_point for generation in history.generations] for history in histories])
-    of = {"bests": sha256(bests.encode()), "count": count, "runs": runs,
-          "conditions": _conditions(problem, terrain, where)}  # fmt: skip
+    of = {
+        "bests": sha256(bests.encode()),
+        "count": count,
+        "runs": runs,
+        "conditions": _conditions(problem, terrain, where),
+    }
     known, listed = _read(path), [each for one in found for each in one]
     if known.get("of") != of or len(known["speeds"]) != len(listed):
         judged = judge_finalists(listed, terrain, runs, progress=progress, **where)

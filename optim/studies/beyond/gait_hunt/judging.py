@@ -54,9 +54,13 @@ def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple
 
 
 def judge_finalists(
-    found: Sequence[tuple[GaitDesign, int]], terrain: Terrain, runs: int, *,
-    progress: Callable[[float], None] | None = None, **where: Any,
-) -> list[Finalist]:  # fmt: skip
+    found: Sequence[tuple[GaitDesign, int]],
+    terrain: Terrain,
+    runs: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+    **where: Any,
+) -> list[Finalist]:
     """Play designs of one kind on a terrain, each ``runs`` times under either condition, as two batches."""
     if not found:
         return []

@@ -78,8 +78,15 @@ class Plan:
     generations: int = 20
 
     def __post_init__(self) -> None:
-        for name, low in (("looks", 2), ("kept", 1), ("kinds", 1), ("population", 2), ("headings", 2), ("refined", 2),
-                          ("generations", 0)):  # fmt: skip
+        for name, low in (
+            ("looks", 2),
+            ("kept", 1),
+            ("kinds", 1),
+            ("population", 2),
+            ("headings", 2),
+            ("refined", 2),
+            ("generations", 0),
+        ):
             check_whole(name, getattr(self, name), low)
         if not self.rounds:
             raise ValueError("rounds: none given; give the generations of at least one")
@@ -196,9 +203,10 @@ class Program:
         settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
         known = kept(
-            ResultsFolder(self.folder / "turn", "turn", settings), "turn",
+            ResultsFolder(self.folder / "turn", "turn", settings),
+            "turn",
             lambda: turned(problem, designs, {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}),
-        )  # fmt: skip
+        )
         self._note(Step("turn", problem, history_of(problem, known, self.folder / "turn"), float(known["spent"])))
         facing = [problem.design(point) for point in known["points"]]
         chosen = best_of_kinds(facing, known["scores"], self.plan.kinds, problem.body)
@@ -234,17 +242,27 @@ class Program:
         return self._near("heading", problem, full, "genetic", self.plan.headings, 0)
 
     def _refine(
-        self, name: str, rungs: Sequence[float], start: GaitDesign, options: Mapping[str, Any] = GRADED,
+        self,
+        name: str,
+        rungs: Sequence[float],
+        start: GaitDesign,
+        options: Mapping[str, Any] = GRADED,
         sigma: float = SIGMA,
-    ) -> Step:  # fmt: skip
+    ) -> Step:
         """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
         problem = self._on(rungs, options)
         return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=sigma)
 
     def _near(
-        self, name: str, problem: GaitProblem, start: GaitDesign, method: str, population: int, generations: int,
+        self,
+        name: str,
+        problem: GaitProblem,
+        start: GaitDesign,
+        method: str,
+        population: int,
+        generations: int,
         **settings: Any,
-    ) -> Step:  # fmt: skip
+    ) -> Step:
         """A search near a gait; with the numbers of another search it would try the same directions."""
         stream = np.random.SeedSequence([self.seed, zlib.crc32(name.encode())]).generate_state(1)
         settings |= {"population": population, "start": start_values(problem, start), "seed": int(stream[0])}

@@ -115,8 +115,12 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"), "gait-hunt")
     searches = settings.searches
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
-    beside([(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
-           jobs, where, part_of(progress, 0, 10, 9))  # fmt: skip
+    beside(
+        [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
+        jobs,
+        where,
+        part_of(progress, 0, 10, 9),
+    )
     judged = [folder / "runs" / f"{name}.json" for name in searches]
     for number, (name, seed) in enumerate(parts):
         share = part_of(progress, 9 * number, 10 * len(parts), 9)
@@ -126,11 +130,16 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     for number, (name, path) in enumerate(zip(searches, judged, strict=True)):
         of = [(name, seed) for seed in settings.seeds]
         finalists = kept_finalists(
-            path, [found[part].history for part in of], _problem(settings, name, where), Terrain(settings.slope),
-            settings.finalists, settings.runs,
+            path,
+            [found[part].history for part in of],
+            _problem(settings, name, where),
+            Terrain(settings.slope),
+            settings.finalists,
+            settings.runs,
             part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
-            geometry=NAMED_GEOMETRIES[settings.geometry], **{"precision": "f32", **where},
-        )  # fmt: skip
+            geometry=NAMED_GEOMETRIES[settings.geometry],
+            **{"precision": "f32", **where},
+        )
         found |= {part: replace(found[part], best=best_of(known)) for part, known in zip(of, finalists, strict=True)}
         report(folder, settings, list(found.values()))
     if progress:
@@ -141,9 +150,7 @@ def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
     return SEARCHES[name].problem_on(Terrain(hunt.slope), geometry=hunt.geometry, **where)
 
 
-def _search(
-    folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress
-) -> Found:  # fmt: skip
+def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress) -> Found:
     """One run; its finalists come later."""
     path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, where)
     settings = {**SEARCHES[name].settings, "seed": seed}
@@ -161,8 +168,10 @@ def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
     summary = {name: _group(group) for name, group in groups.items() if group}
     starts = {name: [one.history.generations[0].mean for one in group] for name, group in groups.items()}
     apart = differences({name: _speeds(group) for name, group in groups.items()}, starts)
-    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, "searches": summary,
-                                         "differences": apart, "runs": rows})  # fmt: skip
+    write_json(
+        folder / "summary.json",
+        {"budget": hunt.budget, "slope": hunt.slope, "searches": summary, "differences": apart, "runs": rows},
+    )
     labels = {name: row["label"] for name, row in summary.items()}
     write_text(folder / "table.md", _table(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
     write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
@@ -238,13 +247,25 @@ def _draw(groups: dict[str, list[Found]], path: Path) -> None:
             for one in group:
                 scores = np.array([g.best for g in one.history.generations], float)
                 style = "--" if SEARCHES[name].rungs else "-"  # scores of ladders count easier slopes
-                over.step(np.cumsum(one.spent)[: len(scores)] / 1e6, scores, where="post", color=colour,
-                          linewidth=0.8, linestyle=style)  # fmt: skip
+                over.step(
+                    np.cumsum(one.spent)[: len(scores)] / 1e6,
+                    scores,
+                    where="post",
+                    color=colour,
+                    linewidth=0.8,
+                    linestyle=style,
+                )
             place = list(groups).index(name)
             known = [one.best for one in group if one.best]
             for value, marker in (("speed", "o"), ("hard_speed", "x")):
-                end.plot([getattr(best, value) for best in known], [place] * len(known), marker, color=colour,
-                         markersize=5, fillstyle="none")  # fmt: skip
+                end.plot(
+                    [getattr(best, value) for best in known],
+                    [place] * len(known),
+                    marker,
+                    color=colour,
+                    markersize=5,
+                    fillstyle="none",
+                )
         over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
         end.axvline(0.0, color="0.7", linewidth=0.6)
         # What slides down may be tens of times as fast as what climbs.
@@ -252,8 +273,11 @@ def _draw(groups: dict[str, list[Found]], path: Path) -> None:
         ticks = (-1, -0.1, -0.01, 0, 0.01)
         end.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         end.xaxis.minorticks_off()
-        end.set(yticks=range(len(groups)), yticklabels=[SEARCHES[name].label for name in groups],
-                xlabel="speed in full, o usual, x harder [BL/s]")  # fmt: skip
+        end.set(
+            yticks=range(len(groups)),
+            yticklabels=[SEARCHES[name].label for name in groups],
+            xlabel="speed in full, o usual, x harder [BL/s]",
+        )
         for label, colour in zip(end.get_yticklabels(), COLOURS, strict=False):
             label.set_color(colour)  # they are the legend of both panels
         end.invert_yaxis()
