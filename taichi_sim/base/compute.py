@@ -1,0 +1,68 @@
+"""Where and how numbers are computed: device, precision and threads, said in one way everywhere."""
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal, Self, TypedDict
+
+Device = Literal["cpu", "cuda", "vulkan", "metal"]
+Precision = Literal["f32", "f64"]
+
+DEVICES = ("cpu", "cuda", "vulkan", "metal")
+PRECISIONS = ("f32", "f64")
+MOST_THREADS = 1024
+
+
+class ComputeOptions(TypedDict, total=False):
+    """The fields of :class:`Compute` as keyword arguments of public functions."""
+
+    device: str
+    precision: str
+    threads: int | None
+
+
+@dataclass(frozen=True)
+class Compute:
+    """Where a simulation runs, in which precision, and on how many threads.
+
+    The rule for precision: ``"f64"`` is the default wherever a person asks for a result; searches over soft robots
+    take ``"f32"``, which is twice as fast, because they compare many designs.
+
+    Attributes:
+        device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
+        precision: of all real numbers, ``"f32"`` or ``"f64"``.
+        threads: CPU threads that share a batch, all available ones if None; results do not depend on it.
+
+    Raises:
+        ValueError: one line that names the field, the value and what is allowed.
+    """
+
+    device: str = "cpu"
+    precision: str = "f64"
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.device not in DEVICES:
+            raise ValueError(f"device: {self.device!r} is unknown; choose one of {', '.join(DEVICES)}")
+        if self.precision not in PRECISIONS:
+            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of {', '.join(PRECISIONS)}")
+        if self.threads is not None and not _is_thread_count(self.threads):
+            raise ValueError(f"threads: {self.threads!r} is not allowed; give a whole number from 1 to {MOST_THREADS}")
+
+    @classmethod
+    def given(cls, options: ComputeOptions) -> Self:
+        """The fields that keyword arguments gave, and the defaults of the others."""
+        return cls(**options)
+
+    @property
+    def thread_count(self) -> int:
+        """How many CPU threads that is on this machine."""
+        return available_threads() if self.threads is None else self.threads
+
+
+def available_threads() -> int:
+    """Number of CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _is_thread_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_THREADS
