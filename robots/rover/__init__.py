@@ -11,6 +11,8 @@ from taichi_sim.base.lazy import exported_from
 
 if TYPE_CHECKING:
     from robots.rover.robot import (
+        BEST,
+        CANONICAL,
         GRAVITY,
         LIGHT_HEIGHT,
         LIGHT_RADIUS,
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "BEST",
+    "CANONICAL",
     "GRAVITY",
     "LIGHTS",
     "LIGHT_HEIGHT",

@@ -15,6 +15,7 @@ from optim.problems.inflatable.problem import RAMP_STEPS, GaitProblem
 from optim.space import Space
 from robots import inflatable
 from robots.inflatable import INCHING, ROLLING, load_design
+from robots.inflatable.actuation import nominal_steps
 from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
@@ -44,7 +45,7 @@ class Simulator:
         aim = orientation / 90 - terrain.slope / 20
         distance = np.where(failed, np.nan, gait * (1 + pressure / 12e3) - aim**2)
         geometry, columns = options["geometry"], levels[0].shape[1] * designs[0].schedule.repeats
-        time = inflatable.nominal_steps(columns, options["actuation"]) * geometry.time_step
+        time = nominal_steps(columns, options["actuation"]) * geometry.time_step
         status = np.where(failed, "diverged", "ok")
         result = SimpleNamespace(distance=distance, speed=distance / geometry.body_length / time, status=status)
         slope = np.array([WEIGHTS + np.zeros_like(level) for level in levels])
