@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.space import Space
+from taichi_sim.base.arrays import Bools, Floats
 
 OK = "ok"
 FAILED = "failed"
@@ -28,10 +29,10 @@ class Evaluation:
             the row of a point that failed. None where nobody asked for them.
     """
 
-    objectives: NDArray[np.float64]
+    objectives: Floats
     status: NDArray[np.str_] | Sequence[str] = ()
     details: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    gradients: NDArray[np.float64] | None = None
+    gradients: Floats | None = None
 
     def __post_init__(self) -> None:
         objectives = np.array(self.objectives, float)
@@ -57,7 +58,7 @@ class Evaluation:
             object.__setattr__(self, "gradients", gradients)
 
     @property
-    def failed(self) -> NDArray[np.bool_]:
+    def failed(self) -> Bools:
         """Which points failed, shape (N,)."""
         return np.asarray(self.status) != OK
 

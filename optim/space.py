@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Vector = NDArray[np.float64]
+from taichi_sim.base.arrays import Bools, Floats
+
 Kind = Literal["continuous", "integer", "angle", "binary"]
 
 
@@ -86,32 +87,32 @@ class Space:
         return tuple(variable.name for variable in self.variables)
 
     @cached_property
-    def low(self) -> Vector:
+    def low(self) -> Floats:
         """Lower bounds, shape (D,)."""
         return np.array([variable.low for variable in self.variables], float)
 
     @cached_property
-    def high(self) -> Vector:
+    def high(self) -> Floats:
         """Upper bounds, shape (D,)."""
         return np.array([variable.high for variable in self.variables], float)
 
     @cached_property
-    def step(self) -> Vector:
+    def step(self) -> Floats:
         """Standard deviations of a mutation, shape (D,)."""
         return np.array([variable.step for variable in self.variables], float)
 
     @cached_property
-    def span(self) -> Vector:
+    def span(self) -> Floats:
         """Ranges of the variables, shape (D,)."""
         return self.high - self.low
 
     @cached_property
-    def angles(self) -> NDArray[np.bool_]:
+    def angles(self) -> Bools:
         """Which variables wrap round, shape (D,)."""
         return np.array([variable.kind == "angle" for variable in self.variables])
 
     @cached_property
-    def integers(self) -> NDArray[np.bool_]:
+    def integers(self) -> Bools:
         """Which variables have whole numbers only, shape (D,)."""
         return np.array([variable.is_integer for variable in self.variables])
 
@@ -120,7 +121,7 @@ class Space:
         binary_freed = (replace(v, kind="continuous") if v.kind == "binary" else v for v in self.variables)
         return Space(tuple(binary_freed))
 
-    def reflect(self, points: ArrayLike) -> Vector:
+    def reflect(self, points: ArrayLike) -> Floats:
         """Bring points into the bounds: folded back at a bound as by a mirror, angles wrapped round.
 
         Points inside stay exactly what they are.
@@ -130,36 +131,36 @@ class Space:
         folded = self.low + np.where(self.angles, beyond, np.minimum(beyond, 2 * self.span - beyond))
         return np.where(self.contains(points), points, self.clip(folded))  # clip: the sum above is rounded
 
-    def clip(self, points: ArrayLike) -> Vector:
+    def clip(self, points: ArrayLike) -> Floats:
         """Bring points into the bounds: each coordinate to the nearest value allowed."""
         return np.clip(np.asarray(points, float), self.low, self.high)
 
-    def bound(self, points: ArrayLike) -> Vector:
+    def bound(self, points: ArrayLike) -> Floats:
         """Bring points into the bounds: each coordinate to the nearest value allowed, angles wrapped round."""
         return np.where(self.angles, self.reflect(points), self.clip(points))
 
-    def offset(self, points: ArrayLike, origin: ArrayLike) -> Vector:
+    def offset(self, points: ArrayLike, origin: ArrayLike) -> Floats:
         """``points - origin`` in ranges of the variables; of angles the shorter way round."""
         offset = (np.asarray(points, float) - np.asarray(origin, float)) / self.span
         return np.where(self.angles, offset - np.rint(offset), offset)
 
-    def round(self, points: ArrayLike) -> Vector:
+    def round(self, points: ArrayLike) -> Floats:
         """Integers and binaries rounded to the nearest whole number, the rest unchanged."""
         points = np.asarray(points, float)
         return np.where(self.integers, np.rint(points), points)
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Whether each coordinate lies within its bounds, shape (..., D); NaN does not."""
         points = np.asarray(points, float)
         return (points >= self.low) & (points <= self.high)
 
-    def sample(self, rng: np.random.Generator, count: int) -> Vector:
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Points drawn uniformly, shape (count, D); every whole number of an integer is equally likely."""
         unit = rng.random((count, self.size))
         whole = np.floor(self.low + unit * (self.high - self.low + 1))
         return self.clip(np.where(self.integers, whole, self.low + unit * (self.high - self.low)))
 
-    def validate(self, points: ArrayLike) -> Vector:
+    def validate(self, points: ArrayLike) -> Floats:
         """The points as float64, if all of them are points of this space.
 
         Raises:
@@ -184,7 +185,7 @@ class Space:
         values = self.validate(point).tolist()
         return {v.name: int(x) if v.is_integer else x for v, x in zip(self.variables, values, strict=True)}
 
-    def from_dict(self, values: Mapping[str, Any]) -> Vector:
+    def from_dict(self, values: Mapping[str, Any]) -> Floats:
         """The point, shape (D,), of values by name: all of them and no others."""
         self.check_names("values", values)
         missing = [name for name in self.names if name not in values]

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real, choose_width, larger, load, smaller, store
+from taichi_sim.base.arrays import Floats
 from taichi_sim.runtime import GRAIN, ti
-
-Floats = NDArray[np.float64]
 
 BLOCK_COST = 2.0  # a block of lanes takes as long as so many pairs in scalars (measured)
 # Samples in a launch, for each CPU thread or for a whole GPU: they bound its memory, and on a CPU how long it takes.

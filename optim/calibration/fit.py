@@ -16,9 +16,10 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats.qmc import LatinHypercube
 
-from optim.calibration.misfit import REPLICAS, Array, Linearised, Misfit, deviations_of
+from optim.calibration.misfit import REPLICAS, Linearised, Misfit, deviations_of
 from optim.calibration.uncertainty import Uncertainty, uncertainty
 from robots.calibration import BOUNDS, NAMES, Diameter, Drag, Experiment, Gait, Laboratory, Properties, Trial
+from taichi_sim.base.arrays import Floats
 
 KINDS = (Drag, Diameter, Gait)  # in the order in which they are looked at
 LOOK = 16  # robots side by side, see docs/performance.md
@@ -45,12 +46,12 @@ class Calibration:
     after: Properties
     names: tuple[str, ...]
     uncertainty: Uncertainty
-    predictions: Array
+    predictions: Floats
     misfit: tuple[float, float]
     at_bound: tuple[str, ...]
 
     @property
-    def intervals(self) -> Array:
+    def intervals(self) -> Floats:
         """95 % confidence intervals, each in its own unit, shape (K, 2)."""
         middle = np.log([getattr(self.after, name) for name in self.names])
         return np.exp(middle[:, None] + np.outer(self.uncertainty.reach, [-1.0, 1.0]))
@@ -164,7 +165,7 @@ class _Search:
             raise ValueError(f"fit: the data cannot tell {what}; add experiments or points that do, or fit fewer")
         return {name: self.home(name, column) for name, column in zip(self.names, slopes.T, strict=True)}
 
-    def home(self, name: str, slopes: Array) -> type:
+    def home(self, name: str, slopes: Floats) -> type:
         """The kind of experiment that tells a property best: by its nature, or else by slopes of shape (N,)."""
         parts = np.split(slopes, np.cumsum([len(e.values) for e in self.experiments])[:-1])
         told = [
@@ -182,7 +183,7 @@ class _Search:
         factors = 1 / np.sqrt(1 + (1 + 1 / REPLICAS) * np.diag(first.scatter))
         seen = {point.tobytes(): first.weighted(factors)}
 
-        def around(x: Array) -> Linearised:
+        def around(x: Floats) -> Linearised:
             if x.tobytes() not in seen:
                 seen[x.tobytes()] = misfit.linearised(x).weighted(factors)
                 self.told(0.6 + 0.4 * len(seen) / (_STEPS + 1), f"all: {_listed(self.names, misfit.properties(x))}")
@@ -213,15 +214,15 @@ class _Search:
         )
 
 
-def _simulated(misfit: Misfit, point: Array) -> Linearised:
+def _simulated(misfit: Misfit, point: Floats) -> Linearised:
     found = misfit.linearised(point)
     if not np.isfinite(found.predictions).all():
         raise RuntimeError("the simulation diverges where the fit begins; give other bounds")
     return found
 
 
-def _least(misfit: Misfit, points: Array) -> Array:
-    best: Array = points[int(np.argmin(misfit.costs(points)))]
+def _least(misfit: Misfit, points: Floats) -> Floats:
+    best: Floats = points[int(np.argmin(misfit.costs(points)))]
     return best
 
 

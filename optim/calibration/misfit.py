@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.calibration import Experiment, Laboratory, Properties, Trial
-
-Array = NDArray[np.float64]
+from taichi_sim.base.arrays import Bools, Floats
 
 ASSUMED = 0.02  # standard deviation where none is given, in parts of an experiment's largest value
 DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
@@ -27,12 +25,12 @@ class Linearised:
         scatter: covariance of one replica's residuals by noise on its start, shape (N, N).
     """
 
-    predictions: Array
-    residuals: Array
-    slopes: Array
-    scatter: Array
+    predictions: Floats
+    residuals: Floats
+    slopes: Floats
+    scatter: Floats
 
-    def weighted(self, factors: Array) -> "Linearised":
+    def weighted(self, factors: Floats) -> "Linearised":
         """The same in other standard deviations: residuals times factors of shape (N,)."""
         scatter = self.scatter * np.outer(factors, factors)
         return Linearised(self.predictions, self.residuals * factors, self.slopes * factors[:, None], scatter)
@@ -56,41 +54,41 @@ class Misfit:
     names: tuple[str, ...]
     start: Properties
     bounds: dict[str, tuple[float, float]]
-    deviations: Array
+    deviations: Floats
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Floats:
         """Values of all points, shape (N,)."""
         return np.concatenate([experiment.values for experiment in self.experiments])
 
     @property
-    def limits(self) -> tuple[Array, Array]:
+    def limits(self) -> tuple[Floats, Floats]:
         """Logarithms of the bounds, shape (K,) each."""
         low, high = np.log([self.bounds[name] for name in self.names]).T
         return low, high
 
-    def of(self, properties: Properties) -> Array:
+    def of(self, properties: Properties) -> Floats:
         """The point of some properties, kept within the bounds."""
         low, high = self.limits
-        inside: Array = np.clip(np.log([getattr(properties, name) for name in self.names]), low, high)
+        inside: Floats = np.clip(np.log([getattr(properties, name) for name in self.names]), low, high)
         return inside
 
-    def properties(self, point: Array) -> Properties:
+    def properties(self, point: Floats) -> Properties:
         """The properties of a point."""
         values = np.exp(point)
         return replace(self.start, **{name: float(v) for name, v in zip(self.names, values, strict=True)})
 
-    def predictions(self, trials: Sequence[Trial]) -> Array:
+    def predictions(self, trials: Sequence[Trial]) -> Floats:
         """Of all experiments, shape (T, N)."""
         return np.hstack([experiment.predict(trials, self.laboratory) for experiment in self.experiments])
 
-    def costs(self, points: Array) -> Array:
+    def costs(self, points: Floats) -> Floats:
         """Sums of squares at points of shape (P, K), one replica each; infinity where a simulation diverges."""
         found = self.predictions([Trial(self.properties(point)) for point in points])
         squares = (((found - self.measured) / self.deviations) ** 2).sum(axis=1)
         return np.where(np.isfinite(squares), squares, np.inf)
 
-    def linearised(self, point: Array) -> Linearised:
+    def linearised(self, point: Floats) -> Linearised:
         """Residuals, slopes and scatter, all simulated side by side.
 
         Differences that a bound cuts short are those of one side, and so are those that diverge on one.
@@ -112,7 +110,7 @@ class Misfit:
         return Linearised(middle, residuals, slopes, np.nan_to_num(scatter))
 
 
-def deviations_of(experiments: Sequence[Experiment]) -> tuple[Array, NDArray[np.bool_]]:
+def deviations_of(experiments: Sequence[Experiment]) -> tuple[Floats, Bools]:
     """Standard deviations of all points, shape (N,), and which of them are given, not assumed."""
     assumed = [np.full(len(e.values), ASSUMED * np.abs(e.values).max()) for e in experiments]
     used = [a if e.deviations is None else e.deviations for a, e in zip(assumed, experiments, strict=True)]

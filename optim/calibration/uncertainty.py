@@ -8,10 +8,10 @@ which is correlated along a track.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from optim.calibration.misfit import REPLICAS, Array, Linearised
+from optim.calibration.misfit import REPLICAS, Linearised
+from taichi_sim.base.arrays import Bools, Floats
 
 CONFIDENCE = 0.95
 
@@ -28,14 +28,14 @@ class Uncertainty:
         noise: root mean square of the residuals, in standard deviations, for the degrees of freedom left.
     """
 
-    errors: Array
-    reach: Array
-    correlation: Array
-    chaos: Array
+    errors: Floats
+    reach: Floats
+    correlation: Floats
+    chaos: Floats
     noise: float
 
 
-def uncertainty(found: Linearised, given: NDArray[np.bool_], share: Array) -> Uncertainty:
+def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
     """Uncertainty of a fit that ended at a point.
 
     Variances that are assumed are scaled by what the residuals say. So are given ones if the residuals are larger

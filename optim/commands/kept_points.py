@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from optim.wording import counted
+from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from optim.runs.history import History
-    from optim.space import Vector
+
+    pass
 
 P = TypeVar("P")
 
 
-def kept_point(source: Path, build: Callable[[Mapping[str, Any]], P], member: int | None) -> "tuple[P, Vector]":
+def kept_point(source: Path, build: Callable[[Mapping[str, Any]], P], member: int | None) -> "tuple[P, Floats]":
     """The problem of a run, and its best point, as its checked log tells, or another that it keeps.
 
     Args:
@@ -39,7 +41,7 @@ def kept_point(source: Path, build: Callable[[Mapping[str, Any]], P], member: in
     return problem, problem.space.from_dict(best)
 
 
-def _kept(history: "History", problem: Any, member: int) -> "Vector":
+def _kept(history: "History", problem: Any, member: int) -> "Floats":
     """The Nth point that the search keeps."""
     from optim.runs.history import read_result
 

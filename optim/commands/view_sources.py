@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.commands import options
 from optim.commands.kept_points import kept_point
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER
 from robots.view.motion import Motion, record_every
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, why_unread
 
 Progress = Callable[[float], None]
@@ -208,7 +208,7 @@ def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain
     return lattice_robot_motion(result, robot, terrain, name=f"{name} {terrain.where}")
 
 
-def _vehicle(body: Any, controller: NDArray[np.float64], task: Any, name: str, args: argparse.Namespace) -> Motion:
+def _vehicle(body: Any, controller: Floats, task: Any, name: str, args: argparse.Namespace) -> Motion:
     from robots.braitenberg import trace
     from robots.view.vehicle_motion import vehicle_motion
 
@@ -256,7 +256,7 @@ def _every(steps: int, args: argparse.Namespace) -> int:
     return int(-(-steps // args.frames))
 
 
-def _pair(args: argparse.Namespace) -> NDArray[np.float64]:
+def _pair(args: argparse.Namespace) -> Floats:
     """Two weights, as ``1,-0.5``."""
     try:
         first, second = (float(part) for part in (args.controller or "1,1").split(","))
@@ -265,7 +265,7 @@ def _pair(args: argparse.Namespace) -> NDArray[np.float64]:
     return np.array([first, second])
 
 
-def _matrix(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
+def _matrix(path: Path, shape: tuple[int, int]) -> Floats:
     """Weights of a file."""
     try:
         found = np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))

@@ -3,15 +3,13 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.method import Method, Wants
-from optim.space import Vector
+from taichi_sim.base.arrays import Floats, Indices
 
-Owners = NDArray[np.intp]
-Judge = Callable[[Owners, Vector, Wants], Evaluation]
-Observe = Callable[[int, Vector, Evaluation], bool]
+Judge = Callable[[Indices, Floats, Wants], Evaluation]
+Observe = Callable[[int, Floats, Evaluation], bool]
 
 
 def run_in_lockstep(
@@ -48,7 +46,7 @@ def run_in_lockstep(
             progress(1 - len(active) / len(methods))
 
 
-def _judged(methods: Sequence[Method], asked: dict[int, Vector], judge: Judge) -> dict[int, Evaluation]:
+def _judged(methods: Sequence[Method], asked: dict[int, Floats], judge: Judge) -> dict[int, Evaluation]:
     """The judgement of what each search has asked for; those that want the same are judged at once."""
     told: dict[int, Evaluation] = {}
     for wants in sorted({methods[index].wants for index in asked}):

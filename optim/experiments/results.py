@@ -8,10 +8,10 @@ from typing import Any, Literal, TypeVar
 from numpy.typing import NDArray
 
 from optim.experiments.tables import write_records
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.files import ASIDE, make_folder, write_record, write_text
 from taichi_sim.base.results_folder import ResultsFolder
 
-Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[float], None] | None
 Budget = Literal["small", "medium", "full"]  # to see that a study works; hours, where offered; all of it
 _Settings = TypeVar("_Settings")

@@ -13,7 +13,8 @@ from optim.problem import Evaluation
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import Wants
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 NOTHING = -1  # where a trial has ended, or has found nothing yet
@@ -44,10 +45,10 @@ class Trials:
         with_gradient: whether the gradient was asked for, shape (R, B).
     """
 
-    points: Vector
-    objectives: Vector
+    points: Floats
+    objectives: Floats
     solved: NDArray[np.int8]
-    with_gradient: NDArray[np.bool_]
+    with_gradient: Bools
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
@@ -55,26 +56,26 @@ class Trials:
         return cls(**{f.name: arrays[f.name] for f in fields(cls)})
 
     @property
-    def arrays(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> Arrays:
         """All of it by name, for a file."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
-    def evaluations(self) -> NDArray[np.int64]:
+    def evaluations(self) -> Ints:
         """Of each trial, shape (R,)."""
         return np.count_nonzero(self.solved != NOTHING, axis=1)
 
-    def first(self, environments: int = 4) -> NDArray[np.int64]:
+    def first(self, environments: int = 4) -> Ints:
         """Evaluations until a point solved all environments, -1 if none did, shape (R,)."""
         return first_time(self.solved >= environments)
 
-    def cost(self, environments: int = 4) -> NDArray[np.int64]:
+    def cost(self, environments: int = 4) -> Ints:
         """The same, where a gradient counts as many evaluations more as there are variables (forward mode)."""
         each = np.where(self.with_gradient, 1 + self.points.shape[2], 1)
         first = self.first(environments)
         return np.where(first > 0, np.cumsum(each, axis=1)[np.arange(len(first)), first - 1], NOTHING)
 
-    def reported(self, epsilons: ArrayLike) -> NDArray[np.int64]:
+    def reported(self, epsilons: ArrayLike) -> Ints:
         """Which point a trial would report after each evaluation, shape (R, B); -1 while all failed, and after its end.
 
         Source: dissertation, chapter 4: the member of the archive with the largest sum of objectives; the archive is
@@ -92,7 +93,7 @@ class Trials:
                     found[trial, n] = archive.labels[np.argmax(archive.objectives.sum(axis=1))]
         return found
 
-    def of_points(self, values: NDArray[Any], chosen: NDArray[np.int64], missing: float) -> NDArray[Any]:
+    def of_points(self, values: NDArray[Any], chosen: Ints, missing: float) -> NDArray[Any]:
         """Values of points, shape (R, B), at those chosen, shape (R, B); ``missing`` where none is."""
         taken = np.take_along_axis(values, np.maximum(chosen, 0), axis=1)
         return np.where(chosen == NOTHING, missing, taken)
@@ -103,7 +104,7 @@ class Trials:
         return len(self.points)
 
 
-def first_time(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
+def first_time(happens: Bools) -> Ints:
     """The number, from 1, of the first true value in each row; -1 without one."""
     return np.where(happens.any(axis=1), happens.argmax(axis=1) + 1, NOTHING)
 
@@ -136,14 +137,14 @@ def record_trials(
     points = np.full((len(seeds), budget, problem.space.size), np.nan)
     solved = np.full((len(seeds), budget), NOTHING, np.int8)
     with_gradient = np.zeros((len(seeds), budget), bool)
-    objectives: list[Vector] = []
+    objectives: list[Floats] = []
 
-    def judge(_: NDArray[np.intp], asked: Vector, wants: Wants) -> Evaluation:
+    def judge(_: Indices, asked: Floats, wants: Wants) -> Evaluation:
         if wants == "points":
             return problem.evaluate(asked)
         return problem.evaluate_relaxed(asked, 0.0, wants == "gradients")
 
-    def observe(trial: int, asked: Vector, evaluation: Evaluation) -> bool:
+    def observe(trial: int, asked: Floats, evaluation: Evaluation) -> bool:
         if not objectives:
             objectives.append(np.full((*solved.shape, evaluation.objectives.shape[1]), np.nan))
         part = slice(spent[trial], spent[trial] + len(asked))

@@ -11,10 +11,9 @@ beneficial mutation.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from taichi_sim.base.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -63,12 +62,12 @@ def lengths(changes: ArrayLike) -> Floats:
     return np.asarray(np.linalg.norm(np.asarray(changes, float), axis=1))
 
 
-def avoids_interference(changes: ArrayLike) -> NDArray[np.bool_]:
+def avoids_interference(changes: ArrayLike) -> Bools:
     """Whether each change, (A, E), is better in every environment (quadrant I of two): (A,)."""
     return np.asarray((np.asarray(changes, float) > 0).all(axis=1))
 
 
-def last_kept(climber: ArrayLike) -> Indices:
+def last_kept(climber: ArrayLike) -> Ints:
     """Where in a run the last evaluation of each climber is, shape (P,), climbers ascending."""
     reversed_climbers = np.asarray(climber)[::-1]
     return np.asarray(len(reversed_climbers) - 1 - np.unique(reversed_climbers, return_index=True)[1])
@@ -133,7 +132,7 @@ def _worst(distance: Floats) -> Floats:
     return np.asarray(np.nan_to_num(distance.max(axis=1), nan=np.inf))
 
 
-def _checked(climber: ArrayLike, distance: ArrayLike) -> tuple[Indices, Floats]:
+def _checked(climber: ArrayLike, distance: ArrayLike) -> tuple[Ints, Floats]:
     of, away = np.asarray(climber, np.int64), np.asarray(distance, float)
     if of.ndim != 1 or away.ndim != 2 or len(of) != len(away) or away.shape[1] < 1 or not len(of):
         raise ValueError(

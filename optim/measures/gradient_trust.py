@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import RelaxableProblem
+from taichi_sim.base.arrays import Floats
 
-Floats = NDArray[np.float64]
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # ranges of the variables
 TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two gradients, that count as agreement
 

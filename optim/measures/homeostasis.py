@@ -7,9 +7,9 @@ University of Vermont: dynamic time warping between the signals of each two envi
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from taichi_sim.base.arrays import Floats
 
 
 def homeostasis(signals: ArrayLike, distances: Callable[[Floats, Floats], Floats]) -> Floats:

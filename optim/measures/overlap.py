@@ -8,10 +8,10 @@ Artificial Life Conference 2020 (M_L and M_CF); Powers, Grindle, Frati & Bongard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Shares = NDArray[np.float64]
+from taichi_sim.base.arrays import Bools, Floats, Ints
 
 
-def learnability(overlap: ArrayLike, environments: int = 4) -> Shares:
+def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
     """M_L: the share of all controllers that solve every environment, from 0 to 1.
 
     Args:
@@ -29,7 +29,7 @@ def learnability(overlap: ArrayLike, environments: int = 4) -> Shares:
     return np.asarray(_cells(counts == environments) / (counts.shape[-2] * counts.shape[-1]))
 
 
-def interference(overlap: ArrayLike, environments: int = 4) -> Shares:
+def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
     """M_CI: the share of controllers solving every environment among those that solve any, from 0 to 1.
 
     It measures *resistance* to catastrophic interference: at 1, whoever learns one environment has learned all; 0 if
@@ -49,7 +49,7 @@ def interference(overlap: ArrayLike, environments: int = 4) -> Shares:
     return np.asarray(_cells(counts == environments) / np.maximum(_cells(counts >= 1), 1))
 
 
-def _cells(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _cells(mask: Bools) -> Ints:
     """Number of true cells of each matrix."""
     return np.asarray(np.count_nonzero(mask, axis=(-2, -1)))
 

@@ -5,12 +5,12 @@ Evolutionary Computation 10(1), 2006 (hypervolume by slicing objectives).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Objectives = NDArray[np.float64]
+from taichi_sim.base.arrays import Bools, Floats
 
 
-def dominates(ours: ArrayLike, theirs: ArrayLike) -> NDArray[np.bool_]:
+def dominates(ours: ArrayLike, theirs: ArrayLike) -> Bools:
     """Whether objectives, shape (..., K), are nowhere worse than others, (..., K), and somewhere better.
 
     The shapes are broadcast; the result has shape (...). NaN neither dominates nor is dominated.
@@ -19,7 +19,7 @@ def dominates(ours: ArrayLike, theirs: ArrayLike) -> NDArray[np.bool_]:
     return np.asarray((ours >= theirs).all(axis=-1) & (ours > theirs).any(axis=-1))
 
 
-def non_dominated(objectives: ArrayLike) -> NDArray[np.bool_]:
+def non_dominated(objectives: ArrayLike) -> Bools:
     """Which of N points, shape (N, K), no other dominates, shape (N,); of equal points all; failures (NaN) never."""
     objectives = np.asarray(objectives, float)
     mask = ~np.isnan(objectives).any(axis=1)
@@ -51,7 +51,7 @@ def hypervolume(objectives: ArrayLike, reference: ArrayLike) -> float:
     return _volume(heights[np.isfinite(heights).all(axis=1) & (heights > 0).all(axis=1)])
 
 
-def _volume(heights: Objectives) -> float:
+def _volume(heights: Floats) -> float:
     """Volume of the union of boxes from the origin to each of the points, shape (N, K), all above 0."""
     if heights.shape[0] == 0:
         return 0.0

@@ -13,9 +13,10 @@ from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from taichi_sim.base.arrays import Floats
+
 Alternative = Literal["two-sided", "less", "greater"]
 
 

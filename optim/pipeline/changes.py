@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Arrays, Progress, kept, part_of
+from optim.experiments.results import Progress, kept, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
@@ -16,6 +16,7 @@ from robots.inflatable.relaxed_schedule import RelaxedDesign
 from robots.inflatable.robustness import NOISE
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
 from robots.world import Terrain
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
 RECORD_EVERY = 4000  # time steps between the poses that are looked at for contact

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optim.experiments.results import Arrays, Progress, kept, part_of
+from optim.experiments.results import Progress, kept, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change, part_name
 from optim.pipeline.machine import State
@@ -13,6 +13,7 @@ from optim.pipeline.task import PipelineTask
 from robots.inflatable.gaits import GaitDesign
 from robots.inflatable.journeys import JourneyResult, Leg, simulate_journey
 from robots.inflatable.robustness import NOISE
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
 

@@ -3,9 +3,10 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS
+from taichi_sim.base.arrays import Bytes, Floats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 OVERLAP_COLOURS = ("#f2f2f2", "#fee391", "#fe9929", "#b84a0c", "#08306b")
 
 
-def draw_overlap(axes: "Axes", overlap: NDArray[np.uint8], weights: NDArray[np.float64] | None = None) -> Any:
+def draw_overlap(axes: "Axes", overlap: Bytes, weights: Floats | None = None) -> Any:
     """Environments that each controller solves, w1 to the right and w2 upwards, and one controller as a cross."""
     from matplotlib.colors import ListedColormap
 

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.problem import VEHICLE, Evaluation, check_kind
-from optim.space import Space, Variable, Vector
+from optim.space import Space, Variable
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
 from robots.braitenberg.experiment import batch_of
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.files import write_text
 from taichi_sim.vehicle import differentiate, rollout
@@ -93,7 +94,7 @@ class VehicleProblem:
             + tuple(Variable(name, -1.0, 1.0, step=2 * STEP) for name in weights)
         )
 
-    def split(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def split(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Sites, shape (N, S, 2), and controllers, shape (N, 1, 2, S), of points, shape (N, D)."""
         points = self.space.validate(np.atleast_2d(points))
         count = len(points)
@@ -138,7 +139,7 @@ class VehicleProblem:
             slopes[closest < self.task.radius] = 0.0
         return self._judged(closest, np.isnan(closest), -slopes.sum(axis=1))
 
-    def _judged(self, closest: Vector, diverged: NDArray[np.bool_], gradients: Vector | None = None) -> Evaluation:
+    def _judged(self, closest: Floats, diverged: Bools, gradients: Floats | None = None) -> Evaluation:
         reached = closest < self.task.radius
         status = np.where((diverged & ~reached).any(axis=1), "diverged", "ok")
         objectives = -closest if self.objectives == "environments" else -closest.sum(axis=1)

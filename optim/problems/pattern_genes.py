@@ -1,7 +1,8 @@
 """The genome of a pattern-producing network as variables of a space."""
 
-from optim.space import Variable, Vector
+from optim.space import Variable
 from robots.control.pattern import ACTIVATIONS, WEIGHT_LIMIT, PatternNetwork, PatternWiring
+from taichi_sim.base.arrays import Floats
 
 WEIGHT_STEP = 0.1 * WEIGHT_LIMIT
 GENE_STEP = 0.25  # a mutation changes a gene where a deviate exceeds 0.5: 4.6 % of them
@@ -15,7 +16,7 @@ def pattern_variables(wiring: PatternWiring) -> list[Variable]:
     return weights + genes
 
 
-def pattern_network(wiring: PatternWiring, values: Vector) -> PatternNetwork:
+def pattern_network(wiring: PatternWiring, values: Floats) -> PatternNetwork:
     """The network of values of :func:`pattern_variables`."""
     border = len(wiring.weight_names)
     return PatternNetwork.from_vector(wiring, values[:border], values[border:])

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from optim.problems.pattern_genes import GENE_STEP, pattern_network, pattern_variables
-from optim.space import Variable, Vector
+from optim.space import Variable
 from robots.control.pattern import PatternWiring
 from robots.lattice_robot.walker import EMPTY, KINDS, PASSIVE, WalkerDesign
+from taichi_sim.base.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class WalkerEncoding(ABC):
         """The genes."""
 
     @abstractmethod
-    def design(self, values: Vector) -> WalkerDesign:
+    def design(self, values: Floats) -> WalkerDesign:
         """The body of a genome; it may be no robot."""
 
 
@@ -38,7 +39,7 @@ class DirectBody(WalkerEncoding):
         names = ("voxel_" + "_".join(str(i + 1) for i in place) for place in np.ndindex(self.shape))
         return [Variable(name, 0, len(KINDS) - 1, "integer", step=GENE_STEP) for name in names]
 
-    def design(self, values: Vector) -> WalkerDesign:
+    def design(self, values: Floats) -> WalkerDesign:
         """The materials as they are."""
         return WalkerDesign(np.asarray(values, np.int8).reshape(self.shape))
 
@@ -57,7 +58,7 @@ class PatternBody(WalkerEncoding):
         """The genome of the network; it is the same for lattices of any shape."""
         return pattern_variables(BODY_WIRING)
 
-    def design(self, values: Vector) -> WalkerDesign:
+    def design(self, values: Floats) -> WalkerDesign:
         """Material by material, place by place."""
         sides = np.meshgrid(*((2 * np.arange(n) + 1) / n - 1 for n in self.shape), indexing="ij")
         places = np.stack([side.ravel() for side in sides], axis=1)

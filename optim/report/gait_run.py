@@ -15,7 +15,6 @@ from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, table
 from optim.report.rig import KPA_PER_PSI, rig_section
 from optim.runs.loop import Generation
-from optim.space import Vector
 from robots.calibration import NAMES, UNITS, Properties
 from robots.hardware import PneumaticRig
 from robots.inflatable import gaits
@@ -23,6 +22,7 @@ from robots.inflatable.cores import Pressure, common_pressure
 from robots.inflatable.gaits import GaitDesign
 from robots.view.motion import record_every
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 
 UNIT = "BL/s"
 PIXELS = 110  # an inch
@@ -93,7 +93,7 @@ class GaitRun:
     def _robot(self) -> dict[str, Any]:
         return {"geometry": self.problem.body, "actuation": self.problem.actuation}
 
-    def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
+    def replay(self, point: Floats, frames: int, progress: Progress) -> Replay:
         """Simulate a design on all terrains."""
         from robots.view.picture import motion_picture
         from robots.view.soft_motion import inflatable_motion
@@ -121,7 +121,7 @@ class GaitRun:
             pictures.append(picture(image(strip, alt, pixels=PIXELS), alt))
         return Replay(motions, speeds, pictures)
 
-    def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
+    def best(self, last: Generation, point: Floats, replay: Replay, rig: PneumaticRig | None) -> Best:
         """Numbers on each terrain, the gait chart, and the rig."""
         design, details = self.problem.design(point), last.best_details or {}
         rows, told = [], []
@@ -188,7 +188,7 @@ class GaitRun:
         """Time of the gait, simulated."""
         return float(gaits.steps_of(design, self._robot["actuation"]) * self._robot["geometry"].time_step)
 
-    def columns(self, points: Vector) -> dict[str, list[Text]]:
+    def columns(self, points: Floats) -> dict[str, list[Text]]:
         """Pressures and orientation."""
         designs = [self.problem.design(point) for point in points]
         each = [_kilopascals("Pressure", design) for design in designs]

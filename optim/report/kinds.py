@@ -10,9 +10,9 @@ from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Problem
 from optim.report.markup import Html, Section, Text
 from optim.runs.config import problem_of
 from optim.runs.loop import Generation
-from optim.space import Vector
 from robots.hardware import PneumaticRig
 from robots.view.motion import Motion
+from taichi_sim.base.arrays import Floats
 
 Progress = Callable[[float], None]
 
@@ -70,13 +70,13 @@ class RunKind(Protocol):
     def curves(self) -> Mapping[str, str]:
         """Numbers in ``best_details`` that are worth a curve each, and what they are called."""
 
-    def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
+    def replay(self, point: Floats, frames: int, progress: Progress) -> Replay:
         """Simulate a point, with about so many frames of each motion."""
 
-    def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
+    def best(self, last: Generation, point: Floats, replay: Replay, rig: PneumaticRig | None) -> Best:
         """The best design, of the last generation."""
 
-    def columns(self, points: Vector) -> dict[str, list[Text]]:
+    def columns(self, points: Floats) -> dict[str, list[Text]]:
         """What a table of several designs, shape (C, D), tells of each beside its objectives."""
 
     def commands(self, folder: Path) -> list[tuple[str, str]]:

@@ -10,11 +10,11 @@ from optim.problems.lattice_robot import LatticeRobotProblem
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, table
 from optim.runs.loop import Generation
-from optim.space import Vector
 from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.lattice_robot import simulate
 from robots.view.motion import record_every
+from taichi_sim.base.arrays import Floats
 
 UNIT = "lengths/s"
 
@@ -61,7 +61,7 @@ class RobotRun:
         """None beside the score."""
         return {}
 
-    def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
+    def replay(self, point: Floats, frames: int, progress: Progress) -> Replay:
         """Let a design move again."""
         from robots.view.soft_motion import lattice_robot_motion
 
@@ -80,7 +80,7 @@ class RobotRun:
         motion = lattice_robot_motion(result, robot, problem.terrain, name=f"best {self.task}")
         return Replay([motion], [finite(float(result.speed[0]))])
 
-    def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
+    def best(self, last: Generation, point: Floats, replay: Replay, rig: PneumaticRig | None) -> Best:
         """Its speed, and every value that was free beside its bounds."""
         del rig  # a rig plays gaits of the inflatable robot
         details, where = last.best_details or {}, self.problem.terrain
@@ -97,7 +97,7 @@ class RobotRun:
         ]
         return Best(content, [], {"terrains": [{"terrain": where.name, **speeds}], "values": found})
 
-    def columns(self, points: Vector) -> dict[str, list[Text]]:
+    def columns(self, points: Floats) -> dict[str, list[Text]]:
         """The values."""
         names = self.problem.space.names
         return {name: [f"{value:.4g}" for value in points[:, n]] for n, name in enumerate(names)}

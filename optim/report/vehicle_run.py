@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.plots.vehicles import add_overlap_bar, draw_overlap, draw_paths
 from optim.problems.braitenberg import VehicleProblem
@@ -15,10 +14,10 @@ from optim.report.charts import chart
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Text, facts, joined, number, picture, side_by_side, table
 from optim.runs.loop import Generation
-from optim.space import Vector
 from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, sweep, trace
 from robots.hardware import PneumaticRig
+from taichi_sim.base.arrays import Bytes, Floats
 
 UNIT = "m"
 WEIGHTS = 41  # of a success matrix
@@ -65,7 +64,7 @@ class VehicleRun:
         """In how many environments the best vehicle reaches the light."""
         return {"solved": "environments solved"}
 
-    def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
+    def replay(self, point: Floats, frames: int, progress: Progress) -> Replay:
         """Drive again in all environments."""
         from robots.view.vehicle_motion import vehicle_motion
 
@@ -88,7 +87,7 @@ class VehicleRun:
         drawn = chart(lambda axes: draw_paths(axes, places, lights), alt, size=(3.4, 3.2))
         return Replay(motions, closest, [picture(drawn, alt)])
 
-    def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
+    def best(self, last: Generation, point: Floats, replay: Replay, rig: PneumaticRig | None) -> Best:
         """Distances in each environment, sensors and weights, and which other weights succeed in this body."""
         del rig  # nothing inflates
         body, radius = self._body(point), self.problem.task.radius
@@ -117,7 +116,7 @@ class VehicleRun:
         published = np.array_equal(task.starts, PUBLISHED.starts) and np.array_equal(task.lights, PUBLISHED.lights)
         return published and self.problem.controller == "contralateral"
 
-    def _success(self, body: VehicleBody, weights: NDArray[np.float64]) -> Html:
+    def _success(self, body: VehicleBody, weights: Floats) -> Html:
         """The success matrix of the best body."""
         task, problem = self.problem.task, self.problem
         overlap = sweep(
@@ -136,11 +135,11 @@ class VehicleRun:
         )
         return success_matrix(overlap, alt, np.diagonal(weights))
 
-    def _body(self, point: Vector) -> VehicleBody:
+    def _body(self, point: Floats) -> VehicleBody:
         sites, _ = self.problem.split(point)
         return VehicleBody(tuple(map(tuple, sites[0].tolist())))
 
-    def columns(self, points: Vector) -> dict[str, list[Text]]:
+    def columns(self, points: Floats) -> dict[str, list[Text]]:
         """The weights."""
         names = [name for name in self.problem.space.names if name.startswith("w")]
         return {name: [number(self.problem.space.to_dict(point)[name], 3) for point in points] for name in names}
@@ -150,7 +149,7 @@ class VehicleRun:
         return [("Watch it", f"morpholab view {shlex.quote(str(folder))} --out best.html")]
 
 
-def success_matrix(overlap: NDArray[np.uint8], alt: str, weights: NDArray[np.float64] | None = None) -> Html:
+def success_matrix(overlap: Bytes, alt: str, weights: Floats | None = None) -> Html:
     """A success matrix with its colours beside it."""
 
     def draw(axes: Any) -> None:

@@ -13,13 +13,13 @@ from optim.report.charts import chart
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, picture, table
 from optim.runs.loop import Generation
-from optim.space import Vector
 from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.lattice_robot import walker
 from robots.lattice_robot.walker import WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker_body import KINDS
 from robots.view.motion import record_every
+from taichi_sim.base.arrays import Floats
 
 UNIT = "lattices/s"
 KIND_COLOURS = ("#f3f1ec", "#b9b4a8", "#0072B2", "#D55E00")  # of KINDS
@@ -67,7 +67,7 @@ class WalkerRun:
         """None beside the score."""
         return {}
 
-    def replay(self, point: Vector, frames: int, progress: Progress) -> Replay:
+    def replay(self, point: Floats, frames: int, progress: Progress) -> Replay:
         """Let a design walk again."""
         from robots.view.soft_motion import walker_motion
 
@@ -91,7 +91,7 @@ class WalkerRun:
             [finite(float(result.speed[0]))],
         )
 
-    def best(self, last: Generation, point: Vector, replay: Replay, rig: PneumaticRig | None) -> Best:
+    def best(self, last: Generation, point: Floats, replay: Replay, rig: PneumaticRig | None) -> Best:
         """Its numbers, and the layers of its body."""
         del rig  # nothing inflates
         design, details, where = self.problem.design(point), last.best_details or {}, self.problem.terrain
@@ -110,7 +110,7 @@ class WalkerRun:
         ]
         return Best(content, [], {"terrains": [{"terrain": where.name, **speeds}]})
 
-    def columns(self, points: Vector) -> dict[str, list[Text]]:
+    def columns(self, points: Floats) -> dict[str, list[Text]]:
         """How many voxels."""
         return {"Voxels": [int((self.problem.design(point).materials > 0).sum()) for point in points]}
 

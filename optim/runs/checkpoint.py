@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.runs import files
+from taichi_sim.base.arrays import Arrays
 
-State = dict[str, NDArray[Any]]
+State = Arrays
 
 CHECKPOINT, PREVIOUS, LOG = "checkpoint.npz", "checkpoint.previous.npz", "log.jsonl"
 _RECORD = "run/record"  # entry of a checkpoint beside the method's own

@@ -12,15 +12,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
 from optim.runs.config import identity
 from optim.runs.history import History
+from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
-Floats = NDArray[np.float64]
 # What a score depends on besides the design; the rest of a problem may differ from run to run.
 JUDGED = (
     "kind",

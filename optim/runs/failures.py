@@ -5,10 +5,11 @@ import re
 from pathlib import Path
 
 from optim.runs.folder import RunFolder
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 
-def save_failed(folder: RunFolder, space: Space, points: Vector, reason: str) -> Path:
+def save_failed(folder: RunFolder, space: Space, points: Floats, reason: str) -> Path:
     """Write points, shape (N, D), to a file of their own, ``failed-1.json`` and so on; its path.
 
     Its number is above all that are there, also where some have been deleted.

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Arrays
+
 ASIDE = ".aside-"  # how files begin that are not whole yet; as of ``taichi_sim.base.files``
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
 
@@ -64,7 +66,7 @@ def pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     return content + sha256(content).encode()
 
 
-def unpack(content: bytes) -> dict[str, NDArray[Any]]:
+def unpack(content: bytes) -> Arrays:
     """The arrays that :func:`pack` packed.
 
     Raises:

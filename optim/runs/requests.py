@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation, Problem, RelaxableProblem
 from optim.search.method import Wants
-from optim.space import Vector
+from taichi_sim.base.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
     """Points, shape (N, D), how they shall be judged, and with which sharpness; see ``Method.wants``."""
 
-    points: Vector
+    points: Floats
     wants: Wants = "points"
     sharpness: float = 0.0
 

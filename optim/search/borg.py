@@ -16,7 +16,8 @@ from optim.search.borg_operators import OPERATORS, OperatorParameters, breed, un
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import Kept, check_number, check_table, check_whole
 from optim.search.population import PopulationSearch
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Floats, Ints
 
 RATIO = 4.0  # gamma: members of the population for each of the archive
 TOLERANCE = 0.25  # by how much the population may differ from that
@@ -102,7 +103,7 @@ class Borg(PopulationSearch):
         self.missing = np.array(0)  # mutants of a restart yet to be asked for
         self.restarts, self.progress, self.passed = np.array(0), np.array(0), np.array(0)
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, shape (N, D); then mutants of a restart, if any are missing, and children."""
         if self.generation == 0:
             return self._starts()
@@ -121,20 +122,20 @@ class Borg(PopulationSearch):
                 points[mine] = breed(self.space, operator, parents, self.parameters, rng)
         return points
 
-    def probabilities(self) -> Vector:
+    def probabilities(self) -> Floats:
         """With which each of ``OPERATORS`` is drawn, shape (6,) (paper, section 3, with zeta = 1)."""
         made = self.archive.labels[self.archive.labels != NOBODY]
         counts = np.bincount(made, minlength=len(OPERATORS)) + 1.0
         return counts / counts.sum()
 
-    def _makers(self) -> NDArray[np.int64]:
+    def _makers(self) -> Ints:
         """Which operator makes each point of this generation, shape (M,); first come those that none makes."""
         count = self.population if self.generation == 0 else self.children
         makers = self._generator(3).choice(len(OPERATORS), count, p=self.probabilities())
         nobody = len(makers) if not len(self.archive.points) else int(self.missing)
         return np.where(np.arange(len(makers)) < nobody, NOBODY, makers)
 
-    def _parents(self, count: int, matings: int, rng: np.random.Generator) -> Vector:
+    def _parents(self, count: int, matings: int, rng: np.random.Generator) -> Floats:
         """The parents of each mating, shape (count, M, D), the one from the archive first."""
         first = self.archive.points[rng.integers(len(self.archive.points), size=matings)]
         entrants = max(2, int(TOURNAMENT * len(self.members)))
@@ -144,7 +145,7 @@ class Borg(PopulationSearch):
             winners = np.where(better, other, winners)
         return np.concatenate([first[None], self.members[winners]])
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Offer the successes to the archive and the population, one after the other; then restart if need be."""
         if self.generation == 0:
             self._begin(evaluation.objectives.shape[1])
@@ -159,7 +160,7 @@ class Borg(PopulationSearch):
         if not self.missing and self.passed >= self.window and len(self.archive.points):
             self._consider_restart()
 
-    def _join(self, point: Vector, objectives: Vector, rng: np.random.Generator) -> None:
+    def _join(self, point: Floats, objectives: Floats, rng: np.random.Generator) -> None:
         """Put a success into the population if it deserves it (paper, section 3)."""
         if len(self.members) < self.size:
             self.members = np.concatenate([self.members, point[None]])
@@ -181,7 +182,7 @@ class Borg(PopulationSearch):
             self.restarts = self.restarts + 1
         self.progress, self.passed = np.array(0), np.array(0)
 
-    def _kept(self) -> tuple[Vector, Vector]:
+    def _kept(self) -> tuple[Floats, Floats]:
         """The archive; none of its points dominates another."""
         return self.archive.points, self.archive.objectives
 
@@ -190,7 +191,7 @@ class Borg(PopulationSearch):
         sizes = {"front": len(self.archive.points), "population": len(self.members), "restarts": int(self.restarts)}
         return sizes | dict(zip(OPERATORS, self.probabilities().tolist(), strict=True))
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """What changes: the population, counters, and the archive."""
         archive = {name: getattr(self.archive, name).copy() for name in ("points", "objectives", "labels")}
         return super().state() | {f"archive_{name}": values for name, values in archive.items()}

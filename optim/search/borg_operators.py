@@ -11,7 +11,8 @@ import numpy as np
 
 from optim.search.method import check_number, check_whole
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 OPERATORS = ("sbx", "de", "pcx", "spx", "undx", "um")
 SMALL = 1e-12  # of the cube: shorter vectors have no direction
@@ -56,8 +57,8 @@ class OperatorParameters:
 
 
 def breed(
-    space: Space, operator: str, parents: Vector, parameters: OperatorParameters, rng: np.random.Generator
-) -> Vector:
+    space: Space, operator: str, parents: Floats, parameters: OperatorParameters, rng: np.random.Generator
+) -> Floats:
     """One child of each of M matings, shape (M, D), of parents of shape (P, M, D); mutated, but for those of UM.
 
     Coordinates beyond a bound are set to it; angles wrap; whole numbers are rounded.
@@ -80,7 +81,7 @@ def breed(
     return mutate_in_cube(space, children, lambda inside: polynomial_mutation(inside, p.mutation_index, rng))
 
 
-def simulated_binary(parents: Vector, index: float, rng: np.random.Generator) -> Vector:
+def simulated_binary(parents: Floats, index: float, rng: np.random.Generator) -> Floats:
     """SBX of two parents, shape (2, M, D): each variable with probability 1/2; one of the two children."""
     first, second = parents
     u = rng.random(first.shape)
@@ -90,14 +91,14 @@ def simulated_binary(parents: Vector, index: float, rng: np.random.Generator) ->
     return np.where(rng.random(first.shape) < 0.5, crossed, first)
 
 
-def differential_evolution(parents: Vector, rate: float, step: float, rng: np.random.Generator) -> Vector:
+def differential_evolution(parents: Floats, rate: float, step: float, rng: np.random.Generator) -> Floats:
     """DE/rand/1/bin of four parents, shape (4, M, D): the first, crossed with a donor of the others."""
     target, base, plus, minus = parents
     donor = base + step * (plus - minus)
     return np.where(_chosen(target.shape, rate, rng), donor, target)
 
 
-def parent_centric(parents: Vector, zeta: float, eta: float, rng: np.random.Generator) -> Vector:
+def parent_centric(parents: Floats, zeta: float, eta: float, rng: np.random.Generator) -> Floats:
     """PCX of P parents, shape (P, M, D): normal deviates about one of them, each as likely."""
     count, matings, size = parents.shape
     offsets = parents - parents.mean(axis=0)
@@ -109,7 +110,7 @@ def parent_centric(parents: Vector, zeta: float, eta: float, rng: np.random.Gene
     return chosen + zeta * rng.standard_normal((matings, 1)) * along + eta * distance[:, None] * across
 
 
-def simplex(parents: Vector, expansion: float, rng: np.random.Generator) -> Vector:
+def simplex(parents: Floats, expansion: float, rng: np.random.Generator) -> Floats:
     """SPX of P parents, shape (P, M, D): uniform in their simplex, expanded about the centroid."""
     centroid = parents.mean(axis=0)
     corners = centroid + expansion * (parents - centroid)
@@ -120,7 +121,7 @@ def simplex(parents: Vector, expansion: float, rng: np.random.Generator) -> Vect
     return corners[-1] + inside
 
 
-def unimodal_normal(parents: Vector, zeta: float, eta: float, rng: np.random.Generator) -> Vector:
+def unimodal_normal(parents: Floats, zeta: float, eta: float, rng: np.random.Generator) -> Floats:
     """UNDX-m of P parents, shape (P, M, D): normal deviates about the centroid of all but the last.
 
     Along the vectors from there to these parents, and across them as far as the last parent is away.
@@ -135,7 +136,7 @@ def unimodal_normal(parents: Vector, zeta: float, eta: float, rng: np.random.Gen
     return centroid + along + eta / np.sqrt(size) * distance * across
 
 
-def polynomial_mutation(points: Vector, index: float, rng: np.random.Generator) -> Vector:
+def polynomial_mutation(points: Floats, index: float, rng: np.random.Generator) -> Floats:
     """Points of the unit cube, shape (M, D), each variable changed with probability 1/D; they stay in the cube."""
     u = rng.random(points.shape)
     power = 1 / (index + 1)
@@ -145,7 +146,7 @@ def polynomial_mutation(points: Vector, index: float, rng: np.random.Generator) 
     return np.where(rng.random(points.shape) < 1 / points.shape[1], moved, points)
 
 
-def uniform_mutation(space: Space, points: Vector, rng: np.random.Generator) -> Vector:
+def uniform_mutation(space: Space, points: Floats, rng: np.random.Generator) -> Floats:
     """Points, shape (M, D), at least one variable of each drawn anew, the others with probability 1/D."""
     return np.where(_chosen(points.shape, 1 / space.size, rng), space.sample(rng, len(points)), points)
 
@@ -155,7 +156,7 @@ def _chosen(shape: tuple[int, ...], rate: float, rng: np.random.Generator) -> np
     return (rng.random(shape) < rate) | (np.arange(shape[1]) == rng.integers(shape[1], size=(shape[0], 1)))
 
 
-def _basis(vectors: Vector) -> Vector:
+def _basis(vectors: Floats) -> Floats:
     """Orthonormal vectors that span those given, shape (V, M, D); zero where one depends on those before it."""
     basis = np.zeros_like(vectors)
     for i, vector in enumerate(vectors):
@@ -166,7 +167,7 @@ def _basis(vectors: Vector) -> Vector:
     return basis
 
 
-def _across(vectors: Vector, basis: Vector) -> Vector:
+def _across(vectors: Floats, basis: Floats) -> Floats:
     """Parts of vectors, shape (..., M, D), that are orthogonal to a basis, shape (V, M, D)."""
     for direction in basis:
         vectors = vectors - (vectors * direction).sum(axis=-1, keepdims=True) * direction

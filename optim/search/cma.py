@@ -10,7 +10,8 @@ from optim.problem import Evaluation
 from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
 from optim.search.method import check_flag, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Floats
 
 if TYPE_CHECKING:
     from cmaes import CMAwM
@@ -73,12 +74,12 @@ class CMAESWithMargin(PopulationSearch):
     def _smallest(cls) -> int:
         return 4
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
         _, places, _ = self._draw()
         return np.concatenate([self._to_points(places), self._given()])
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Move the distribution, unless there is nothing to learn; restart it if it has done what it can."""
         self.points = points[: self.population].copy()
         self.objectives = evaluation.objectives[: self.population].copy()
@@ -102,7 +103,7 @@ class CMAESWithMargin(PopulationSearch):
         deviations = self.strategy["sigma"] * np.sqrt(np.diag(self.strategy["C"]))
         return not self.discrete.all() and bool(deviations[~self.discrete].max() < COLLAPSED)
 
-    def _draw(self) -> tuple["CMAwM", Vector, Vector]:
+    def _draw(self) -> tuple["CMAwM", Floats, Floats]:
         """The strategy as it is after drawing, where its N points are evaluated, and what it is told of them.
 
         Drawing also rounds the covariance, so a strategy is told what the same strategy has drawn.
@@ -113,25 +114,25 @@ class CMAESWithMargin(PopulationSearch):
         places, raw = zip(*(strategy.ask() for _ in range(self.population)), strict=True)
         return strategy, np.array(places), np.array(raw)
 
-    def _begin(self, mean: Vector) -> dict[str, NDArray[Any]]:
+    def _begin(self, mean: Floats) -> Arrays:
         return to_arrays(self._build(mean))
 
-    def _build(self, mean: Vector) -> "CMAwM":
+    def _build(self, mean: Floats) -> "CMAwM":
         bounds = np.where(self.discrete[:, None], [0.0, 1.0], [-np.inf, np.inf])
         steps = np.where(self.discrete, 1 / self.space.span, 0.0)
         return build_strategy(mean, self.sigma, bounds, steps, self.population)
 
-    def _to_ranges(self, points: Vector) -> Vector:
+    def _to_ranges(self, points: Floats) -> Floats:
         return (points - self.space.low) / self.space.span
 
-    def _to_points(self, places: Vector) -> Vector:
+    def _to_points(self, places: Floats) -> Floats:
         return self.space.round(self.space.reflect(self.space.low + places * self.space.span))
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """Step size [ranges] and how often the search began again."""
         return {"sigma": float(self.strategy["sigma"]), "restarts": int(self.restarts)}
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """What populations have, and the numbers of the distribution."""
         return super().state() | {f"strategy/{name}": values.copy() for name, values in self.strategy.items()}
 

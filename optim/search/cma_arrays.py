@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.space import Vector
+from taichi_sim.base.arrays import Arrays, Floats
 
 if TYPE_CHECKING:
     from cmaes import CMAwM
@@ -17,7 +17,7 @@ INNER = ("_mean", "_C", "_sigma", "_p_sigma", "_pc", "_g", "_funhist_values")
 MARGIN = ("_A", "m_z_lim_low", "m_z_lim_up")
 
 
-def build_strategy(mean: Vector, sigma: float, bounds: Vector, steps: Vector, population: int) -> "CMAwM":
+def build_strategy(mean: Floats, sigma: float, bounds: Floats, steps: Floats, population: int) -> "CMAwM":
     """A strategy that has not been told anything.
 
     Args:
@@ -34,7 +34,7 @@ def build_strategy(mean: Vector, sigma: float, bounds: Vector, steps: Vector, po
     return strategy
 
 
-def to_arrays(strategy: "CMAwM") -> dict[str, NDArray[Any]]:
+def to_arrays(strategy: "CMAwM") -> Arrays:
     """What changes of a strategy, by name; to be taken after it was told, before it is asked again."""
     inner = {name.strip("_"): np.array(getattr(strategy._cma, name)) for name in INNER}
     return inner | {name.strip("_"): np.array(getattr(strategy, name)) for name in MARGIN if hasattr(strategy, name)}

@@ -19,7 +19,8 @@ from optim.search.method import (
 )
 from optim.search.population import below_all
 from optim.search.step_rules import LBFGS
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 LENGTHS = (0.25, 1.0, 2.0)  # of the step: the points that are tried along it
 UNIT = 40.0  # standard deviations in a unit of the quasi-Newton rule, which goes a quarter of one at most
@@ -93,13 +94,13 @@ class CMAGradient(CMAESWithMargin):
         """Points, and after ``every`` generations gradients once."""
         return "gradients" if self.generation % (self.every + 1) == self.every else "points"
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """N points, or the mean or points around it, shape (1, D) or (2 samples, D), of the relaxed space."""
         if self.wants == "points":
             return super().ask()
         return self.relaxed.round(self.relaxed.reflect(self.space.low + self._around() * self.space.span))
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Move the distribution by points; find the next step by gradients."""
         if self.wants == "points":
             super().tell(points, evaluation)
@@ -108,7 +109,7 @@ class CMAGradient(CMAESWithMargin):
         self._learn(self._mean_slope(slopes_per_range(evaluation, self.space, len(points))))
         self.generation += 1
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """As without gradients; then move the mean to a point on the step that beat all others."""
         tried, restarts = self._tried(), int(self.restarts)
         scores = below_all(evaluation.objectives[:, 0])
@@ -120,7 +121,7 @@ class CMAGradient(CMAESWithMargin):
             self.strategy["mean"] = tried[best].copy()
         self.step = np.zeros(self.space.size)
 
-    def _draw(self) -> tuple[Any, Vector, Vector]:
+    def _draw(self) -> tuple[Any, Floats, Floats]:
         """As without gradients, but the first points are those on the step."""
         strategy, places, raw = super()._draw()
         tried, mean = self._tried(), self.strategy["mean"]
@@ -128,32 +129,32 @@ class CMAGradient(CMAESWithMargin):
         raw[: len(tried)] = mean + (tried - mean) / self._margin()  # as drawn before the margin widened it
         return strategy, places, raw
 
-    def _tried(self) -> Vector:
+    def _tried(self) -> Floats:
         """Points on the step, shape (len(LENGTHS), D) or (0, D), discrete variables not yet rounded."""
         lengths = np.array(LENGTHS if self.step.any() else ()).reshape(-1, 1)
         return self._inside(self.strategy["mean"] + lengths * self.step)
 
-    def _around(self) -> Vector:
+    def _around(self) -> Floats:
         """Where gradients are taken: the mean, or antithetic pairs around it."""
         if not self.samples:
             return self._inside(self.strategy["mean"][None])
         deviates = self._generator(0).standard_normal((self.samples, self.space.size)) @ self._axes().T
         return self._inside(self.strategy["mean"] + np.concatenate([deviates, -deviates]))
 
-    def _inside(self, places: Vector) -> Vector:
+    def _inside(self, places: Floats) -> Floats:
         return np.where(self.discrete, np.clip(places, 0.0, 1.0), places)
 
-    def _margin(self) -> Vector:
+    def _margin(self) -> Floats:
         """By how much the margin widens each variable, shape (D,)."""
         return self.strategy.get("A", np.ones(self.space.size))
 
-    def _axes(self) -> Vector:
+    def _axes(self) -> Floats:
         """Principal axes of the distribution, each as long as its standard deviation, shape (D, D), in columns."""
         squares, directions = np.linalg.eigh(self.strategy["C"] * np.outer(self._margin(), self._margin()))
         tiny = np.finfo(float).eps * squares.max()
         return self.strategy["sigma"] * directions * np.sqrt(np.maximum(squares, tiny))
 
-    def _mean_slope(self, slopes: Vector) -> Vector:
+    def _mean_slope(self, slopes: Floats) -> Floats:
         """Mean of the slopes of the points that did not fail [objective per range], shape (D,); else NaN."""
         # Beyond a bound, or an even number of ranges further, the reflection turns the slope round.
         turned = (np.mod(self._around(), 2) > 1) & ~self.space.angles & ~self.discrete
@@ -161,7 +162,7 @@ class CMAGradient(CMAESWithMargin):
         slopes = np.where(self.sloped, slopes, 0.0) * np.where(turned, -1, 1)
         return slopes[valid].mean(axis=0) if valid.any() else np.full(self.space.size, np.nan)
 
-    def _learn(self, slope: Vector) -> None:
+    def _learn(self, slope: Floats) -> None:
         """Remember how the slope changed since the last mean, and step."""
         one, mean = np.array([True]), self.strategy["mean"]
         if np.isnan(slope).any():
@@ -177,7 +178,7 @@ class CMAGradient(CMAESWithMargin):
         steps = rule.steps(one, (slope @ axes)[None], np.ones((1, self.space.size), bool))
         self.step = axes @ steps[0]
 
-    def _rule(self, moved: Vector, change: Vector) -> LBFGS:
+    def _rule(self, moved: Floats, change: Floats) -> LBFGS:
         rule = LBFGS(1, self.space.size, self.rate / UNIT)
         rule.arrays = {"moved": moved, "change": change}
         return rule

@@ -10,13 +10,13 @@ from dataclasses import replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.method import MOST_POINTS, check_choice, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, around_start, draw_inside, ranking
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Bools, Floats, Indices
 
 Strategy = Literal["rand/1/bin", "rand/2/bin", "best/1/bin", "current-to-pbest/1/bin"]
 OTHERS = {"rand/1/bin": 3, "rand/2/bin": 5, "best/1/bin": 3, "current-to-pbest/1/bin": 3}  # members drawn for a trial
@@ -86,12 +86,12 @@ class DifferentialEvolution(PopulationSearch):
         if trials:
             self.values, self.points = self._first_values(), self._starts()
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, then a trial for each member, shape (N, D); or T trials, and members not yet judged."""
         targets = self._targets()
         return np.concatenate([self._rounded(self._trials(targets)), self.points[targets[self._unjudged(targets)]]])
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Replace the members whose trials are at least as good."""
         targets = self._targets()
         trials, rivals = self._trials(targets), self.objectives[targets]
@@ -102,27 +102,27 @@ class DifferentialEvolution(PopulationSearch):
         self.values[members], self.points[members] = trials[taken], points[: len(trials)][taken]
         self.objectives[members] = scores[taken]
 
-    def _targets(self) -> NDArray[np.intp]:
+    def _targets(self) -> Indices:
         """The members that get a trial, shape (N,) or (T,)."""
         everyone = np.arange(self.population)
         return self._generator(1).choice(everyone, self.trials, replace=False) if self.trials else everyone
 
-    def _unjudged(self, targets: NDArray[np.intp]) -> NDArray[np.bool_]:
+    def _unjudged(self, targets: Indices) -> Bools:
         """Which of these have no score yet to compare their trials with, shape (N,) or (T,)."""
         return np.isnan(self.objectives[targets, 0]) & (self.trials > 0)  # in generations only what failed has none
 
-    def _starts(self) -> Vector:
+    def _starts(self) -> Floats:
         return self._rounded(self._first_values())
 
-    def _first_values(self) -> Vector:
+    def _first_values(self) -> Floats:
         rng = self._generator()
         values = self.inner.sample(rng, self.population)
         return self.inner.reflect(around_start(self.space, values, self.start, rng))
 
-    def _rounded(self, values: Vector) -> Vector:
+    def _rounded(self, values: Floats) -> Floats:
         return self.space.clip(self.space.round(values))
 
-    def _trials(self, targets: NDArray[np.intp]) -> Vector:
+    def _trials(self, targets: Indices) -> Floats:
         """Real values of the starts, shape (N, D), or of a trial for each target, shape (N, D) or (T, D)."""
         if self.generation == 0 and not self.trials:
             return self._first_values()
@@ -136,7 +136,7 @@ class DifferentialEvolution(PopulationSearch):
             return self.inner.reflect(trials)
         return draw_inside(self.inner, trials, self.values[targets], rng)
 
-    def _mutants(self, rng: np.random.Generator, weights: Vector, targets: NDArray[np.intp]) -> Vector:
+    def _mutants(self, rng: np.random.Generator, weights: Floats, targets: Indices) -> Floats:
         """Base + F (difference), shape (T, D), not yet brought into the bounds.
 
         With r1 to r5 others than the member x and each other, all drawn evenly:
@@ -158,13 +158,11 @@ class DifferentialEvolution(PopulationSearch):
             difference = difference + self._difference(self.values[rng.choice(elite, len(targets))], base)
         return base + weights * difference
 
-    def _difference(self, values: Vector, origin: Vector) -> Vector:
+    def _difference(self, values: Floats, origin: Floats) -> Floats:
         return self.inner.offset(values, origin) * self.inner.span
 
 
-def distinct_others(
-    rng: np.random.Generator, members: NDArray[np.intp], population: int, count: int
-) -> NDArray[np.intp]:
+def distinct_others(rng: np.random.Generator, members: Indices, population: int, count: int) -> Indices:
     """For each of T members others than itself that differ from each other, shape (count, T), drawn evenly."""
     taken = members[None]
     for _ in range(count):

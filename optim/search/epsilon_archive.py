@@ -8,10 +8,9 @@ evolutionary computing framework, Evolutionary Computation 21(2), 2013, section 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.measures.pareto import dominates
-from optim.space import Vector
+from taichi_sim.base.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,17 +28,17 @@ class EpsilonArchive:
         labels: a whole number that came with each point, shape (A,).
     """
 
-    epsilons: Vector
-    points: Vector
-    objectives: Vector
-    labels: NDArray[np.int64]
+    epsilons: Floats
+    points: Floats
+    objectives: Floats
+    labels: Ints
 
     @classmethod
-    def empty(cls, epsilons: Vector, size: int) -> "EpsilonArchive":
+    def empty(cls, epsilons: Floats, size: int) -> "EpsilonArchive":
         """An archive for points of D = ``size`` variables that holds none."""
         return cls(epsilons, np.empty((0, size)), np.empty((0, len(epsilons))), np.empty(0, np.int64))
 
-    def with_point(self, point: Vector, objectives: Vector, label: int) -> tuple["EpsilonArchive", bool]:
+    def with_point(self, point: Floats, objectives: Floats, label: int) -> tuple["EpsilonArchive", bool]:
         """The archive after a success, shapes (D,) and (K,), was offered; whether it made epsilon-progress.
 
         It did if it was taken into a box that held no point before.

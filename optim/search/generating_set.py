@@ -15,7 +15,8 @@ from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import check_choice, check_number, check_whole, generator, single_objective
 from optim.search.population import below_all
 from optim.search.variation import draw_inside
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Floats
 
 Directions = Literal["axes", "rotated"]
 LONGEST = 1e300  # step [ranges] that is as good as none at all, and still a number
@@ -91,11 +92,11 @@ class GeneratingSetSearch(IndependentSearches):
         self.polls = [self.points[:0]] * climbers  # what follows from the state: the points of each poll
         self._starts()
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The next points of every search: a start, or ``polled`` of its poll (fewer at its end), shape (N, D)."""
         return np.concatenate(self._asked())
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Keep what is better; go on with the polls, or to the next."""
         counts = [len(asked) for asked in self._asked()]
         scores = single_objective(evaluation, sum(counts))
@@ -106,7 +107,7 @@ class GeneratingSetSearch(IndependentSearches):
         for climber, (index, count) in enumerate(zip(best, counts, strict=True)):
             self._move(climber, points[index], scores[index], count)
 
-    def _asked(self) -> list[Vector]:
+    def _asked(self) -> list[Floats]:
         """The points asked for, of each search."""
         starts = iter(self._starts())
         return [
@@ -114,12 +115,12 @@ class GeneratingSetSearch(IndependentSearches):
             for waiting, poll, judged in zip(self.waiting, self.polls, self.judged, strict=True)
         ]
 
-    def _starts(self) -> Vector:
+    def _starts(self) -> Floats:
         """A random point for every search that waits for one."""
         which = np.flatnonzero(self.waiting).tolist()
         return random_starts(self.space, self.seed, self.generation, which, self.start) if which else self.points[:0]
 
-    def _move(self, climber: int, point: Vector, score: float, count: int) -> None:
+    def _move(self, climber: int, point: Floats, score: float, count: int) -> None:
         """What a search does after ``count`` points, of which this was the best."""
         if self.waiting[climber]:
             if not np.isnan(score):
@@ -132,7 +133,7 @@ class GeneratingSetSearch(IndependentSearches):
                 self._contract(climber)
                 self._begin_poll(climber)
 
-    def _set_centre(self, climber: int, point: Vector, score: float, step: float) -> None:
+    def _set_centre(self, climber: int, point: Floats, score: float, step: float) -> None:
         self.centres[climber], self.centre_scores[climber] = point, score
         self.steps[climber], self.barren[climber], self.waiting[climber] = step, np.nan, False
         self._begin_poll(climber)
@@ -150,7 +151,7 @@ class GeneratingSetSearch(IndependentSearches):
             self._contract(climber)
             self.polls[climber] = self._poll(climber)
 
-    def _poll(self, climber: int) -> Vector:
+    def _poll(self, climber: int) -> Floats:
         """The points of the poll under way, in the order in which they are judged, shape (M, D), M <= 2 D."""
         rng = generator(self.seed, int(self.begun[climber]), climber, 1)
         centre, directions = self.centres[climber], self._directions(rng)
@@ -159,7 +160,7 @@ class GeneratingSetSearch(IndependentSearches):
         judged = np.all(directions * (lengths - self._lengths(self.barren[climber])) == 0, axis=1)
         return points[rng.permutation(np.flatnonzero((points != centre).any(axis=1) & ~judged))]
 
-    def _directions(self, rng: np.random.Generator) -> Vector:
+    def _directions(self, rng: np.random.Generator) -> Floats:
         """A generating set, shape (2 D, D): a basis and its opposite."""
         basis = np.eye(self.space.size)
         if self.directions == "rotated":
@@ -167,12 +168,12 @@ class GeneratingSetSearch(IndependentSearches):
             basis[np.ix_(free, free)] = np.linalg.qr(rng.standard_normal((len(free), len(free))))[0]
         return np.concatenate([basis, -basis])
 
-    def _lengths(self, step: float) -> Vector:
+    def _lengths(self, step: float) -> Floats:
         """A step in the units of the variables, shape (D,)."""
         lengths = step * self.space.span
         return np.where(self.integer, np.maximum(1.0, np.rint(lengths)), lengths)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """Generation, best points and scores; where the searches are, and how far in their polls."""
         return super().state() | {name: getattr(self, name).copy() for name in ARRAYS}
 

@@ -8,13 +8,13 @@ PPSN 1992 (mutation of one variable in D).
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.method import MOST_POINTS, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import around_start, mutation_steps, ranking
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats, Indices
 
 ALPHA = 0.5  # of BLX: how far beyond its parents a child may lie, of their distance
 
@@ -81,11 +81,11 @@ class GeneticSearch(PopulationSearch):
     def _smallest(cls) -> int:
         return 2
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, then the children, shape (N, D)."""
         return self._starts() if self.generation == 0 else self._children(self._generator())
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """The children and the elites, or the best of them."""
         if self.generation == 0:
             best = np.sort(ranking(evaluation.objectives[:, 0])[: self.population])
@@ -97,12 +97,12 @@ class GeneticSearch(PopulationSearch):
         kept = ranking(objectives[:, 0])[: self.population]
         self.points, self.objectives = points[kept], objectives[kept]
 
-    def _starts(self) -> Vector:
+    def _starts(self) -> Floats:
         rng = self._generator()
         points = self.space.sample(rng, self.starts)
         return self.space.reflect(self.space.round(around_start(self.space, points, self.start, rng)))
 
-    def _children(self, rng: np.random.Generator) -> Vector:
+    def _children(self, rng: np.random.Generator) -> Floats:
         """One child for each member, shape (N, D); none equals its first parent, but for chance in mutating."""
         first, second = self.points[self._parents(rng)], self.points[self._parents(rng)]
         children = np.where(rng.random((self.population, 1)) < self.crossover, self._crossed(rng, first, second), first)
@@ -116,20 +116,20 @@ class GeneticSearch(PopulationSearch):
             mutants = np.where(anew, self.space.sample(rng, self.population), mutants)
         return self.space.reflect(self.space.round(np.where(chosen, mutants, children)))
 
-    def _parents(self, rng: np.random.Generator) -> NDArray[np.intp]:
+    def _parents(self, rng: np.random.Generator) -> Indices:
         """The winners of N tournaments, shape (N,)."""
         drawn = rng.integers(0, self.population, (self.population, self.tournament))
         won = below_all(self.objectives[:, 0])[drawn].argmax(axis=1)
         return drawn[np.arange(self.population), won]
 
-    def _crossed(self, rng: np.random.Generator, first: Vector, second: Vector) -> Vector:
+    def _crossed(self, rng: np.random.Generator, first: Floats, second: Floats) -> Floats:
         """Numbers between the parents and around (BLX-alpha), of angles the short way; whole numbers of either."""
         away = self.space.offset(second, first) * self.space.span
         share = rng.uniform(-ALPHA, 1 + ALPHA, first.shape)
         blended = self.space.reflect(first + share * away)
         return np.where(self.whole, np.where(rng.random(first.shape) < 0.5, first, second), blended)
 
-    def _mutated(self, rng: np.random.Generator, points: Vector) -> Vector:
+    def _mutated(self, rng: np.random.Generator, points: Floats) -> Floats:
         """All variables changed: by a normal deviate, whole numbers by at least 1, binary ones to the other value."""
         away = self.steps * rng.standard_normal(points.shape)
         least = np.where(away < 0, -1.0, 1.0)

@@ -23,7 +23,8 @@ from optim.search.method import (
     with_values,
 )
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 
 PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
 MOST = 1e12  # that a setting may be
@@ -132,7 +133,7 @@ class GradientAscent(IndependentSearches):
         doublings = (self.generation // 2) // self.stage
         return min(2.0 ** min(doublings, 1000), self.sharpest) if self.binary else 0.0
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """A point per climber, shape (C, D); or all of a smoothed gradient, shape (C * 2 * samples, D); or starts."""
         if self.seeking.any():
             return self._starts()
@@ -145,7 +146,7 @@ class GradientAscent(IndependentSearches):
         points = np.stack([centres + away, centres - away], axis=1)
         return self.relaxed.bound(points).reshape(-1, self.space.size)
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Keep true points that are better; move after relaxed ones, unless they are starts to choose from."""
         if self.seeking.any():
             self._choose(points, single_objective(evaluation, int(self.seeking.sum()) * self.candidates))
@@ -164,13 +165,13 @@ class GradientAscent(IndependentSearches):
         self._advance()  # the streams of restarts are those of the generation to come
         self._move(values, slopes)
 
-    def _starts(self) -> Vector:
+    def _starts(self) -> Floats:
         """Random points, ``candidates`` for each climber that seeks a start."""
         rngs = [generator(self.seed, self.generation, climber, 2) for climber in np.flatnonzero(self.seeking).tolist()]
         points = np.concatenate([self.relaxed.sample(rng, self.candidates) for rng in rngs])
         return with_values(self.relaxed, points, self.start)
 
-    def _choose(self, points: Vector, scores: Vector) -> None:
+    def _choose(self, points: Floats, scores: Floats) -> None:
         """Let each climber that seeks a start have its best; the generation goes on with these."""
         best = np.full(self.climbers, np.nan)
         self.here[self.seeking], best[self.seeking] = _best_of_each(points, scores, int(self.seeking.sum()))
@@ -187,7 +188,7 @@ class GradientAscent(IndependentSearches):
             self.stalled[:] = 0
             self.rule.forget(np.ones(self.climbers, bool))
 
-    def _smoothed(self, scores: Vector) -> tuple[Vector, Vector]:
+    def _smoothed(self, scores: Floats) -> tuple[Floats, Floats]:
         """Values and slopes of the mean under normal deviates, from the pairs that did not fail; else NaN."""
         up, down = np.moveaxis(scores.reshape(self.climbers, 2, self.samples), 1, 0)
         valid = (abs(up) < LARGEST) & (abs(down) < LARGEST)
@@ -197,12 +198,12 @@ class GradientAscent(IndependentSearches):
         rises = (up - down)[..., None] * self._deviates()
         return values, rises.sum(axis=1) / (2 * self.smoothing * count[:, None])
 
-    def _deviates(self) -> Vector:
+    def _deviates(self) -> Floats:
         """Standard normal, shape (C, samples, D), the same as often as asked in a generation."""
         rngs = [generator(self.seed, self.generation, climber, 1) for climber in range(self.climbers)]
         return np.stack([rng.standard_normal((self.samples, self.space.size)) for rng in rngs])
 
-    def _move(self, values: Vector, slopes: Vector) -> None:
+    def _move(self, values: Floats, slopes: Floats) -> None:
         """Go on from the points just judged, or half way back; restart what is lost or stalled."""
         valid = (abs(values) < LARGEST) & (abs(slopes) < LARGEST).all(axis=1)
         values, slopes = np.where(valid, values, -np.inf), np.where(valid[:, None], slopes, 0.0)
@@ -228,7 +229,7 @@ class GradientAscent(IndependentSearches):
         flat = accepted & (self.step == 0).all(axis=1)  # a plateau, or a summit
         self._restart(lost | flat | (self.stalled >= self.patience))
 
-    def _restart(self, climbers: NDArray[np.bool_]) -> None:
+    def _restart(self, climbers: Bools) -> None:
         """Let some climbers begin anew, at a random point of the relaxed space."""
         which = np.flatnonzero(climbers).tolist()
         self.seeking = climbers & (self.candidates > 1)
@@ -246,7 +247,7 @@ class GradientAscent(IndependentSearches):
             values[climbers] = first
         self.rule.forget(climbers)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """Generation, best points and scores; where the climbers are, and what their rule has learnt."""
         own = {name: getattr(self, name).copy() for name in ARRAYS}
         return super().state() | own | {f"rule/{name}": a.copy() for name, a in self.rule.arrays.items()}
@@ -259,7 +260,7 @@ class GradientAscent(IndependentSearches):
         self.rule.arrays = {name: state[f"rule/{name}"].copy() for name in self.rule.arrays}
 
 
-def _best_of_each(points: Vector, scores: Vector, climbers: int) -> tuple[Vector, Vector]:
+def _best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:
     """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
     grouped = np.where(np.isnan(scores), -np.inf, scores).reshape(climbers, -1)
     best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)

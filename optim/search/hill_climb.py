@@ -10,7 +10,8 @@ import numpy as np
 
 from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import generator
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 
 class HillClimb(IndependentSearches):
@@ -40,7 +41,7 @@ class HillClimb(IndependentSearches):
         self.start = dict(start or {})
         self._starts()
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, then one child per climber, shape (C, D)."""
         if self.generation == 0:
             return self._starts()
@@ -48,5 +49,5 @@ class HillClimb(IndependentSearches):
         deviates = np.stack([rng.standard_normal(self.space.size) for rng in rngs])
         return self.space.reflect(self.space.round(self.points + self.space.step * deviates))
 
-    def _starts(self) -> Vector:
+    def _starts(self) -> Floats:
         return random_starts(self.space, self.seed, 0, range(self.climbers), self.start)

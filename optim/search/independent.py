@@ -17,7 +17,8 @@ from optim.search.method import (
     single_objective,
     with_values,
 )
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 
 
 class IndependentSearches(ABC):
@@ -55,15 +56,15 @@ class IndependentSearches(ABC):
         return 0.0
 
     @abstractmethod
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """One point per search, shape (C, D)."""
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Keep what is better; ``evaluation`` has a single objective."""
         self._keep(points, single_objective(evaluation, self.climbers))
         self.generation += 1
 
-    def _keep(self, points: Vector, scores: Vector) -> NDArray[np.bool_]:
+    def _keep(self, points: Floats, scores: Floats) -> Bools:
         """Take over the points, one a search, that are better; which those are, shape (C,)."""
         better = (scores > self.scores) | (np.isnan(self.scores) & ~np.isnan(scores))
         taken = better | np.isnan(self.points).any(axis=1)  # the first always is
@@ -77,7 +78,7 @@ class IndependentSearches(ABC):
         objectives = self.scores[:, None].copy()
         return SearchResult(self.points[best].copy(), float(self.scores[best]), self.points.copy(), objectives)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """Generation, best points and scores."""
         return {
             "generation": np.array(self.generation),
@@ -95,7 +96,7 @@ class IndependentSearches(ABC):
 
 def random_starts(
     space: Space, seed: int, generation: int, climbers: Sequence[int], start: Mapping[str, float]
-) -> Vector:
+) -> Floats:
     """A point for each of the climbers, shape (len(climbers), D): random but for the values given by name."""
     rngs = [generator(seed, generation, climber) for climber in climbers]
     return with_values(space, np.concatenate([space.sample(rng, 1) for rng in rngs]), start)

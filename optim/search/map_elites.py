@@ -14,7 +14,8 @@ from optim.problem import Evaluation
 from optim.search.method import LARGEST, Kept, check_choice, check_number, check_table, check_whole
 from optim.search.population import PopulationSearch
 from optim.search.variation import mutation_steps
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats, Ints
 
 Variation = Literal["gaussian", "line"]
 SPREAD, LINE = 0.01, 0.2  # sigma_1 and sigma_2 of the line operator (Vassiliades & Mouret 2018)
@@ -111,7 +112,7 @@ class MapElites(PopulationSearch):
         variable = self.space.variables[self.space.names.index(name)]
         return variable.low, variable.high
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, then children of elites, shape (N, D)."""
         if self.generation == 0:
             return self._starts()
@@ -126,7 +127,7 @@ class MapElites(PopulationSearch):
         along = LINE * rng.standard_normal((self.population, 1)) * self.space.offset(others, parents) * self.space.span
         return self.space.reflect(self.space.round(parents + self.spread * deviates + along))
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Let the best success of each cell, the earliest of equals, be its elite."""
         self.points, self.objectives = points.copy(), evaluation.objectives.copy()
         succeeded = ~np.isnan(evaluation.objectives[:, 0])
@@ -137,7 +138,7 @@ class MapElites(PopulationSearch):
         self.cells, first = np.unique(cells[order], return_index=True)
         self.elites, self.elite_objectives = everyone[order[first]], objectives[order[first]]
 
-    def _cells(self, points: Vector, evaluation: Evaluation) -> NDArray[np.int64]:
+    def _cells(self, points: Floats, evaluation: Evaluation) -> Ints:
         """Number of the cell of each point, shape (N,); the last descriptor varies fastest. Of failures 0."""
         numbers = np.zeros(len(points), np.int64)
         for name, (low, high) in zip(self.descriptors, self.ranges, strict=True):
@@ -145,7 +146,7 @@ class MapElites(PopulationSearch):
             numbers = numbers * self.bins + np.clip(np.floor(place * self.bins), 0, self.bins - 1).astype(np.int64)
         return numbers
 
-    def _descriptor(self, name: str, points: Vector, evaluation: Evaluation) -> Vector:
+    def _descriptor(self, name: str, points: Floats, evaluation: Evaluation) -> Floats:
         """Values of one descriptor, shape (N,)."""
         if name in self.space.names:
             column = self.space.names.index(name)
@@ -160,7 +161,7 @@ class MapElites(PopulationSearch):
             raise ValueError(f"descriptors: {name} of shape {details.shape} is not allowed; give one number a point")
         return details
 
-    def _kept(self) -> tuple[Vector, Vector]:
+    def _kept(self) -> tuple[Floats, Floats]:
         """The elites in the order of their cells."""
         return self.elites, self.elite_objectives
 

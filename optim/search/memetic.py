@@ -24,7 +24,8 @@ from optim.search.method import (
 )
 from optim.search.step_rules import LBFGS, free_variables
 from optim.search.variation import ranking
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
 
 
 class MemeticSearch(DifferentialEvolution):
@@ -101,11 +102,11 @@ class MemeticSearch(DifferentialEvolution):
         """Points of the space, and gradients in every k-th generation."""
         return "gradients" if self.generation % self.every == self.every - 1 else "points"
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, then a trial for each member, shape (N, D); or the best members, relaxed, shape (R, D)."""
         return self._relaxed_members()[self._best_members()] if self.wants == "gradients" else super().ask()
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Replace members by better trials, or find out where their gradients lead."""
         if self.wants == "points":
             super().tell(points, evaluation)
@@ -117,7 +118,7 @@ class MemeticSearch(DifferentialEvolution):
         self._follow(slopes)
         self.generation += 1
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         super()._take(points, evaluation)
         tried = ~np.isnan(self.refined[:, 0])
         helped = (self.values == self.refined).all(axis=1)
@@ -125,17 +126,17 @@ class MemeticSearch(DifferentialEvolution):
         self.scale = np.where(tried, scale, self.scale)
         self.refined = np.full(self.points.shape, np.nan)
 
-    def _trials(self, targets: NDArray[np.intp]) -> Vector:
+    def _trials(self, targets: Indices) -> Floats:
         return np.where(np.isnan(self.refined), super()._trials(targets), self.refined)
 
-    def _best_members(self) -> NDArray[np.intp]:
+    def _best_members(self) -> Indices:
         return ranking(self.objectives[:, 0])[: self.refine]
 
-    def _relaxed_members(self) -> Vector:
+    def _relaxed_members(self) -> Floats:
         """The members with the real values of what is not an integer, shape (N, D), in the relaxed space."""
         return np.where(self.integer, self.points, self.values)
 
-    def _follow(self, slopes: Vector) -> None:
+    def _follow(self, slopes: Floats) -> None:
         """A step for each member whose gradient [objective per range], shape (N, D), is known and leads somewhere."""
         valid = np.all(np.isfinite(slopes), axis=1)
         slopes = np.where(valid[:, None] & ~self.integer, slopes, 0.0)
@@ -147,7 +148,7 @@ class MemeticSearch(DifferentialEvolution):
         leads = valid & (there != here).any(axis=1)
         self.refined = np.where(leads[:, None], np.where(self.integer, self.values, there), np.nan)
 
-    def _learn(self, valid: NDArray[np.bool_], here: Vector, slopes: Vector) -> None:
+    def _learn(self, valid: Bools, here: Floats, slopes: Floats) -> None:
         """Let L-BFGS compare the gradients of some members with their last ones, and with the next better member's."""
         best = self._best_members()
         best = best[valid[best]]
@@ -160,7 +161,7 @@ class MemeticSearch(DifferentialEvolution):
         self.anchor = np.where(valid[:, None], here, self.anchor)
         self.slopes = np.where(valid[:, None], slopes, self.slopes)
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """The population, where its gradients lead, and what L-BFGS has learnt."""
         return super().state() | {f"rule/{name}": values.copy() for name, values in self.rule.arrays.items()}
 

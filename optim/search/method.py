@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
 LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
@@ -31,15 +31,15 @@ class SearchResult:
             of a grid. A front and elites are empty as long as every evaluation has failed.
     """
 
-    point: Vector
+    point: Floats
     score: float
-    points: Vector
-    objectives: Vector
+    points: Floats
+    objectives: Floats
     numbers: Mapping[str, float | int | None] = field(default_factory=dict)
     kind: Kept = "climbers"
 
     @property
-    def scores(self) -> Vector:
+    def scores(self) -> Floats:
         """The objective of each point kept, of several their mean, shape (C,)."""
         return self.objectives.mean(axis=1)
 
@@ -72,19 +72,19 @@ class Method(Protocol):
     def sharpness(self) -> float:
         """With which relaxed points shall be judged."""
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The points to evaluate next, shape (N, D), inside the space, or its relaxation if ``wants`` says so."""
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Take in the judgement of the points asked for."""
 
     def result(self) -> SearchResult:
         """The best so far."""
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """Everything that changes, as arrays."""
 
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+    def restore(self, state: Arrays) -> None:
         """Take over what :meth:`state` returned."""
 
 
@@ -141,7 +141,7 @@ def check_slopes(space: Space) -> None:
         raise ValueError(f"{space.names[0]}: an integer has no gradient, nor has any other; choose another method")
 
 
-def single_objective(evaluation: Evaluation, count: int) -> Vector:
+def single_objective(evaluation: Evaluation, count: int) -> Floats:
     """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
     if evaluation.objectives.shape != (count, 1):
         shape = evaluation.objectives.shape
@@ -149,7 +149,7 @@ def single_objective(evaluation: Evaluation, count: int) -> Vector:
     return evaluation.objectives[:, 0]
 
 
-def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Vector:
+def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Floats:
     """The gradients of ``count`` points [objective per range], shape (count, D); a one-line ValueError without."""
     shape = None if evaluation.gradients is None else evaluation.gradients.shape
     if evaluation.gradients is None or shape != (count, space.size):
@@ -158,7 +158,7 @@ def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Vector
         return evaluation.gradients * space.span
 
 
-def with_values(space: Space, points: Vector, values: Mapping[str, float]) -> Vector:
+def with_values(space: Space, points: Floats, values: Mapping[str, float]) -> Floats:
     """The points, shape (N, D), with the values of some variables given by name."""
     check_table("start", values)
     space.check_names("start", values)

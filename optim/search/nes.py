@@ -11,7 +11,8 @@ from optim.problem import Evaluation
 from optim.search.method import check_choice, check_flag, check_number
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, draw_inside
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 OFF = 0.2  # share of the points in which some integer at rest still differs from its mean
 
@@ -74,12 +75,12 @@ class SeparableNES(PopulationSearch):
     def _smallest(cls) -> int:
         return 4
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
         drawn = self.space.round(self._inside(self.mean + self.deviation * self._deviates(), 1))
         return np.concatenate([drawn, self._given()])
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Algorithm 6: both gradients in the coordinates of the distribution itself."""
         self.points = points[: self.population].copy()
         self.objectives = evaluation.objectives[: self.population].copy()
@@ -91,14 +92,14 @@ class SeparableNES(PopulationSearch):
         self.deviation = self.deviation * np.exp(rate / 2 * (utilities @ (deviates**2 - 1)))
         self.deviation = np.clip(self.deviation, self.floor, self.ceiling)
 
-    def _deviates(self) -> Vector:
+    def _deviates(self) -> Floats:
         """Standard normal, shape (N, D), the same as often as asked in a generation."""
         if not self.mirrored:
             return self._generator().standard_normal((self.population, self.space.size))
         half = self._generator().standard_normal(((self.population + 1) // 2, self.space.size))
         return np.stack([half, -half], axis=1).reshape(-1, self.space.size)[: self.population]
 
-    def _inside(self, places: Vector, stream: int) -> Vector:
+    def _inside(self, places: Floats, stream: int) -> Floats:
         """Places [ranges] as values, shape (..., D), within the bounds."""
         points, mean = (self.space.low + values * self.space.span for values in (places, self.mean))
         if self.bounds == "reflect":
@@ -110,7 +111,7 @@ class SeparableNES(PopulationSearch):
         return {"sigma": float(np.exp(np.log(self.deviation).mean()))}
 
 
-def _utilities(scores: Vector) -> Vector:
+def _utilities(scores: Floats) -> Floats:
     """Of each point, shape (N,): sum 0; equal scores share what their ranks would get together."""
     ranks = np.arange(1, len(scores) + 1)
     shares = np.maximum(0.0, math.log(len(scores) / 2 + 1) - np.log(ranks))
@@ -120,7 +121,7 @@ def _utilities(scores: Vector) -> Vector:
     return (np.bincount(of_rank, utilities) / count)[group]
 
 
-def _floor(space: Space) -> Vector:
+def _floor(space: Space) -> Floats:
     """Smallest standard deviation of each variable [ranges], shape (D,); of a continuous one nearly 0."""
     discrete = space.integers
     each = 1 - (1 - OFF) ** (1 / max(discrete.sum(), 1))  # probability that one of them is off

@@ -15,7 +15,8 @@ from optim.problem import Evaluation
 from optim.search.method import Kept, check_number
 from optim.search.population import PopulationSearch
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 LAST = 1_000_000  # rank of a failure
 
@@ -69,7 +70,7 @@ class NSGA2(PopulationSearch):
         super().__init__(space, population=population, seed=seed, start=start)
         self.ranks, self.crowding = np.zeros(population, int), np.zeros(population)
 
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The starts, then N children, shape (N, D)."""
         if self.generation == 0:
             return self._starts()
@@ -82,7 +83,7 @@ class NSGA2(PopulationSearch):
         copies = (children[:, None] == self.points).all(axis=2).any(axis=1)
         return np.where(copies[:, None], others, children)
 
-    def _parents(self, rng: np.random.Generator) -> Vector:
+    def _parents(self, rng: np.random.Generator) -> Floats:
         """Winners of binary tournaments, two for each mating, shape (2, M, D). Everyone takes part about twice."""
         matings = -(-self.population // 2)
         draws = -(-4 * matings // self.population)
@@ -92,7 +93,7 @@ class NSGA2(PopulationSearch):
         rarer = (self.ranks[b] == self.ranks[a]) & (self.crowding[b] > self.crowding[a])
         return self.points[np.where(earlier | rarer, b, a)].reshape(2, matings, self.space.size)
 
-    def _crossed(self, parents: Vector, rng: np.random.Generator) -> Vector:
+    def _crossed(self, parents: Floats, rng: np.random.Generator) -> Floats:
         """Two children of each mating, the last left out if N is odd, shape (N, D)."""
         from pymoo.operators.crossover.sbx import cross_sbx
 
@@ -111,7 +112,7 @@ class NSGA2(PopulationSearch):
         changed = np.where(children == unit, parents, out_of_cube(self.space, children, parents[0]))
         return changed.reshape(-1, size)[: self.population]
 
-    def _mutated(self, unit: Vector, rng: np.random.Generator, at_least_once: bool) -> Vector:
+    def _mutated(self, unit: Floats, rng: np.random.Generator, at_least_once: bool) -> Floats:
         """Points of the unit cube after polynomial mutation."""
         from pymoo.operators.mutation.pm import mut_pm
 
@@ -119,7 +120,7 @@ class NSGA2(PopulationSearch):
         index, probability = np.full(count, self.mutation_index), np.full(count, 1 / size)
         return mut_pm(unit, np.zeros(size), np.ones(size), index, probability, at_least_once, random_state=rng)
 
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Let the best N of parents and children survive."""
         objectives = evaluation.objectives
         if self.generation:
@@ -133,7 +134,7 @@ class NSGA2(PopulationSearch):
         self.ranks = np.append(ranks, np.full(spare, LAST))
         self.crowding = np.append(crowding, np.zeros(spare))
 
-    def _survivors(self, objectives: Vector) -> tuple[Vector, Vector, Vector]:
+    def _survivors(self, objectives: Floats) -> tuple[Floats, Floats, Floats]:
         """Rows, at most N, of successes that survive, the ranks of their fronts, and their crowding distances."""
         from pymoo.core.population import Population
         from pymoo.core.problem import Problem
@@ -152,7 +153,7 @@ class NSGA2(PopulationSearch):
         survivors = everyone[rows]
         return np.array(rows), survivors.get("rank").astype(int), survivors.get("crowding").astype(float)
 
-    def _kept(self) -> tuple[Vector, Vector]:
+    def _kept(self) -> tuple[Floats, Floats]:
         """The points that nobody in the population dominates."""
         front = non_dominated(self.objectives)
         return self.points[front], self.objectives[front]

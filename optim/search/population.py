@@ -18,7 +18,8 @@ from optim.search.method import (
     single_objective,
     with_values,
 )
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Floats
 
 
 class PopulationSearch(ABC):
@@ -68,10 +69,10 @@ class PopulationSearch(ABC):
         return 0.0
 
     @abstractmethod
-    def ask(self) -> Vector:
+    def ask(self) -> Floats:
         """The points to evaluate next, shape (M, D)."""
 
-    def tell(self, points: Vector, evaluation: Evaluation) -> None:
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Remember the best, and move on."""
         if not self.several_objectives:
             single_objective(evaluation, len(self.ask()))
@@ -87,7 +88,7 @@ class PopulationSearch(ABC):
         self.generation += 1
 
     @abstractmethod
-    def _take(self, points: Vector, evaluation: Evaluation) -> None:
+    def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Take in the judgement of the points asked for, before the generation is counted."""
 
     def result(self) -> SearchResult:
@@ -97,7 +98,7 @@ class PopulationSearch(ABC):
             self.best_point.copy(), float(self.best_score), points, objectives, self._numbers(), self.kind
         )
 
-    def _kept(self) -> tuple[Vector, Vector]:
+    def _kept(self) -> tuple[Floats, Floats]:
         """The points of the result and their objectives: the population."""
         return self.points, self.objectives
 
@@ -105,7 +106,7 @@ class PopulationSearch(ABC):
         """What the log shall tell of the search beside its points."""
         return {}
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> Arrays:
         """Generation, population, the best point ever, and what else changes."""
         names = ("points", "objectives", "best_point", "best_score", *self.arrays)
         return {"generation": np.array(self.generation)} | {name: getattr(self, name).copy() for name in names}
@@ -118,11 +119,11 @@ class PopulationSearch(ABC):
         for name in ("points", "objectives", "best_point", "best_score", *self.arrays):
             setattr(self, name, state[name].copy())
 
-    def _starts(self) -> Vector:
+    def _starts(self) -> Floats:
         """The first population, shape (N, D): random but for the values given by name."""
         return with_values(self.space, self.space.sample(self._generator(), self.population), self.start)
 
-    def _given(self) -> Vector:
+    def _given(self) -> Floats:
         """The start itself, shape (1, D), in generation 0 of a distribution around it; else none, shape (0, D).
 
         It is judged beside the points drawn, so that no search ends below where it began; the distribution is not told.
@@ -136,6 +137,6 @@ class PopulationSearch(ABC):
         return generator(self.seed, self.generation, *stream)
 
 
-def below_all(scores: Vector) -> Vector:
+def below_all(scores: Floats) -> Floats:
     """Scores in which a failure (NaN) is below every success."""
     return np.where(np.isnan(scores), -np.inf, scores)

@@ -5,14 +5,13 @@ Numerical Optimization, 2nd ed. 2006, algorithm 7.4 (two-loop recursion of L-BFG
 Bertsekas, SIAM J. Control Optim. 20, 1982 (second-order steps among the variables that no bound holds).
 """
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 
-Mask = NDArray[np.bool_]
 LONGEST = 0.25  # of a range: no coordinate takes a longer step of L-BFGS
 MEMORY = 8  # pairs that L-BFGS remembers
 MOMENTUM, SQUARES, SMALL = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Adam
@@ -21,19 +20,19 @@ MOMENTUM, SQUARES, SMALL = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Ada
 class StepRule(Protocol):
     """A rule for steps of ascent. Everything that changes is in ``arrays``, each of shape (C, ...)."""
 
-    arrays: dict[str, NDArray[Any]]
+    arrays: Arrays
 
     @property
     def monotone(self) -> bool:
         """Whether a step must be taken back, and a shorter one tried, where it has not led up enough."""
 
-    def learn(self, climbers: Mask, moved: Vector, change: Vector) -> None:
+    def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
         """Take in by how much the gradients of some climbers changed as these moved, both of shape (C, D)."""
 
-    def steps(self, climbers: Mask, gradients: Vector, free: Mask) -> Vector:
+    def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """Steps, shape (C, D), of which those of ``climbers`` count; zero where a bound holds (not ``free``)."""
 
-    def forget(self, climbers: Mask) -> None:
+    def forget(self, climbers: Bools) -> None:
         """Let some climbers begin anew."""
         for values in self.arrays.values():
             values[climbers] = 0
@@ -53,10 +52,10 @@ class Adam(StepRule):
         shape = (climbers, size)
         self.arrays = {"mean": np.zeros(shape), "square": np.zeros(shape), "count": np.zeros((climbers, 1))}
 
-    def learn(self, climbers: Mask, moved: Vector, change: Vector) -> None:
+    def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
         """Nothing: it needs no curvature."""
 
-    def steps(self, climbers: Mask, gradients: Vector, free: Mask) -> Vector:
+    def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """Mean gradient over its root mean square, both of the past, corrected for their start at zero."""
         slope = np.where(free, gradients, 0.0)
         slope = slope * (self.clip / np.maximum(_length(slope), self.clip))
@@ -80,7 +79,7 @@ class LBFGS(StepRule):
         shape = (climbers, MEMORY, size)  # the newest last
         self.arrays = {"moved": np.zeros(shape), "change": np.zeros(shape)}
 
-    def learn(self, climbers: Mask, moved: Vector, change: Vector) -> None:
+    def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
         """Remember a pair; ``change`` is that of an ascent, so minus it goes with ``moved`` near a summit."""
         for name, new in (("moved", moved), ("change", -change)):
             old = self.arrays[name]
@@ -88,7 +87,7 @@ class LBFGS(StepRule):
             self.arrays[name] = np.where(climbers[:, None, None], shifted, old)
 
     @np.errstate(all="ignore")  # what overflows goes along the gradient instead
-    def steps(self, climbers: Mask, gradients: Vector, free: Mask) -> Vector:
+    def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """The two-loop recursion among the free variables."""
         slope = np.where(free, gradients, 0.0)
         moved, change = (np.where(free[:, None], self.arrays[name], 0.0) for name in ("moved", "change"))
@@ -112,13 +111,13 @@ class LBFGS(StepRule):
         return step * (LONGEST / np.maximum(abs(step).max(axis=1, keepdims=True), LONGEST))
 
 
-def free_variables(space: Space, points: Vector, gradients: Vector) -> Mask:
+def free_variables(space: Space, points: Floats, gradients: Floats) -> Bools:
     """Which variables a gradient does not push against a bound that they are at, shape (C, D)."""
     held = (points <= space.low) & (gradients < 0) | (points >= space.high) & (gradients > 0)
     return ~held | space.angles
 
 
-def _length(vectors: Vector) -> Vector:
+def _length(vectors: Floats) -> Floats:
     """Euclidean lengths along the last axis, kept; overflow is an infinite length."""
     with np.errstate(over="ignore"):
         return np.sqrt((vectors**2).sum(axis=-1, keepdims=True))

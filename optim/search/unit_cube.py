@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats
 
 
-def into_cube(space: Space, points: Vector, origin: Vector) -> Vector:
+def into_cube(space: Space, points: Floats, origin: Floats) -> Floats:
     """Points, shape (..., D), as shares of the ranges; angles turned so that ``origin`` is at 0.5.
 
     So the seam of an angle lies opposite the origin, where nothing is near it. Whole numbers lie in the middle of
@@ -17,14 +18,14 @@ def into_cube(space: Space, points: Vector, origin: Vector) -> Vector:
     return np.where(space.angles, 0.5 + space.offset(points, origin), (points - low) / span)
 
 
-def out_of_cube(space: Space, unit: Vector, origin: Vector) -> Vector:
+def out_of_cube(space: Space, unit: Floats, origin: Floats) -> Floats:
     """The points of the space that :func:`into_cube` brings to ``unit``: rounded, set to bounds, angles wrapped."""
     low, span = _ends(space)
     turned = origin + (unit - 0.5) * space.span
     return space.bound(space.round(np.where(space.angles, turned, low + unit * span)))
 
 
-def mutate_in_cube(space: Space, points: Vector, mutate: Callable[[Vector], Vector]) -> Vector:
+def mutate_in_cube(space: Space, points: Floats, mutate: Callable[[Floats], Floats]) -> Floats:
     """Points, shape (N, D), after a mutation of the cube.
 
     A whole number that the mutation touched changes by at least one, towards where it was pushed, or away from a
@@ -37,7 +38,7 @@ def mutate_in_cube(space: Space, points: Vector, mutate: Callable[[Vector], Vect
     return np.where(still, space.reflect(points + np.sign(pushed - unit)), mutants)
 
 
-def _ends(space: Space) -> tuple[Vector, Vector]:
+def _ends(space: Space) -> tuple[Floats, Floats]:
     """Where the cube begins, and how long it is, in each variable, shape (D,): half a whole number beyond bounds."""
     margin = np.where(space.integers, 0.5, 0.0)
     return space.low - margin, space.span + 2 * margin

@@ -4,22 +4,22 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.search.method import with_values
 from optim.search.population import below_all
-from optim.space import Space, Vector
+from optim.space import Space
+from taichi_sim.base.arrays import Floats, Indices
 
 Bounds = Literal["reflect", "random"]  # what becomes of values beyond a bound: Space.reflect, or draw_inside
 DEFAULT_STEP = 0.1  # of a range, for a variable that names no step
 
 
-def mutation_steps(space: Space) -> Vector:
+def mutation_steps(space: Space) -> Floats:
     """Standard deviations of a mutation, shape (D,): ``Variable.step``, or a tenth of the range where that is 0."""
     return np.where(space.step > 0, space.step, DEFAULT_STEP * space.span)
 
 
-def around_start(space: Space, points: Vector, start: Mapping[str, float], rng: np.random.Generator) -> Vector:
+def around_start(space: Space, points: Floats, start: Mapping[str, float], rng: np.random.Generator) -> Floats:
     """The points, shape (N, D), with given values in the first, and in the others these values mutated.
 
     If all had the same value, recombining them could never change it. Neither rounded nor brought into the bounds.
@@ -31,7 +31,7 @@ def around_start(space: Space, points: Vector, start: Mapping[str, float], rng: 
     return np.where(given, centre + away, points)
 
 
-def draw_inside(space: Space, points: Vector, origin: Vector, rng: np.random.Generator) -> Vector:
+def draw_inside(space: Space, points: Floats, origin: Floats, rng: np.random.Generator) -> Floats:
     """The points, shape (..., D), brought into the bounds, without rounding; angles wrap round.
 
     A value beyond a bound is drawn evenly between that of ``origin``, which lies inside, and the bound. Unlike
@@ -42,6 +42,6 @@ def draw_inside(space: Space, points: Vector, origin: Vector, rng: np.random.Gen
     return np.where(space.angles, space.reflect(points), np.where(points == bound, points, space.clip(drawn)))
 
 
-def ranking(scores: Vector) -> NDArray[np.intp]:
+def ranking(scores: Floats) -> Indices:
     """The order from the best to the failed, shape (N,); of equals the first goes first."""
     return np.argsort(-below_all(scores), kind="stable")

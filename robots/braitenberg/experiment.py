@@ -9,10 +9,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.braitenberg.body import VehicleBody
 from taichi_sim import vehicle
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.vehicle import Rollouts, Traces, VehicleBatch, VehicleTask, rollout
 from taichi_sim.vehicle.rollout import Until
@@ -27,14 +28,14 @@ TEXT_OF_CHAPTER_4 = replace(PUBLISHED, time_step=0.1, steps=100_000)
 TEXT_OF_CHAPTER_3 = replace(PUBLISHED, radius=0.2, time_step=0.1, steps=100_000)
 
 
-def weight_grid(count: int) -> NDArray[np.float64]:
+def weight_grid(count: int) -> Floats:
     """Values of a weight in a sweep, from -1 to 1, shape (count,); the same but for the sign from either end."""
     count = whole_number("weights", count, 2)
     values = np.linspace(-1.0, 1.0, count)
     return (values - values[::-1]) / 2
 
 
-def contralateral(weights: ArrayLike) -> NDArray[np.float64]:
+def contralateral(weights: ArrayLike) -> Floats:
     """Controllers of two sensors with one weight each, as matrices.
 
     Each sensor drives the motor of the other side: v = (w1 s1 + w2 s2) / 2 and a' = w1 s1 - w2 s2.
@@ -58,7 +59,7 @@ def contralateral(weights: ArrayLike) -> NDArray[np.float64]:
     return values[..., None] * np.eye(2)
 
 
-def check_weights(values: NDArray[np.float64]) -> None:
+def check_weights(values: Floats) -> None:
     """Raise a one-line ValueError for a weight outside -1 to 1."""
     wrong = ~(np.abs(values) <= 1.0)
     if wrong.any():

@@ -10,15 +10,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.braitenberg.body import VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, check_bodies, contralateral, weight_grid
+from taichi_sim.base.arrays import Bytes
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
 from taichi_sim.vehicle import VehicleTask, rollout
 
-Overlap = NDArray[np.uint8]
+Overlap = Bytes
 KIND, OVERLAPS = "sweep", "overlaps"  # of folders and files
 MOST_WEIGHTS = 2001  # 16 million rollouts at once
 BODIES_PER_FILE = 32  # a file each half a minute or so

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robots.calibration.laboratory import Array, Laboratory, Trial
+from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
 from robots.inflatable.cores import InflatedCores
 from robots.inflatable.program import initialise, weights
 from robots.inflatable.rest_sizes import rest_sizes
 from robots.world import Terrain
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents
 
@@ -31,10 +31,10 @@ class Diameter:
         deviations: standard deviations of the extents [m], or None.
     """
 
-    at: Array
-    values: Array
+    at: Floats
+    values: Floats
     side: str = "width"
-    deviations: Array | None = None
+    deviations: Floats | None = None
 
     axis = "core pressure [Pa]"
     informs = ("modulus", "friction", "low_friction")
@@ -49,7 +49,7 @@ class Diameter:
         """What is measured."""
         return f"{self.side} [m]"
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
         """Extents of the skin at rest [m], shape (T, N)."""
         body, engine = laboratory.engine(trials, Terrain())
         levels, place = np.unique(self.at, return_inverse=True)
@@ -61,7 +61,7 @@ class Diameter:
         found = reach.max(axis=(2, 3)) - reach.min(axis=(2, 3))
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
 
-    def _program(self, trials: Sequence[Trial], laboratory: Laboratory, levels: Array) -> LatticeProgram:
+    def _program(self, trials: Sequence[Trial], laboratory: Laboratory, levels: Floats) -> LatticeProgram:
         """A ramp to every pressure and a hold, after which it is measured."""
         builder, rate = ProgramBuilder(len(trials)), _RAMP * laboratory.time_step
         hold = round(_HOLD / laboratory.time_step)
@@ -80,6 +80,6 @@ class Diameter:
         return builder.build(int(measured[-1]), np.tile(measured, (len(trials), 1)))
 
 
-def _is_skin(body: LatticeBody) -> NDArray[np.bool_]:
+def _is_skin(body: LatticeBody) -> Bools:
     """Which voxels are not of bladders, shape (V,)."""
     return kinds_of(np.asarray(body.regions)) < FIRST_BLADDER

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.calibration.laboratory import Array, Laboratory, Trial
+from robots.calibration.laboratory import Laboratory, Trial
 from robots.calibration.properties import Properties
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 
 LENGTH, WIDTH = 6, 3  # of the strip of skin, in voxels
@@ -30,11 +31,11 @@ class Drag:
         deviations: standard deviations of the forces [N], or None.
     """
 
-    at: Array
-    values: Array
+    at: Floats
+    values: Floats
     load: float
     grips: bool = True
-    deviations: Array | None = None
+    deviations: Floats | None = None
 
     axis, quantity = "displacement [m]", "force [N]"
 
@@ -48,7 +49,7 @@ class Drag:
         """Friction by the plateau, the modulus by the rise."""
         return ("friction" if self.grips else "low_friction", "modulus")
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
         """Forces in the links to the held end [N], shape (T, N)."""
         bodies = [self._strip(trial.properties, laboratory) for trial in trials]
         body, edge = bodies[0], laboratory.geometry.voxel_size

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.calibration.laboratory import Array, Laboratory, Trial
+from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.actuation import play
 from robots.inflatable.cores import InflatedCores, highest_pressure
 from robots.inflatable.program import weights, write_robot
 from robots.inflatable.rest_sizes import rest_sizes
 from robots.inflatable.robot import InflatableDesign, travel_directions
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
@@ -30,13 +31,13 @@ class Gait:
         deviations: standard deviations of the values, or None.
     """
 
-    at: Array
-    values: Array
+    at: Floats
+    values: Floats
     design: InflatableDesign
     name: str = "gait"
     terrain: Terrain = field(default_factory=Terrain)
     mean_speed: bool = False
-    deviations: Array | None = None
+    deviations: Floats | None = None
 
     axis = "time [s]"
 
@@ -55,7 +56,7 @@ class Gait:
         """What is measured."""
         return "mean speed [m/s]" if self.mean_speed else "distance [m]"
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
         """Displacements of the middle of the robot [m], or mean speeds [m/s], shape (T, N)."""
         body, engine = laboratory.engine(trials, self.terrain)
         times, place = np.unique(self.at, return_inverse=True)
@@ -69,7 +70,7 @@ class Gait:
             found = found / ((program.snapshots[:, 1:] - program.snapshots[:, :1]) * laboratory.time_step)
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
 
-    def _program(self, trials: Sequence[Trial], laboratory: Laboratory, times: Array) -> LatticeProgram:
+    def _program(self, trials: Sequence[Trial], laboratory: Laboratory, times: Floats) -> LatticeProgram:
         """Robots of all properties; each ends with its gait, or with the last time."""
         builder, marks = ProgramBuilder(len(trials)), []
         own = weights(self.terrain, self.design.orientation)

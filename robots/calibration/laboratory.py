@@ -5,17 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.robot import scattered
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeEngine
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -92,7 +88,7 @@ class Experiment(Protocol):
         """See above."""
 
     @property
-    def at(self) -> Array:
+    def at(self) -> Floats:
         """See above."""
 
     @property
@@ -100,7 +96,7 @@ class Experiment(Protocol):
         """See above."""
 
     @property
-    def values(self) -> Array:
+    def values(self) -> Floats:
         """See above."""
 
     @property
@@ -108,12 +104,12 @@ class Experiment(Protocol):
         """See above."""
 
     @property
-    def deviations(self) -> Array | None:
+    def deviations(self) -> Floats | None:
         """See above."""
 
     @property
     def informs(self) -> tuple[str, ...]:
         """See above."""
 
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Array:
+    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
         """What the simulator says of the points, shape (T, N); NaN where a simulation diverges."""

@@ -13,9 +13,10 @@ import numpy as np
 from robots.calibration.diameter import SIDES, Diameter
 from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
-from robots.calibration.laboratory import Array, Experiment
+from robots.calibration.laboratory import Experiment
 from robots.inflatable.robot import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, InflatableDesign
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
@@ -101,7 +102,7 @@ class _Table:
             raise self.error(f"{name}: {found!r} is unknown; choose one of {', '.join(choices)}")
         return str(found)
 
-    def column(self, name: str, suffix: str = "", low: float = -math.inf) -> Array | None:
+    def column(self, name: str, suffix: str = "", low: float = -math.inf) -> Floats | None:
         """Numbers in SI units, shape (N,); None where there is no such column."""
         allowed = [f"{name}{suffix}_{unit}" for unit in UNITS[name]]
         given = [key for key in self.left if key == name + suffix or key.startswith(f"{name}{suffix}_")]
@@ -116,7 +117,7 @@ class _Table:
             raise self.error(f"{given[0]}: is empty; give at least one number")
         return scale * np.array([number(f"{self.where}: {given[0]}", value, low) for value in listed])
 
-    def required(self, name: str, low: float = -math.inf) -> Array:
+    def required(self, name: str, low: float = -math.inf) -> Floats:
         found = self.column(name, low=low)
         if found is None:
             raise self.error(f"column {name} is missing; give one of {', '.join(f'{name}_{u}' for u in UNITS[name])}")
@@ -128,7 +129,7 @@ class _Table:
             raise self.error(f"{name}: {len(found)} values are not allowed; give one")
         return float(found[0])
 
-    def measured(self, name: str, at: Array | None) -> tuple[Array, Array | None]:
+    def measured(self, name: str, at: Floats | None) -> tuple[Floats, Floats | None]:
         """Values and standard deviations; a single deviation is that of all."""
         values, deviations = self.required(name), self.column(name, "_sd", 0.0)
         if at is not None and len(values) != len(at):
@@ -228,7 +229,7 @@ def write_measurements(path: str | os.PathLike[str], geometry: str, experiments:
     write_text(path, "\n\n".join(parts) + "\n")
 
 
-def _line(column: str, values: Array) -> str:
+def _line(column: str, values: Floats) -> str:
     quantity, _, unit = column.replace("_sd", "").partition("_")
     numbers = ", ".join(f"{value / UNITS[quantity][unit]:.6g}" for value in values)
     return f"{column} = [{numbers}]"

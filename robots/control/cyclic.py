@@ -14,11 +14,11 @@ from robots.inflatable.program import weights
 from robots.inflatable.rest_sizes import rest_sizes, thermal_growth
 from robots.inflatable.robot import Frames
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
 from taichi_sim.lattice.faces import half_extents
 from taichi_sim.lattice.program import EVENT
 
-Floats = NDArray[np.float64]
 SEGMENTS = 16  # straight pieces of a cycle
 STARTS = 2  # snapshots before those for frames: the ends of the first and of the last cycle
 

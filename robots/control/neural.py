@@ -1,9 +1,8 @@
 """Controllers of rigid robots: weights from each sensor to each motor neuron."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from taichi_sim.base.arrays import Floats
 
 
 def check_weights(weights: object, sensors: int, motors: int) -> Floats:

@@ -10,17 +10,16 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
-
-Array = NDArray[np.float64]
 
 WEIGHT_LIMIT = 3.0  # weights lie between this and its negative
 
 # What a hidden node may do with the sum of what it hears, by the number of its gene. The Gaussian and the absolute
 # value make symmetry, the sine repetition, the others gradients and edges (Stanley 2007, sec. 3).
-ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
+ACTIVATIONS: dict[str, Callable[[Floats], Floats]] = {
     "linear": lambda u: u,
     "tanh": np.tanh,
     "step": lambda u: np.where(u > 0, 1.0, -1.0),
@@ -89,9 +88,9 @@ class PatternNetwork:
         array([2.5, 0.5, 1.5])
     """
 
-    hidden: Array
+    hidden: Floats
     activations: Sequence[str]
-    output: Array
+    output: Floats
 
     def __post_init__(self) -> None:
         for field in ("hidden", "output"):
@@ -131,7 +130,7 @@ class PatternNetwork:
             values[border:].reshape(len(wiring.outputs), -1),
         )
 
-    def __call__(self, coordinates: ArrayLike) -> Array:
+    def __call__(self, coordinates: ArrayLike) -> Floats:
         """The outputs, shape (C, O), at C places, shape (C, I).
 
         Raises:
@@ -146,12 +145,12 @@ class PatternNetwork:
         return _affine(said, self.output)
 
 
-def _affine(values: Array, weights: Array) -> Array:
+def _affine(values: Floats, weights: Floats) -> Floats:
     """Weighted sums and bias, shape (C, nodes); summed in this order, whatever the number of places."""
     return (values[:, None, :] * weights[:, :-1]).sum(axis=2) + weights[:, -1]
 
 
-def _genes(field: str, given: ArrayLike, names: Sequence[str], low: float, high: float, whole: bool) -> Array:
+def _genes(field: str, given: ArrayLike, names: Sequence[str], low: float, high: float, whole: bool) -> Floats:
     """Genes as numbers, checked one by one."""
     values = np.asarray(given, float)
     if values.shape != (len(names),):

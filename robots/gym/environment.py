@@ -4,9 +4,10 @@ from typing import Any, TypeVar
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
-Observation = NDArray[np.float64]
+from taichi_sim.base.arrays import Floats
+
+Observation = Floats
 Action = TypeVar("Action")
 
 FAILED_RETURN = -1.0  # of an episode in which the simulation diverges, whatever it gained before

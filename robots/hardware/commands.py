@@ -9,12 +9,13 @@ from typing import Self
 
 import numpy as np
 
-from robots.hardware.line_map import Array, LineMap
+from robots.hardware.line_map import LineMap
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.relaxed_motion import durations
 from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
 from robots.inflatable.schedule import BLADDERS, ROWS
+from taichi_sim.base.arrays import Floats
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
 
@@ -31,17 +32,17 @@ class Commands:
         resting_s: that they dwell once all lines are done [s], shape (S,).
     """
 
-    targets: Array
-    portions: Array
-    moving_s: Array
-    resting_s: Array
+    targets: Floats
+    portions: Floats
+    moving_s: Floats
+    resting_s: Floats
 
     @property
     def columns(self) -> int:
         """Of the schedule."""
         return len(self.targets) // 2 - 1
 
-    def within(self, low: Array, high: Array) -> Self:
+    def within(self, low: Floats, high: Floats) -> Self:
         """The same with pressures cut to limits [kPa], shape (11,) each."""
         return replace(self, targets=np.clip(self.targets, low, high))
 

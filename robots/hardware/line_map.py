@@ -12,12 +12,12 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 
-Array = NDArray[np.float64]
 _RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 _LEVEL_RESOLUTION = 6  # and of a level
 
@@ -61,7 +61,7 @@ class LineMap:
             if off >= on:
                 raise ValueError(f"off_kpa: {off:g} of {name} is not allowed; it must be below its on_kpa, {on:g}")
 
-    def lines(self, pressures: ArrayLike, levels: ArrayLike) -> Array:
+    def lines(self, pressures: ArrayLike, levels: ArrayLike) -> Floats:
         """Line pressures [kPa] of states.
 
         Args:
@@ -76,7 +76,7 @@ class LineMap:
         actuators = (1.0 - told) * self.off_kpa + told * self.on_kpa
         return np.column_stack([np.broadcast_to(core, len(told)), actuators])
 
-    def simulated(self, lines: ArrayLike) -> tuple[Array, Array]:
+    def simulated(self, lines: ArrayLike) -> tuple[Floats, Floats]:
         """The inverse of :meth:`lines`; beyond its two pressures an actuator is off or on.
 
         Returns:

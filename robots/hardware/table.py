@@ -8,16 +8,16 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.hardware.commands import TIME_STEP, commands_of
 from robots.hardware.limits import POLICIES, RigViolation, violations
-from robots.hardware.line_map import Array, LineMap
+from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.timeline import State, section_of, timeline
 from robots.inflatable.cores import Pressure, common_pressure
 from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 
 SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
@@ -70,9 +70,9 @@ class GaitTable:
         timing: of the states; empty in a table that was read.
     """
 
-    times: Array
+    times: Floats
     states: np.ndarray
-    pressures: Array
+    pressures: Floats
     units: str
     design: PlayedDesign
     line_map: LineMap
@@ -133,7 +133,7 @@ class GaitTable:
             raise ValueError("gait table: the columns of its prefix differ from those of its main")
         return PlayedDesign(float(core[0]), self.design.orientation, self._schedule(second[:ROWS], second[ROWS]))
 
-    def _schedule(self, levels: Array, core: Array) -> Schedule:
+    def _schedule(self, levels: Floats, core: Floats) -> Schedule:
         """The schedule of levels, shape (10, T), and core pressures [Pa], (T,), of the kind that the header names."""
         given, repeats = self.design.schedule, self.loops + 1
         if not isinstance(given, RelaxedSchedule):
@@ -145,12 +145,12 @@ class GaitTable:
         moved = np.zeros(gait.columns, int) if core_pressure is None else self._core_steps()
         return replace(gait, motion_steps=moved, settle_steps=self._settled())
 
-    def _core_steps(self) -> NDArray[np.int64]:
+    def _core_steps(self) -> Ints:
         """Time steps that the core takes to its pressure in each column, shape (T,)."""
         times = self._arrivals(slice(0, 1))
         return np.round([(arrival - begin) / TIME_STEP for begin, arrival, _ in times]).astype(int)
 
-    def _settled(self) -> NDArray[np.int64]:
+    def _settled(self) -> Ints:
         """Time steps for which states last after all lines have arrived, shape (T,)."""
         times = self._arrivals(slice(None))
         return np.round([(end - arrival) / TIME_STEP for _, arrival, end in times]).astype(int)

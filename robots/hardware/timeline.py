@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.hardware.commands import Commands
-from robots.hardware.line_map import Array
 from robots.hardware.rig import CHANNELS, PneumaticRig
+from taichi_sim.base.arrays import Floats
 
 SECTIONS = ("prefix", "main", "suffix")
 _CLOSEST = 6  # decimals of a time [s] that tell corners apart
@@ -54,9 +54,9 @@ class Timeline:
     """
 
     states: tuple[State, ...]
-    times: Array
+    times: Floats
     numbers: np.ndarray
-    pressures: Array
+    pressures: Floats
 
 
 def section_of(state: int, columns: int) -> str:
@@ -64,7 +64,7 @@ def section_of(state: int, columns: int) -> str:
     return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
 
 
-def strokes(before: Array, target: Array, portions: Array, rig: PneumaticRig, keep_slew: bool) -> Array:
+def strokes(before: Floats, target: Floats, portions: Floats, rig: PneumaticRig, keep_slew: bool) -> Floats:
     """How long each line takes from one pressure to another [kPa]; with ``keep_slew`` not faster than its limit [s].
 
     The ``portions`` are those of whole strokes, see ``Commands``.

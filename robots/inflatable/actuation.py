@@ -8,12 +8,12 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.inflatable.body import BLADDER_COUNT
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import Array, Real
+from taichi_sim.autodiff.dual import Real
+from taichi_sim.base.arrays import Bools, Floats, Ints
 
 WEIGHTS = ("published", "physical")
 PUBLISHED_COLUMNS = 16  # of a gait, 8 played twice
@@ -142,10 +142,10 @@ class Column:
     grip: Real
     levels: Real
     ends: Real
-    direction: Array
-    moving: NDArray[np.int64]
-    arrives: NDArray[np.bool_]
-    lands: NDArray[np.bool_]
+    direction: Floats
+    moving: Ints
+    arrives: Bools
+    lands: Bools
     arrival: Real | None = None
     pressures: tuple[Real, Real] | None = None
 
@@ -161,7 +161,7 @@ def play(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> 
     return columns, step
 
 
-def column_of(bits: NDArray[np.bool_], levels: Array, start: int, actuation: InflatableActuation) -> Column:
+def column_of(bits: Bools, levels: Floats, start: int, actuation: InflatableActuation) -> Column:
     """The column that begins at a step with bladders of some thickness, shape (8,), and tells them these ten bits."""
     inflates, told = bits[:BLADDER_COUNT], bits.astype(float)
     strokes = [stroke(actuation, level, bit) for level, bit in zip(levels.tolist(), inflates.tolist(), strict=True)]

@@ -15,8 +15,9 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from taichi_sim.base.arrays import Ints
 from taichi_sim.lattice import LatticeBody, Material
 
 # Regions that a program addresses. Foot seams are the third foot material of the published robot. Behind these, each
@@ -31,18 +32,18 @@ BLADDER_REGIONS = np.arange(FIRST_BLADDER, REGION_COUNT)
 LEAST_CORE_ROWS = 3  # a wall at either end, and a row between
 
 
-def skin_regions(kinds: ArrayLike, core: int) -> NDArray[np.int64]:
+def skin_regions(kinds: ArrayLike, core: int) -> Ints:
     """Regions of the skin of a core, counted from 0, for such regions of the first."""
     return np.asarray(kinds) + (REGION_COUNT + FIRST_BLADDER * (core - 1) if core else 0)
 
 
-def kinds_of(regions: ArrayLike) -> NDArray[np.int64]:
+def kinds_of(regions: ArrayLike) -> Ints:
     """What regions are, whichever core they belong to: ``SKIN`` to ``FOOT_SEAM``, or bladders."""
     given = np.asarray(regions)
     return np.where(given < REGION_COUNT, given, (given - REGION_COUNT) % FIRST_BLADDER)
 
 
-def cores_of(regions: ArrayLike) -> NDArray[np.int64]:
+def cores_of(regions: ArrayLike) -> Ints:
     """The core that regions of the skin belong to, counted from 0; 0 for bladders."""
     return np.maximum((np.asarray(regions) - REGION_COUNT) // FIRST_BLADDER + 1, 0)
 

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.inflatable.body import REGION_COUNT, SKIN_REGIONS, InflatableGeometry, skin_regions
 from taichi_sim.autodiff.dual import Real, value_of
+from taichi_sim.base.arrays import Ints
 from taichi_sim.base.checks import number
 
 # Safety limit of the simulator [Pa]. The search space ends at 12 kPa; published evaluations reach 13,281 Pa.
@@ -89,11 +90,11 @@ class InflatedCores:
         return cls(pressure, sum(share * one for share, one in zip(bladder_shares(geometry), pressure, strict=True)))
 
     @property
-    def everywhere(self) -> NDArray[np.int64]:
+    def everywhere(self) -> Ints:
         """All regions."""
         return np.concatenate([np.arange(REGION_COUNT), self.skin(SKIN_REGIONS)[len(SKIN_REGIONS) :]])
 
-    def skin(self, kinds: ArrayLike) -> NDArray[np.int64]:
+    def skin(self, kinds: ArrayLike) -> Ints:
         """Regions of these kinds in all cores, core by core."""
         return np.concatenate([skin_regions(np.atleast_1d(kinds), core) for core in range(len(self.each))])
 

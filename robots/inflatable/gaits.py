@@ -10,7 +10,6 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.inflatable import robot as inflatable
 from robots.inflatable.actuation import Column, nominal_steps, play
@@ -20,6 +19,7 @@ from robots.inflatable.relaxed_motion import nominal_gait_steps, relaxed_columns
 from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule, Schedule
 from robots.inflatable.robot import ACTUATION, DESIGN_FORMAT, InflatableActuation, InflatableDesign, InflatableResult
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.files import read_record, read_text, write_record
 
 GRADED_FORMAT = "morpholab-graded-design-1"
@@ -73,10 +73,10 @@ class PlayedGait:
             until the motion ends. Of a design with several, those of its cores, shape (N + 1, cores).
     """
 
-    edges: NDArray[np.int64]
-    settles: NDArray[np.int64]
-    levels: NDArray[np.float64]
-    pressures: NDArray[np.float64]
+    edges: Ints
+    settles: Ints
+    levels: Floats
+    pressures: Floats
 
     @property
     def steps(self) -> int:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
@@ -17,8 +16,8 @@ from robots.inflatable.rest_sizes import pull_back_rest_sizes, rest_sizes
 from robots.inflatable.robot import InflatableResult, reordered, scattered, stage_order, summarise, travel_directions
 from robots.world import Terrain
 from taichi_sim import runtime
-from taichi_sim.autodiff.dual import Array
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
+from taichi_sim.base.arrays import Floats, Indices
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
 from taichi_sim.lattice.faces import (
@@ -224,7 +223,7 @@ def _summary(
     actuation: InflatableActuation,
     stages: int,
     record_every: int | None = None,
-    back: NDArray[np.intp] | None = None,
+    back: Indices | None = None,
 ) -> InflatableResult:
     """What a run says of designs; ``back`` says where they are in it."""
     if back is None:
@@ -236,7 +235,7 @@ def _summary(
     return summarise(run, marks, sizes, headings, np.array(nominal), geometry, record_every, stages)
 
 
-def _judged(result: InflatableResult, gradient: DesignGradient, headings: Array) -> InflatableGradient:
+def _judged(result: InflatableResult, gradient: DesignGradient, headings: Floats) -> InflatableGradient:
     """The gradient with what the heading does to the distance of a given path, and NaN for robots that failed."""
     failed = np.where(result.status == "ok", 0.0, np.nan)
     return InflatableGradient(
@@ -262,15 +261,15 @@ class DistanceCotangents:
         headings: of the robots, on the path they went [m/degree], shape (B,).
     """
 
-    positions: Array
-    orientations: Array
-    strains: Array
-    values: Array
-    rates: Array
-    headings: Array
+    positions: Floats
+    orientations: Floats
+    strains: Floats
+    values: Floats
+    rates: Floats
+    headings: Floats
 
 
-def worst_stages(result: InflatableResult) -> Array:
+def worst_stages(result: InflatableResult) -> Floats:
     """Weights of the snapshots in the least distance of a stage, times the number of stages, shape (B, N + 1)."""
     count = result.stages.shape[1]
     order = np.array(stage_order(count))
@@ -281,7 +280,7 @@ def worst_stages(result: InflatableResult) -> Array:
 
 
 def distance_cotangents(
-    body: LatticeBody, run: LatticeResult, program: LatticeProgram, headings: Array, weights: Array
+    body: LatticeBody, run: LatticeResult, program: LatticeProgram, headings: Floats, weights: Floats
 ) -> DistanceCotangents:
     """Differentiate the distances that ``summarise`` reads off the snapshots of a run.
 
@@ -306,7 +305,7 @@ def distance_cotangents(
     )
     by_strains, by_sizes = pull_back_half_extents(body, run.strains[ok], sizes[ok], by_extents)
 
-    def spread(part: Array) -> Array:
+    def spread(part: Floats) -> Floats:
         whole = np.zeros((len(ok), *part.shape[1:]))
         whole[ok] = part
         return whole

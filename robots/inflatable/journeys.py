@@ -22,7 +22,8 @@ from robots.inflatable.relaxed_schedule import RelaxedDesign
 from robots.inflatable.rest_sizes import rest_sizes
 from robots.inflatable.robot import Frames, scattered, travel_directions
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import Array, Dual, value_of
+from taichi_sim.autodiff.dual import Dual, value_of
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
@@ -66,18 +67,18 @@ class JourneyResult:
         time_step: dt [s].
     """
 
-    distances: Array
+    distances: Floats
     steps: np.ndarray
     status: np.ndarray
-    positions: Array
-    orientations: Array
+    positions: Floats
+    orientations: Floats
     frames: Frames | None
     body: LatticeBody
     body_length: float
     time_step: float
 
     @cached_property
-    def speeds(self) -> Array:
+    def speeds(self) -> Floats:
         """Of the legs, by the time that they take [body lengths/s], shape (R, L)."""
         return self.distances / (self.body_length * self.steps * self.time_step)
 
@@ -228,7 +229,7 @@ def _write(
     return edges
 
 
-def _columns(design: RelaxedDesign, levels: Array, actuation: InflatableActuation) -> tuple[list[Column], int]:
+def _columns(design: RelaxedDesign, levels: Floats, actuation: InflatableActuation) -> tuple[list[Column], int]:
     """The columns of a leg, which begins with bladders of some thickness, and its steps."""
     gait = design.schedule
     inflation, grip = _fixed(gait.inflation), _fixed(gait.grip)
@@ -236,7 +237,7 @@ def _columns(design: RelaxedDesign, levels: Array, actuation: InflatableActuatio
     return play_relaxed(inflation, grip, core, _fixed(np.array(design.pressure)), gait, actuation, levels)
 
 
-def _fixed(values: Array) -> Dual:
+def _fixed(values: Floats) -> Dual:
     """Numbers without derivatives."""
     return Dual(np.asarray(values, float), np.zeros((*np.shape(values), 0)))
 

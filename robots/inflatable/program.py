@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import ACTUATION, Column, InflatableActuation, play
 from robots.inflatable.body import (
@@ -25,7 +25,8 @@ from robots.inflatable.body import (
 from robots.inflatable.cores import InflatedCores, Pressure, Scalar, highest_pressure
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain, one_each
-from taichi_sim.autodiff.dual import Array, Real, cosine, sine, value_of
+from taichi_sim.autodiff.dual import Real, cosine, sine, value_of
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -118,7 +119,7 @@ def snapshot_steps(begin: int, end: int, record_every: int | None) -> list[int]:
     return [begin, end, *(range(begin, end + 1, record_every) if record_every else ())]
 
 
-def snapshot_table(marks: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+def snapshot_table(marks: Sequence[Sequence[int]]) -> Ints:
     """The same for all robots, shape (B, S); rows end with -1."""
     table = np.full((len(marks), max(map(len, marks))), -1)
     for row, steps in zip(table, marks, strict=True):
@@ -214,7 +215,7 @@ def stand_on(
     robot: int,
     cores: InflatedCores,
     tilted: Vector,
-    carried: Array,
+    carried: Floats,
     step: int,
     a: InflatableActuation,
 ) -> None:
@@ -310,11 +311,11 @@ def _set_bladder_weights(builder: Builder, robot: int, column: Column, step: int
     set_weight(builder, robot, _times(carried, tilted), regions, done)
 
 
-def _times(factor: Real | Array, vector: Vector) -> Vector:
+def _times(factor: Real | Floats, vector: Vector) -> Vector:
     return factor * vector[0], factor * vector[1], factor * vector[2]
 
 
-def bladder_scales(pressure: float, levels: Array, a: InflatableActuation) -> Array:
+def bladder_scales(pressure: float, levels: Floats, a: InflatableActuation) -> Floats:
     """Rest sizes of bladders of some thickness, shape (8,), in voxels per voxel: across, along, through, (8, 3).
 
     The pressure [Pa] is that which bladders feel, see ``InflatedCores``.

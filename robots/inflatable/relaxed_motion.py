@@ -9,7 +9,6 @@ not deflated further.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.inflatable.actuation import (
     ACTUATION,
@@ -22,7 +21,8 @@ from robots.inflatable.actuation import (
 )
 from robots.inflatable.body import BLADDER_COUNT
 from robots.inflatable.relaxed_schedule import RelaxedSchedule
-from taichi_sim.autodiff.dual import Array, Dual, Real, value_of, where
+from taichi_sim.autodiff.dual import Dual, Real, value_of, where
+from taichi_sim.base.arrays import Bools, Floats, Ints
 
 ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
 MOST_COLUMNS = 2000  # that are played to fill time; shorter ones hardly move, and programs of more grow long
@@ -33,10 +33,10 @@ class Approach:
     """How bladders go from one thickness to another, shape (8,) each; see ``Column``."""
 
     ends: Dual
-    direction: Array
-    moving: NDArray[np.int64]
+    direction: Floats
+    moving: Ints
     arrival: Dual
-    arrives: NDArray[np.bool_]
+    arrives: Bools
 
 
 def rest_levels(actuation: InflatableActuation) -> tuple[float, float]:
@@ -70,11 +70,11 @@ def approach(levels: Real, told: Dual, actuation: InflatableActuation) -> Approa
     return Approach(Dual(ends, end_slopes.slope), direction, moving, Dual(arrival, time.slope), ~stays)
 
 
-def _strokes(levels: Array, told: Array, a: InflatableActuation) -> NDArray[np.bool_]:
+def _strokes(levels: Floats, told: Floats, a: InflatableActuation) -> Bools:
     """Which bladders do what the published rule says: those empty or full, and told 0 or 1."""
     rests = np.array([*rest_levels(a), a.deflated])
     resting = (np.abs(levels[:, None] - rests) < ROUNDING * a.inflation_rate).any(axis=1)
-    decided: NDArray[np.bool_] = (told == 0) | (told == 1)
+    decided: Bools = (told == 0) | (told == 1)
     return resting & decided
 
 

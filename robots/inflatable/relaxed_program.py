@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
@@ -24,7 +24,8 @@ from robots.inflatable.relaxed_schedule import RelaxedDesign
 from robots.inflatable.robot import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, FEET
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import Array, Dual, slope_of, value_of, variables
+from taichi_sim.autodiff.dual import Dual, slope_of, value_of, variables
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 
@@ -42,11 +43,11 @@ class DesignGradient:
         core_pressure: by the core pressure of the columns [1/Pa], shape (B, T); None where the gait has none.
     """
 
-    pressure: Array
-    orientation: Array
-    inflation: Array
-    grip: Array
-    core_pressure: Array | None
+    pressure: Floats
+    orientation: Floats
+    inflation: Floats
+    grip: Floats
+    core_pressure: Floats | None
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Parameters:
         first = np.cumsum([0, *self.sizes[:-1]])
         return [variables(part, int(place), count) for part, place in zip(parts, first, strict=True)]
 
-    def split(self, gradient: Array) -> DesignGradient:
+    def split(self, gradient: Floats) -> DesignGradient:
         """A gradient from rows of shape (B, number of parameters)."""
         pressure, orientation, inflation, grip, core = np.split(gradient, np.cumsum(self.sizes[:-1]), axis=1)
         return DesignGradient(
@@ -116,11 +117,11 @@ class Slopes:
         event, parameter, slope: of the entries that are not zero, shape (N,) each.
     """
 
-    event: NDArray[np.int64]
-    parameter: NDArray[np.int64]
-    slope: Array
+    event: Ints
+    parameter: Ints
+    slope: Floats
 
-    def pull_back(self, cotangents: Array, count: int) -> Array:
+    def pull_back(self, cotangents: Floats, count: int) -> Floats:
         """The transpose times cotangents (E,): shape (count,)."""
         gradient = np.zeros(count)
         np.add.at(gradient, self.parameter, self.slope * cotangents[self.event])
@@ -169,7 +170,7 @@ class Recorder:
         """Start an empty program for robots of so many parameters each."""
         self._builder = ProgramBuilder(robot_count)
         self._parameters, self._events = parameter_count, 0
-        self._entries: tuple[list[Array], list[Array]] = ([], [])
+        self._entries: tuple[list[Floats], list[Floats]] = ([], [])
 
     def set(
         self, quantity: int, value: Scalar, *, regions: ArrayLike, step: ArrayLike = 0, rate: Scalar = 0.0, robots: int

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.inflatable.cores import MAXIMUM_PRESSURE, Pressure, checked_pressure
 from robots.inflatable.robot import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, FEET, MOST_REPEATS, GaitSchedule
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 
 LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
@@ -46,12 +46,12 @@ class RelaxedSchedule:
             None is as published.
     """
 
-    inflation: Array
-    grip: Array
+    inflation: Floats
+    grip: Floats
     repeats: int = 2
-    pressure: Array | None = None
-    motion_steps: NDArray[np.int64] | None = None
-    settle_steps: NDArray[np.int64] | None = None
+    pressure: Floats | None = None
+    motion_steps: Ints | None = None
+    settle_steps: Ints | None = None
 
     def __post_init__(self) -> None:
         inflation = _table("inflation", self.inflation, 1.0, (BLADDERS, None))
@@ -84,7 +84,7 @@ class RelaxedSchedule:
         return self.inflation.shape[1]
 
     @property
-    def levels(self) -> Array:
+    def levels(self) -> Floats:
         """Inflation, then grip, in the order of rows of ``GaitSchedule``, shape (10, T)."""
         return np.concatenate([self.inflation, self.grip])
 
@@ -174,7 +174,7 @@ class RelaxedSchedule:
         levels = np.where(np.isin(u, (0.0, 0.5, 1.0)), u, levels)  # rounding must not move them
         return replace(self, inflation=levels[:BLADDERS], grip=levels[BLADDERS:])
 
-    def sharpening_slope(self, sharpness: float) -> Array:
+    def sharpening_slope(self, sharpness: float) -> Floats:
         """Derivative of :meth:`sharpened` levels by the levels, shape (10, T)."""
         b = number("sharpness", sharpness, 0.0)
         if b < IDENTITY:
@@ -231,7 +231,7 @@ class RelaxedDesign:
         return InflatableDesign(self.pressure, self.orientation, self.schedule.project(threshold))
 
 
-def _step_counts(field: str, given: ArrayLike, columns: int) -> NDArray[np.int64]:
+def _step_counts(field: str, given: ArrayLike, columns: int) -> Ints:
     """A read-only copy of whole numbers, one per column."""
     table = _table(field, given, float(LONGEST_COLUMN), (columns,))
     wrong = table[table != np.rint(table)]
@@ -242,7 +242,7 @@ def _step_counts(field: str, given: ArrayLike, columns: int) -> NDArray[np.int64
     return steps
 
 
-def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, ...]) -> Array:
+def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, ...]) -> Floats:
     """A read-only copy of numbers from 0 to ``high``; None in the shape is any length of at least 1."""
     allowed = f"give shape ({', '.join('T' if n is None else str(n) for n in shape)}{',' * (len(shape) == 1)})"
     try:

@@ -1,13 +1,12 @@
 """Rest sizes of voxels at the recorded steps of a program, and what they owe to its events."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeBody, LatticeProgram, Quantity
 
 
-def rest_sizes(body: LatticeBody, program: LatticeProgram) -> Array:
+def rest_sizes(body: LatticeBody, program: LatticeProgram) -> Floats:
     """Rest size of every voxel at every snapshot [m], shape (B, S, V, 3).
 
     By what ``program.values_after`` says of its region's scale, or else, and before its first event, by its material.
@@ -21,7 +20,7 @@ def rest_sizes(body: LatticeBody, program: LatticeProgram) -> Array:
     return np.broadcast_to(sizes, shape) * body.voxel_size
 
 
-def thermal_growth(body: LatticeBody, program: LatticeProgram) -> Array:
+def thermal_growth(body: LatticeBody, program: LatticeProgram) -> Floats:
     """1 + alpha T of every voxel at every snapshot, by which it grows beyond those sizes, shape (B, S, V, 1)."""
     events, elapsed = _last_events(program, body.region_count, Quantity.TEMPERATURE, 1)
     found = np.array([m.temperature for m in body.materials])[body.material_index][:, None]
@@ -32,7 +31,7 @@ def thermal_growth(body: LatticeBody, program: LatticeProgram) -> Array:
     return np.broadcast_to(1 + alpha * found, (*program.snapshots.shape, body.voxel_count, 1))
 
 
-def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents: Array) -> tuple[Array, Array]:
+def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents: Floats) -> tuple[Floats, Floats]:
     """Derivatives of a cost by the values and by the rates of all events, shape (E,) each, by way of the rest sizes.
 
     Args:
@@ -54,7 +53,7 @@ def pull_back_rest_sizes(body: LatticeBody, program: LatticeProgram, cotangents:
 
 def _last_events(
     program: LatticeProgram, regions: int, quantity: int = Quantity.SCALE, width: int = 3
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Ints, Ints]:
     """Number of the event that channels follow at every snapshot, and the steps since, shape (B, S, R, width) each.
 
     The number is -1 where there is none yet.

@@ -20,7 +20,7 @@ from robots.inflatable.gaits import GaitDesign, steps_of
 from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
 from robots.inflatable.slip import slip_under_load
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 
 RUNS = 8
@@ -42,8 +42,8 @@ class NoisySpeeds:
         hard_speeds: the same with ``HARD_FRICTION`` of sliding feet and bladders that keep their weight, shape (R,).
     """
 
-    speeds: Array
-    hard_speeds: Array
+    speeds: Floats
+    hard_speeds: Floats
 
     @property
     def speed(self) -> float:
@@ -69,15 +69,15 @@ class GaitJudgement(NoisySpeeds):
         hard_friction: of sliding feet under the harder conditions.
     """
 
-    slip: Array
-    distances: Array
+    slip: Floats
+    distances: Floats
     steps: int
     level: bool = False
     most_steps: int = PUBLISHED_STEPS
     hard_friction: float = HARD_FRICTION
 
     @property
-    def slip_ratios(self) -> Array:
+    def slip_ratios(self) -> Floats:
         """Slip of the two feet on average, per distance, of every run; infinite for one that goes nowhere."""
         ways, feet = np.abs(self.distances), self.slip.mean(axis=1)
         return np.divide(feet, ways, out=np.full_like(feet, np.inf), where=ways != 0)
@@ -236,7 +236,7 @@ def play_with_noise(
     *,
     progress: Callable[[float], None] | None = None,
     **options: Any,
-) -> tuple[Array, Array]:
+) -> tuple[Floats, Floats]:
     """Speeds of designs of one kind, as usual and under the harder conditions, shape (N, R) each.
 
     Args:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import whole_number
 
 BLADDERS = 8
@@ -28,7 +29,7 @@ class GaitSchedule:
         repeats: how often the columns are played.
     """
 
-    bits: NDArray[np.bool_]
+    bits: Bools
     repeats: int = 2
 
     row_names: ClassVar[tuple[str, ...]] = (
@@ -75,12 +76,12 @@ class GaitSchedule:
         return len(self.bits[0])
 
     @property
-    def levels(self) -> NDArray[np.float64]:
+    def levels(self) -> Floats:
         """The bits as numbers, shape (10, T)."""
         return self.bits.astype(float)
 
     @property
-    def played(self) -> NDArray[np.bool_]:
+    def played(self) -> Bools:
         """The columns as they are played, shape (10, T * repeats)."""
         return np.tile(self.bits, self.repeats)
 
@@ -107,7 +108,7 @@ class GaitSchedule:
         offset = _codes("phi", phi, columns)[:, None]
         return cls((np.arange(columns) - offset) % period == 0, repeats)
 
-    def to_codes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def to_codes(self) -> tuple[Ints, Ints]:
         """The code (f, phi), each of shape (10,): for every row the smallest f, then the smallest phi.
 
         Raises:
@@ -134,7 +135,7 @@ class GaitSchedule:
         return "/".join(map(_row_text, self.bits))
 
 
-def _codes(field: str, given: ArrayLike, columns: int) -> NDArray[np.int64]:
+def _codes(field: str, given: ArrayLike, columns: int) -> Ints:
     """Check one half of a code, shape (10,)."""
     try:
         values = np.asarray(given, dtype=np.float64)
@@ -149,7 +150,7 @@ def _codes(field: str, given: ArrayLike, columns: int) -> NDArray[np.int64]:
     return values.astype(np.int64)
 
 
-def _row_code(row: NDArray[np.bool_], name: str) -> tuple[int, int]:
+def _row_code(row: Bools, name: str) -> tuple[int, int]:
     """The smallest code (f, phi) of one row."""
     last = len(row) - 1
     on = np.flatnonzero(row)
@@ -164,5 +165,5 @@ def _row_code(row: NDArray[np.bool_], name: str) -> tuple[int, int]:
     return period - 1, first
 
 
-def _row_text(row: NDArray[np.bool_]) -> str:
+def _row_text(row: Bools) -> str:
     return "".join("1" if bit else "0" for bit in row)

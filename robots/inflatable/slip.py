@@ -10,12 +10,12 @@ from robots.inflatable.body import FOOT_REGIONS, kinds_of
 from robots.inflatable.gaits import GaitDesign, played
 from robots.inflatable.robot import ACTUATION, InflatableActuation, InflatableResult
 from robots.inflatable.schedule import BLADDERS, FEET
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats
 
 
 def slip_under_load(
     result: InflatableResult, design: GaitDesign, actuation: InflatableActuation = ACTUATION, robot: int = 0
-) -> Array:
+) -> Floats:
     """The way that each foot slips, as far as it grips and as its load feels it [m], shape (2,).
 
     Between two frames a foot slips by the mean way of its voxels in the plane, each weighted by its load: the depth
@@ -49,7 +49,7 @@ def slip_under_load(
     return slip
 
 
-def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Array) -> Array:
+def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Floats) -> Floats:
     """How much each foot grips all the time between two frames, from 0 to 1, shape (F - 1, 2)."""
     gait = played(design, actuation)
     grips = np.ones((len(steps) - 1, FEET))

@@ -14,7 +14,7 @@ from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.relaxed_motion import full_stroke_steps
 from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.inflatable.schedule import BLADDERS, FEET
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
 
 INFLATION_TIME, VACUUM_TIME = 11.5, 4.7  # of the core, from flat to round and back [s]
@@ -67,7 +67,7 @@ def change_of_shape(
     return RelaxedDesign(before, orientation, gait)
 
 
-def shape_error(positions: Array, target: Array) -> float:
+def shape_error(positions: Floats, target: Floats) -> float:
     """Mean distance of voxels from those of a target after the rigid motion that fits best is removed [m].
 
     Source: Kabsch, Acta Crystallographica A 32, 922-923, 1976.
@@ -80,21 +80,21 @@ def shape_error(positions: Array, target: Array) -> float:
     return float(np.linalg.norm(here @ _rotation(here, there).T - there, axis=1).mean())
 
 
-def turned_by(positions: Array, start: Array) -> float:
+def turned_by(positions: Floats, start: Floats) -> float:
     """Angle of the rigid rotation that fits best from a start to some positions, shape (V, 3) each [degrees]."""
     turn = _rotation(start - start.mean(axis=0), positions - positions.mean(axis=0))
     return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0))))
 
 
-def _rotation(here: Array, there: Array) -> Array:
+def _rotation(here: Floats, there: Floats) -> Floats:
     """The rotation that takes centred points nearest to others, shape (3, 3)."""
     u, _, vt = np.linalg.svd(here.T @ there)
     handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
-    turn: Array = vt.T @ handed @ u.T
+    turn: Floats = vt.T @ handed @ u.T
     return turn
 
 
-def deepest_contact(body: LatticeBody, positions: Array, sizes: Array) -> float:
+def deepest_contact(body: LatticeBody, positions: Floats, sizes: Floats) -> float:
     """How far any two voxels that may collide are in each other, beyond where their contact begins, in voxels.
 
     The skins of the flat pouch rest a quarter of a voxel in each other.

@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robots.control.cyclic import SEGMENTS
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.lattice import Quantity
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

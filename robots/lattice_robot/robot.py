@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, DriveValues, Free
 from robots.world import Terrain
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 
-Floats = NDArray[np.float64]
 MOST_CYCLES = 10_000
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
@@ -90,7 +90,7 @@ class LatticeRobot:
             if drive.quantity == "pressure" and not feels.any():
                 raise ValueError(f"drives: no voxel of {drive.name} has a face under pressure; give pressure_normals")
 
-    def _driven_by(self, drive: Drive) -> NDArray[np.bool_]:
+    def _driven_by(self, drive: Drive) -> Bools:
         """Which voxels are, shape (V,)."""
         return np.isin(np.asarray(self.body.regions), drive.regions)
 

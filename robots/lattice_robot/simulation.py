@@ -13,10 +13,10 @@ from robots.lattice_robot.robot import LatticeRobot
 from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
 
-Floats = NDArray[np.float64]
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
 
@@ -42,7 +42,7 @@ class LatticeRobotResult:
     speed: Floats
     status: NDArray[np.str_]
     reason: NDArray[np.str_]
-    steps: NDArray[np.int64]
+    steps: Ints
     time_step: float
     bodies: tuple[LatticeBody, ...]
     frames: tuple[Frames | None, ...]

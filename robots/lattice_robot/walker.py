@@ -22,6 +22,7 @@ from robots.lattice_robot.walker_body import (
     save_walker,
 )
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Quantity
 
@@ -93,11 +94,11 @@ class WalkerResult:
         frames: recorded poses of each, times from the start of the actuation; None where not asked for, or no robot.
     """
 
-    distance: NDArray[np.float64]
-    speed: NDArray[np.float64]
+    distance: Floats
+    speed: Floats
     status: NDArray[np.str_]
     reason: NDArray[np.str_]
-    steps: NDArray[np.int64]
+    steps: Ints
     time_step: float
     bodies: tuple[LatticeBody | None, ...]
     frames: tuple[Frames | None, ...]

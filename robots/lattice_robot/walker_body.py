@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from robots.world import Terrain
+from taichi_sim.base.arrays import Ints
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice import LatticeBody, Material
 
@@ -60,7 +61,7 @@ class WalkerDesign:
         return "" if (kinds != PASSIVE).any() else "the body has no active voxel"
 
     @cached_property
-    def connected(self) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+    def connected(self) -> tuple[Ints, NDArray[np.int8]]:
         """The largest part whose voxels share faces (the first of equals), moved to the corner of the lattice.
 
         Returns:
@@ -144,7 +145,7 @@ class WalkerTissue:
         pair = self.body(np.array([[0, 0, 0], [1, 0, 0]]), np.zeros(2, np.int64))
         return pair.recommended_time_step / self.time_step_safety
 
-    def body(self, places: NDArray[np.int64], regions: NDArray[np.int64]) -> LatticeBody:
+    def body(self, places: Ints, regions: Ints) -> LatticeBody:
         """The lattice of voxels at these places, shape (V, 3), with these labels, shape (V,)."""
         return LatticeBody(places, (self.material,), np.zeros(len(places), int), self.voxel_size, regions)
 

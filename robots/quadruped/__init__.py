@@ -6,6 +6,7 @@ differs, ``TEXT`` holds the text's variant. A robot starts a little inside the g
 
 from typing import TYPE_CHECKING
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.lazy import exported_from
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
         VARIANTS,
         WHEELED,
         WHEGGED,
-        Floats,
         Kind,
         Quadruped,
         QuadrupedResult,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.control.neural import check_weights
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.rigid import (
     Body,
@@ -30,7 +31,6 @@ from taichi_sim.rigid import (
     World,
 )
 
-Floats = NDArray[np.float64]
 Kind = Literal["legged", "wheeled", "whegged"]
 
 SENSORS, MOTORS = 5, 8

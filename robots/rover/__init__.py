@@ -7,6 +7,7 @@ published ones are balls, which stop the vehicle, does not matter, as it succeed
 
 from typing import TYPE_CHECKING
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.lazy import exported_from
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
         TIME_STEP,
         WHEEL_SETBACK,
         WIDTH,
-        Floats,
         Rover,
         RoverResult,
         Site,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.braitenberg import VehicleBody
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.rigid import (
     Body,
@@ -30,7 +31,6 @@ from taichi_sim.rigid import (
     World,
 )
 
-Floats = NDArray[np.float64]
 Site = tuple[float, float]
 Sites = tuple[Site, Site]
 
@@ -160,7 +160,7 @@ class RoverResult:
     """
 
     closest: Floats
-    success: NDArray[np.bool_]
+    success: Bools
     position: Floats
     status: NDArray[np.str_]
     rollouts: RigidResult

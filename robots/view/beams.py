@@ -12,8 +12,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from robots.view.colouring import STRAINS
 from robots.view.drawing import Stretch
 from robots.view.lattice_states import LatticeStates
-from robots.view.motion import Floats
 from robots.view.scene import SHADOW, Camera, fallen
+from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
-from robots.view.motion import Channel, Colour, Floats, Motion
+from robots.view.motion import Channel, Colour, Motion
 from robots.view.scene import pale
+from taichi_sim.base.arrays import Floats
 
 COLOURINGS = ("material", "strain", "contact", "friction")
 STRAINS = LinearSegmentedColormap.from_list("strains", ["#08519c", "#4f9bd0", "#d3cec4", "#e2703a", "#a50f15"])

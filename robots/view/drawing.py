@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from robots.inflatable.relaxed_schedule import Schedule
 from robots.inflatable.robot import InflatableResult
 from robots.view import scene, shape
-from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Array, Camera, Polygons
+from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Camera, Polygons
+from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,14 +36,14 @@ class Stretch:
     """
 
     camera: Camera
-    travel: Array
-    across: Array
+    travel: Floats
+    across: Floats
     level: float
     spacing: float = LINES
     solid: bool = True
 
     @property
-    def rim(self) -> Array:
+    def rim(self) -> Floats:
         """Its corners on paper, the first two on the near edge [m], shape (4, 2)."""
         return self.camera.on_ground(self.travel[[0, 1, 1, 0]], self.across[[0, 0, 1, 1]], self.level)
 
@@ -80,7 +81,7 @@ def draw_pose(
 
 
 def draw_polygons(
-    axes: "Axes", robot: Polygons, shift: Array = NO_SHIFT, zorder: float = 1.0, outlined: bool = True
+    axes: "Axes", robot: Polygons, shift: Floats = NO_SHIFT, zorder: float = 1.0, outlined: bool = True
 ) -> None:
     """Draw a robot and its shadow, shifted on paper [m], with outlines of its faces or without."""
     shadow = PolyCollection(list(robot.shadow + shift), facecolors=[SHADOW], edgecolors="none")
@@ -95,7 +96,7 @@ def draw_polygons(
         axes.add_collection(collection)
 
 
-def draw_ground(axes: "Axes", stretch: Stretch, shift: Array = NO_SHIFT, zorder: float = 1.0) -> None:
+def draw_ground(axes: "Axes", stretch: Stretch, shift: Floats = NO_SHIFT, zorder: float = 1.0) -> None:
     """Draw a stretch of ground, shifted on paper [m]; nothing in a fluid."""
     if not stretch.solid:
         return
@@ -108,12 +109,12 @@ def draw_ground(axes: "Axes", stretch: Stretch, shift: Array = NO_SHIFT, zorder:
     axes.add_collection(LineCollection([rim[:2]], colors=[INK], linewidths=0.9, zorder=zorder))
 
 
-def footprint(result: InflatableResult, camera: Camera, frames: list[int], robot: int = 0) -> Array:
+def footprint(result: InflatableResult, camera: Camera, frames: list[int], robot: int = 0) -> Floats:
     """Ranges along and across the way that poses cover [m], shape (2, 2)."""
     return covered(np.concatenate([shape.surface(result, robot, i).quads.reshape(-1, 3) for i in frames]), camera)
 
 
-def covered(points: Array, camera: Camera) -> Array:
+def covered(points: Floats, camera: Camera) -> Floats:
     """Ranges along and across the way that points cover, shape (N, 3) [m], shape (2, 2)."""
     h = np.deg2rad(camera.heading)
     places = points[:, :2] @ np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])

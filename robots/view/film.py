@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from PIL import Image
 
 from robots.view.motion import Motion
 from robots.view.scene import INK
 from robots.view.still import Setting, draw_key, draw_motion, limits, save_figure, setting
 from robots.view.strip import draw_robots
+from taichi_sim.base.arrays import Bytes
 from taichi_sim.base.checks import install_extra, number, whole_number
 from taichi_sim.base.files import new_path, write_bytes
 
@@ -27,7 +27,7 @@ CAPTION, KEY = 14, 48  # heights of a line above each robot of a film, and of th
 SAMPLES = 6  # pictures that a GIF's colours are chosen from
 ALMOST_WHITE = 249  # of 255: paper has no tint
 
-Picture = NDArray[np.uint8]
+Picture = Bytes
 
 
 def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") -> Figure:

@@ -12,8 +12,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from robots.view.motion import BALL, LIGHT_COLOUR, Colour, Floats, Ground, Motion, product
+from robots.view.motion import BALL, LIGHT_COLOUR, Colour, Ground, Motion, product
 from robots.view.scene import GROUND
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere

@@ -7,15 +7,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, corners
 from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +35,7 @@ class LatticeStates:
     sizes: Floats
     pressure: float | Floats = 0.0
 
-    def part(self, frames: NDArray[np.int64]) -> Self:
+    def part(self, frames: Ints) -> Self:
         """The same with some of its frames."""
         several = [f.name for f in fields(self) if f.name not in ("body", "pressure")]
         return replace(self, **{name: getattr(self, name)[frames] for name in several})

@@ -3,10 +3,10 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robots.view.motion import BALL, Floats, Motion
+from robots.view.motion import BALL, Motion
 from robots.view.shape import joined_surface
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice.faces import FACE_CORNERS, rotate
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 
@@ -15,7 +15,7 @@ RINGS, SECTORS = 6, 20  # of half a ball
 SIGNS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
 
 
-def faces(motion: Motion, frame: int = -1) -> tuple[Floats, NDArray[np.int64]]:
+def faces(motion: Motion, frame: int = -1) -> tuple[Floats, Ints]:
     """The faces of a motion in a frame, and whose they are.
 
     Args:

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.view.lattice_states import LatticeStates
 from taichi_sim.autodiff import rotations
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.rigid import Box, Sphere
 from taichi_sim.rigid.model.shapes import Solid
 
-Floats = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
 CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size, given their sizes by scale
@@ -109,8 +109,8 @@ class Skin:
         faces: that are seen: cube, and its side -x, +x, -y, ..., shape (M, 2).
     """
 
-    knots: NDArray[np.int64]
-    faces: NDArray[np.int64]
+    knots: Ints
+    faces: Ints
 
 
 @dataclass(frozen=True, eq=False)

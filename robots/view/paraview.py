@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from robots.view.colouring import colouring
 from robots.view.mesh import boxes, faces
-from robots.view.motion import Floats, Motion
+from robots.view.motion import Motion
 from robots.view.shape import joined_corners
+from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.files import write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
@@ -75,7 +76,7 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
     return total + len(index)
 
 
-def _grid(motion: Motion, frame: int, colour: NDArray[np.uint8]) -> tuple[str, bytes]:
+def _grid(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
     """Name and content of the file of a frame of a lattice."""
     assert motion.lattice is not None and motion.skin is not None and motion.lattice.body.regions is not None
     now, knots = motion.lattice.part(np.array([frame])), motion.skin.knots
@@ -95,7 +96,7 @@ def _grid(motion: Motion, frame: int, colour: NDArray[np.uint8]) -> tuple[str, b
     return f"frames/{frame:05d}.vtu", _file("UnstructuredGrid", counts, points, "Cells", cells, data)
 
 
-def _faces(motion: Motion, frame: int, colour: NDArray[np.uint8]) -> tuple[str, bytes]:
+def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
     """Name and content of the file of a frame of other robots."""
     quads, owners = faces(motion, frame)
     count = len(quads)

@@ -13,10 +13,11 @@ from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, I
 from robots.inflatable.schedule import BLADDERS
 from robots.view import shape
 from robots.view.drawing import draw_pose, draw_schedule
-from robots.view.scene import INK, Array, Camera
+from robots.view.scene import INK, Camera
 from robots.view.still import figure_content
 from robots.view.strip import draw_strip
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.files import write_bytes
 
@@ -118,7 +119,7 @@ def _arrange(figure: Figure) -> None:
     figure.texts[0].set_position((0.02, 1 - 0.14 / total))
 
 
-def _gripping(gait: PlayedGait, edges: Array, time: float) -> tuple[bool, bool]:
+def _gripping(gait: PlayedGait, edges: Floats, time: float) -> tuple[bool, bool]:
     """Which feet the gait has gripping, rather than sliding, at a time [s]; before it begins both do."""
     column = int(np.searchsorted(edges[:-1], time)) - 1
     first, second = gait.levels[BLADDERS:, column] if column >= 0 else (1.0, 1.0)

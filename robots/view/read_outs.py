@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from robots.inflatable.robot import (
     ACTUATION,
@@ -18,8 +17,8 @@ from robots.inflatable.robot import (
 from robots.inflatable.schedule import GaitSchedule
 from robots.view import shape
 from robots.view.scene import INK, PAIRS
+from taichi_sim.base.arrays import Floats
 
-Floats = NDArray[np.float64]
 PRESSURES = tuple(1000.0 * kilopascals for kilopascals in range(13))  # the range of the published search space [Pa]
 IDLE = GaitSchedule(np.zeros((10, 1), bool), repeats=1)
 

@@ -12,7 +12,6 @@ from robots.view.motion import (
     BALL,
     Channel,
     Colour,
-    Floats,
     Ground,
     Motion,
     Node,
@@ -22,6 +21,7 @@ from robots.view.motion import (
     whole_frames,
 )
 from robots.view.scene import INK, PAIRS
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import rotate
 from taichi_sim.rigid import Box, Capsule, Frames, Sphere, Tree
 from taichi_sim.rigid.model.shapes import Solid

@@ -4,16 +4,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.inflatable.body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
 from robots.inflatable.robot import InflatableResult
 from robots.view.shape import kinds, surface, thickness
+from taichi_sim.base.arrays import Floats
 
-Array = NDArray[np.float64]
 
-
-def _rgb(text: str) -> Array:
+def _rgb(text: str) -> Floats:
     return np.array([int(text[i : i + 2], 16) for i in (0, 2, 4)]) / 255
 
 
@@ -51,7 +50,7 @@ class Camera:
     shift_up: float = 0.26
 
     @cached_property
-    def frame(self) -> Array:
+    def frame(self) -> Floats:
         """Rows: level along the way, level to its left, up against gravity, frame of the ground; shape (3, 3)."""
         h, s = np.deg2rad([self.heading, self.slope])
         turn = np.array([[np.cos(h), np.sin(h), 0], [-np.sin(h), np.cos(h), 0], [0, 0, 1]])
@@ -59,17 +58,17 @@ class Camera:
         return tilt @ turn
 
     @cached_property
-    def toward(self) -> Array:
+    def toward(self) -> Floats:
         """The direction in which the viewer is, a unit vector in the frame of the ground, shape (3,)."""
         ray = np.array([self.shift_right, -1.0, self.shift_up])
         return ray @ self.frame / np.linalg.norm(ray)
 
-    def project(self, points: Array) -> Array:
+    def project(self, points: Floats) -> Floats:
         """Points in space [m], shape (..., 3), on paper [m], shape (..., 2)."""
         level = points @ self.frame.T
         return level[..., [0, 2]] + level[..., 1:2] * np.array([self.shift_right, self.shift_up])
 
-    def on_ground(self, travel: ArrayLike, across: ArrayLike, z: float) -> Array:
+    def on_ground(self, travel: ArrayLike, across: ArrayLike, z: float) -> Floats:
         """Places by how far along the way and to its left they are [m], on paper [m], shape (..., 2)."""
         h = np.deg2rad(self.heading)
         x = np.cos(h) * np.asarray(travel) - np.sin(h) * np.asarray(across)
@@ -87,9 +86,9 @@ class Polygons:
         shadow: of the faces, on the ground straight below [m], shape (M, 4, 2).
     """
 
-    corners: Array
-    colours: Array
-    shadow: Array
+    corners: Floats
+    colours: Floats
+    shadow: Floats
 
     @property
     def floating(self) -> "Polygons":
@@ -110,7 +109,7 @@ def build(
     return paint(seen.quads, colours, camera or Camera(), ground_level(result))
 
 
-def paint(quads: Array, colours: Array, camera: Camera, level: float) -> Polygons:
+def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polygons:
     """The polygons of faces in space, lit, and of their shadow.
 
     Args:
@@ -131,7 +130,7 @@ def paint(quads: Array, colours: Array, camera: Camera, level: float) -> Polygon
     return Polygons(camera.project(quads[visible]), shown, camera.project(fallen(lit, camera, level)))
 
 
-def fallen(points: Array, camera: Camera, level: float) -> Array:
+def fallen(points: Floats, camera: Camera, level: float) -> Floats:
     """Points moved straight down to the ground, shape (..., 3) [m]."""
     up = camera.frame[2]
     return points - (points[..., 2:] - level) / up[2] * up
@@ -142,7 +141,7 @@ def ground_level(result: InflatableResult) -> float:
     return -0.5 * result.body.voxel_size
 
 
-def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool, bool]) -> Array:
+def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool, bool]) -> Floats:
     """Colour of every voxel, shape (V, 3)."""
     palette = np.zeros((REGION_COUNT, 3))
     palette[SKIN], palette[[SEAM, FOOT_SEAM]] = SKIN_COLOUR, SEAM_COLOUR
@@ -155,6 +154,6 @@ def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool
     return full * palette[region] + (1 - full) * pale(palette[region])
 
 
-def pale(colour: Array) -> Array:
+def pale(colour: Floats) -> Floats:
     """A colour that is as good as off."""
     return 0.32 * colour + 0.68 * np.array([0.97, 0.96, 0.94])

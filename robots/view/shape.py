@@ -4,16 +4,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
 from robots.inflatable.body import FIRST_BLADDER, kinds_of
 from robots.inflatable.robot import Frames, InflatableResult
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners, rotate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +23,8 @@ class Surface:
         voxels: to which voxel a face belongs, shape (N,).
     """
 
-    quads: Array
-    voxels: NDArray[np.int64]
+    quads: Floats
+    voxels: Ints
 
 
 def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surface:
@@ -40,7 +38,7 @@ def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surfac
     return joined_surface(corners(*pose), knots(body), body.topology.faces)
 
 
-def joined_surface(loose: Array, knot: NDArray[np.int64], faces: NDArray[np.int64]) -> Surface:
+def joined_surface(loose: Floats, knot: Ints, faces: Ints) -> Surface:
     """The surface of boxes that are joined at their corners.
 
     Args:
@@ -52,7 +50,7 @@ def joined_surface(loose: Array, knot: NDArray[np.int64], faces: NDArray[np.int6
     return Surface(joined_corners(loose, knot)[knot[voxels[:, None], FACE_CORNERS[sides]]], voxels)
 
 
-def joined_corners(loose: Array, knot: NDArray[np.int64]) -> Array:
+def joined_corners(loose: Floats, knot: Ints) -> Floats:
     """The points that corners of boxes are joined to, in the middle of them [m], shape (K, 3); arguments as above."""
     size = np.bincount(knot.ravel())
     return np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
@@ -98,7 +96,7 @@ def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float
     return float(np.mean(found))
 
 
-def menger_curvature(points: Array, axis: Array) -> Array:
+def menger_curvature(points: Floats, axis: Floats) -> Floats:
     """Curvature of the circles through three consecutive points each [1/m], shape (..., N - 2).
 
     Args:
@@ -111,14 +109,14 @@ def menger_curvature(points: Array, axis: Array) -> Array:
     return 2 * turn / (lengths[0] * lengths[1] * lengths[2])
 
 
-def path(result: InflatableResult, robot: int = 0) -> Array:
+def path(result: InflatableResult, robot: int = 0) -> Floats:
     """Where the middle of the robot was, the mean of the corners of its faces [m], shape (F, 3)."""
     frames = recorded(result)
     poses = (a[:, robot] for a in (frames.positions, frames.orientations, frames.extents))
     return mean_of_face_corners(result.body, *poses)
 
 
-def thickness(result: InflatableResult, robot: int = 0, frame: int = -1) -> Array:
+def thickness(result: InflatableResult, robot: int = 0, frame: int = -1) -> Floats:
     """Thickness of every voxel, in edges of the lattice, shape (V,): how full a bladder is."""
     extents = recorded(result).extents[frame, robot]
     return (extents[:, 4] + extents[:, 5]) / result.body.voxel_size
@@ -135,19 +133,19 @@ def recorded(result: InflatableResult) -> Frames:
     return result.frames
 
 
-def kinds(body: LatticeBody) -> NDArray[np.int64]:
+def kinds(body: LatticeBody) -> Ints:
     """Region of every voxel, whichever core it belongs to, shape (V,); see ``robots.inflatable.body``."""
     return kinds_of(np.asarray(body.regions))
 
 
-def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Array:
+def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Floats:
     seen = surface(result, robot, frame)
     skin = seen.quads[kinds(result.body)[seen.voxels] < FIRST_BLADDER]
     return np.ptp(skin.reshape(-1, 3), axis=0)
 
 
 @lru_cache(maxsize=16)
-def knots(body: LatticeBody) -> NDArray[np.int64]:
+def knots(body: LatticeBody) -> Ints:
     """Which corners of voxels are one point, because links join them: a number for each, shape (V, 8).
 
     Corners are ordered as in ``taichi_sim.lattice.faces.corners``.

@@ -24,10 +24,11 @@ from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, PASSIVE, WalkerActuation, WalkerDesign, WalkerResult
 from robots.view.lattice_states import LatticeStates
-from robots.view.motion import CUBE, Channel, Colour, Floats, Ground, Motion, Node, Skin, speed_channels, whole_frames
+from robots.view.motion import CUBE, Channel, Colour, Ground, Motion, Node, Skin, speed_channels, whole_frames
 from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
 from robots.view.shape import knots
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import mean_of_face_corners, rotate
 

@@ -19,9 +19,10 @@ from robots.view.beams import arrows, draw_beams
 from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring, strain_limit
 from robots.view.drawing import Stretch, covered, draw_ground, draw_polygons
 from robots.view.mesh import ball_at, faces
-from robots.view.motion import LIGHT_COLOUR, Floats, Motion
+from robots.view.motion import LIGHT_COLOUR, Motion
 from robots.view.scene import INK, Camera, Polygons, paint
 from robots.view.strip import draw_path, draw_scale_bar
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
 

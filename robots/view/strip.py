@@ -9,7 +9,8 @@ from matplotlib.patheffects import withStroke
 from robots.inflatable.robot import InflatableResult
 from robots.view import scene, shape
 from robots.view.drawing import Stretch, draw_ground, draw_polygons, footprint
-from robots.view.scene import INK, Array, Camera, Polygons
+from robots.view.scene import INK, Camera, Polygons
+from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,9 +57,9 @@ def draw_robots(
     axes: "Axes",
     robots: list[Polygons],
     stretch: Stretch,
-    path: Array,
+    path: Floats,
     poses: list[int],
-    times: Array,
+    times: Floats,
     length: float,
     outlined: bool = True,
 ) -> None:
@@ -103,7 +104,7 @@ def _apart(robots: list[Polygons]) -> bool:
     return all(before[1] < after[0] for before, after in pairwise(ranges))
 
 
-def _places(robots: list[Polygons], rim: Array, gap: float) -> Array:
+def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
     """Shifts on paper that put the pictures in lines, shape (N, 2) [m]."""
     count = len(robots)
     right, climb = np.ptp(rim[:, 0]) + gap, rim[1, 1] - rim[0, 1]
@@ -124,7 +125,7 @@ def _places(robots: list[Polygons], rim: Array, gap: float) -> Array:
     return np.stack([column * right, -row * down(columns)], axis=1)
 
 
-def draw_path(axes: "Axes", path: Array, zorder: float) -> None:
+def draw_path(axes: "Axes", path: Floats, zorder: float) -> None:
     """Draw the way of a robot's middle on paper [m], shape (F, 2), with a dot at its end."""
     halo = [withStroke(linewidth=2.4, foreground="white", alpha=0.9)]
     axes.plot(*path.T, color=INK, lw=1.0, zorder=zorder, path_effects=halo, solid_capstyle="round")
@@ -137,7 +138,7 @@ def _write(axes: "Axes", text: str, place: tuple[float, float], centred: bool) -
     axes.annotate(text, place, (0, -3), textcoords="offset points", ha=side, va="top", fontsize=8, color=INK)
 
 
-def draw_scale_bar(axes: "Axes", edge: Array) -> float:
+def draw_scale_bar(axes: "Axes", edge: Floats) -> float:
     """Draw a bar at the right end of a line along the way, shape (2, 2) [m], and return its lowest y."""
     stretch = float(np.hypot(*(edge[1] - edge[0])))
     bar = SCALE_BARS[max(int(np.searchsorted(SCALE_BARS, stretch / 4)) - 1, 0)]

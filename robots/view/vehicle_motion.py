@@ -4,8 +4,9 @@ import numpy as np
 
 from robots.braitenberg import PUBLISHED, Traces, VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
-from robots.view.motion import BALL, CUBE, Channel, Colour, Floats, Motion, Node, speed_channels, whole_frames
+from robots.view.motion import BALL, CUBE, Channel, Colour, Motion, Node, speed_channels, whole_frames
 from robots.view.rigid_motion import DARK, HUES, SLATE, STEEL, SUN
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import rotate
 
 HEIGHT, WHEEL = 0.1, 0.25  # m, of the body's box, and radius of its wheels

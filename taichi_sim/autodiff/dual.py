@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any, Union
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Real = Union[Array, "Dual"]
+from taichi_sim.base.arrays import Bools, Floats
+
+Real = Union[Floats, "Dual"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,8 @@ class Dual:
         slope: their derivatives with respect to P parameters, the shape of ``value`` and P.
     """
 
-    value: Array
-    slope: Array
+    value: Floats
+    slope: Floats
 
     __array_ufunc__ = None  # array + dual is dual's business
 
@@ -62,29 +62,29 @@ class Dual:
     __rmul__ = __mul__
 
 
-def _new(value: Array, slope: Array) -> Dual:
+def _new(value: Floats, slope: Floats) -> Dual:
     """A dual number of slopes that may still lack the axes of the value."""
     return Dual(value, np.broadcast_to(slope, (*value.shape, slope.shape[-1])))
 
 
-def value_of(number: float | Real) -> Array:
+def value_of(number: float | Real) -> Floats:
     """The numbers without their derivatives."""
     return number.value if isinstance(number, Dual) else np.asarray(number, float)
 
 
-def slope_of(number: float | Real) -> Array:
+def slope_of(number: float | Real) -> Floats:
     """The derivatives; zeros that broadcast, shape (1,), for a plain number."""
     return number.slope if isinstance(number, Dual) else np.zeros(1)
 
 
-def variables(values: Array, first: int, count: int) -> Dual:
+def variables(values: Floats, first: int, count: int) -> Dual:
     """The parameters ``first``, ``first + 1``, ... of ``count``, in the order of ``values``."""
     slope = np.zeros((values.size, count))
     slope[np.arange(values.size), first + np.arange(values.size)] = 1.0
     return Dual(values, slope.reshape(*values.shape, count))
 
 
-def where(condition: NDArray[np.bool_], chosen: float | Real, other: float | Real) -> Real:
+def where(condition: Bools, chosen: float | Real, other: float | Real) -> Real:
     """``numpy.where`` for values and slopes."""
     value = np.where(condition, value_of(chosen), value_of(other))
     if not isinstance(chosen, Dual) and not isinstance(other, Dual):

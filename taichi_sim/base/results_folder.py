@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import LONGEST_SHOWN
 from taichi_sim.base.files import ASIDE, make_folder, read_text, write_bytes, write_text
 
@@ -56,7 +57,7 @@ class ResultsFolder:
         np.savez_compressed(content, allow_pickle=False, **arrays)
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
 
-    def load(self, name: str) -> Iterator[dict[str, NDArray[Any]]]:
+    def load(self, name: str) -> Iterator[Arrays]:
         """The arrays of every file of that name; what is damaged is as good as missing, with a warning."""
         for path in sorted(self.path.glob(f"{name}-*.npz")):
             try:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.rigid import memory
-from taichi_sim.rigid.model.shapes import Floats
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import State
@@ -34,14 +34,14 @@ class Given:
     commands: Floats
     lights: Floats
 
-    def rows(self, robots: NDArray[np.int64]) -> "Given":
+    def rows(self, robots: Ints) -> "Given":
         """Of some robots."""
         state = State(*(_rows(getattr(self.state, each.name), robots) for each in fields(State)))
         arrays = (_rows(x, robots) for x in (self.weights, self.commands, self.lights))
         return Given(len(robots), state, *arrays)
 
 
-def _rows(array: Floats, robots: NDArray[np.int64]) -> Floats:
+def _rows(array: Floats, robots: Ints) -> Floats:
     return array[robots] if len(array) > 1 else np.repeat(array, len(robots), 0)
 
 

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.rigid import batch, memory
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.model.settings import Network, World
-from taichi_sim.rigid.model.shapes import Floats, is_whole
+from taichi_sim.rigid.model.shapes import is_whole
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.session import RigidSession
@@ -196,7 +196,7 @@ class RigidEngine:
         at_once = real.width * BLOCKS_AT_ONCE * running.threads if on_cpu else ROBOTS_AT_ONCE
         return Setup(self.trees, given, tables, plan, running, real, start is None, at_once)
 
-    def _part(self, setup: Setup, chosen: NDArray[np.int64]) -> Part:
+    def _part(self, setup: Setup, chosen: Ints) -> Part:
         """Some robots, ready to start; the last real is filled up with the first robots again."""
         real, blocks = setup.real, -(-len(chosen) // setup.real.width)
         padded = np.resize(chosen, blocks * real.width)

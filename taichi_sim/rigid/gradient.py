@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sim import runtime
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import memory
-from taichi_sim.rigid.model.shapes import Floats
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.state import RigidResult
 from taichi_sim.rigid.tables import parameters_of, points_of

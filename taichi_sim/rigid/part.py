@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.base.arrays import Ints
 from taichi_sim.rigid import memory
 from taichi_sim.rigid.batch import Given
 from taichi_sim.rigid.gradient_kernel import gradient_kernel
@@ -44,7 +45,7 @@ class Setup:
     described: bool
     at_once: int
 
-    def chunks(self) -> Iterator[NDArray[np.int64]]:
+    def chunks(self) -> Iterator[Ints]:
         """The robots of each part."""
         for first in range(0, self.given.batch, self.at_once):
             yield np.arange(first, min(first + self.at_once, self.given.batch))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from taichi_sim.autodiff import rotations
-from taichi_sim.rigid.model.shapes import Floats
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.tree import Hinge, Tree
 
 

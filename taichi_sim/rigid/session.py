@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.rigid import memory
-from taichi_sim.rigid.model.shapes import Floats, is_whole
+from taichi_sim.rigid.model.shapes import is_whole
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.state import RigidResult
 
@@ -21,7 +21,7 @@ class RigidSession:
     def __init__(
         self,
         setup: Setup,
-        parts: Sequence[tuple[Part, NDArray[np.int64]]],
+        parts: Sequence[tuple[Part, Ints]],
         result: Callable[[np.ndarray], RigidResult],
     ) -> None:
         """Start with parts in their first state, and a way to read a result off the memory of all robots."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_sim.rigid.model.shapes import Floats
+from taichi_sim.base.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +75,6 @@ class RigidResult:
     readings: Floats
     closest: Floats
     status: NDArray[np.str_]
-    steps: NDArray[np.int64]
+    steps: Ints
     residual: Floats
     frames: Frames | None

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import memory
 from taichi_sim.rigid.memory import Counts
-from taichi_sim.rigid.model.shapes import Floats, Vector, vector
+from taichi_sim.rigid.model.shapes import Vector, vector
 from taichi_sim.rigid.model.tree import Hinge, Tree
 
 Ints = NDArray[np.int32]

@@ -7,9 +7,10 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
+from taichi_sim.base.arrays import Floats
 from taichi_sim.vehicle import gradient_kernel as kernel
 from taichi_sim.vehicle.rollout_kernel import GRAIN
-from taichi_sim.vehicle.task import Floats, VehicleBatch, VehicleTask
+from taichi_sim.vehicle.task import VehicleBatch, VehicleTask
 
 ROLLOUTS_AT_ONCE = 4096
 

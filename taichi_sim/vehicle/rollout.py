@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.vehicle import rollout_kernel as kernel
-from taichi_sim.vehicle.task import MOST_ROLLOUTS, Floats, VehicleBatch, VehicleTask
+from taichi_sim.vehicle.task import MOST_ROLLOUTS, VehicleBatch, VehicleTask
 
 Until = Literal["success", "closest", "end"]
 
@@ -33,11 +34,11 @@ class Rollouts:
         diverged: whether a sensor met the light itself, which ends the rollout; what was before it counts.
     """
 
-    reached: NDArray[np.bool_]
+    reached: Bools
     closest: Floats
     arrival: NDArray[np.int32]
     final: Floats
-    diverged: NDArray[np.bool_]
+    diverged: Bools
 
 
 def rollout(

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from taichi_sim.base.arrays import Floats
+
 Wiring = tuple[tuple[int, ...], tuple[int, ...]]
 
 MOST_STEPS = 10_000_000  # f32 counts them exactly

@@ -7,7 +7,8 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
-from taichi_sim.vehicle.task import Floats, VehicleBatch, VehicleTask
+from taichi_sim.base.arrays import Floats
+from taichi_sim.vehicle.task import VehicleBatch, VehicleTask
 from taichi_sim.vehicle.trace_kernel import trace_kernel
 
 MOST_NUMBERS = 1 << 30  # of all traces at once

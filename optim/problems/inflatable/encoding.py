@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problems.pattern_genes import pattern_network, pattern_variables
-from optim.space import Variable, Vector
+from optim.space import Variable
 from robots.control.pattern import PatternWiring
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 
 if TYPE_CHECKING:
@@ -44,17 +44,17 @@ class GaitEncoding(ABC):
         """The genes."""
 
     @abstractmethod
-    def schedule(self, values: Vector) -> "Schedule":
+    def schedule(self, values: Floats) -> "Schedule":
         """The schedule of a genome; every genome has one."""
 
-    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+    def relaxed(self, values: Floats, sharpness: float) -> "RelaxedSchedule":
         """The schedule of a genome whose binary genes lie between 0 and 1, sharpened; here of one without such."""
         from robots.inflatable.relaxed_schedule import RelaxedSchedule
 
         schedule = self.schedule(values)
         return RelaxedSchedule.from_schedule(schedule) if isinstance(schedule, GaitSchedule) else schedule
 
-    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
         """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers."""
         return np.zeros(len(values))
 
@@ -73,7 +73,7 @@ class FixedGait(GaitEncoding):
         """None."""
         return []
 
-    def schedule(self, values: Vector) -> "Schedule":
+    def schedule(self, values: Floats) -> "Schedule":
         """The one given."""
         return self.given
 
@@ -86,7 +86,7 @@ class CodedGait(GaitEncoding):
         names = [f"{code}_{row}" for code in ("f", "phi") for row in GaitSchedule.row_names]
         return [Variable(name, 0, self.columns, "integer", step=0.9) for name in names]
 
-    def schedule(self, values: Vector) -> GaitSchedule:
+    def schedule(self, values: Floats) -> GaitSchedule:
         """The schedule of the codes."""
         return GaitSchedule.from_codes(values[:ROWS], values[ROWS:], self.columns, self.repeats)
 
@@ -99,22 +99,22 @@ class BitwiseGait(GaitEncoding):
         names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
         return [Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names]
 
-    def schedule(self, values: Vector) -> GaitSchedule:
+    def schedule(self, values: Floats) -> GaitSchedule:
         """The bits as they are."""
         return GaitSchedule(self._matrix(values) == 1, self.repeats)
 
-    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+    def relaxed(self, values: Floats, sharpness: float) -> "RelaxedSchedule":
         """Bits between 0 and 1, sharpened."""
         return self._levels(values).sharpened(sharpness)
 
-    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
         """Through the sharpening."""
         return (slopes * self._levels(values).sharpening_slope(sharpness)).ravel()
 
-    def _matrix(self, values: Vector) -> NDArray[np.float64]:
+    def _matrix(self, values: Floats) -> Floats:
         return np.asarray(values, float).reshape(ROWS, self.columns)
 
-    def _levels(self, values: Vector) -> "RelaxedSchedule":
+    def _levels(self, values: Floats) -> "RelaxedSchedule":
         from robots.inflatable.relaxed_schedule import RelaxedSchedule
 
         levels = self._matrix(values)
@@ -158,11 +158,11 @@ class GradedGait(GaitEncoding):
         columns = range(1, self.columns + 1)
         return [Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns]
 
-    def schedule(self, values: Vector) -> "RelaxedSchedule":
+    def schedule(self, values: Floats) -> "RelaxedSchedule":
         """With feet that grip or slide."""
         return self.relaxed(values, 0.0)
 
-    def relaxed(self, values: Vector, sharpness: float) -> "RelaxedSchedule":
+    def relaxed(self, values: Floats, sharpness: float) -> "RelaxedSchedule":
         """With feet that grip a little, sharpened; as often as the steps allow."""
         from robots.inflatable.relaxed_motion import cycle_starts, most_repeats
 
@@ -172,7 +172,7 @@ class GradedGait(GaitEncoding):
             repeats += 1
         return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=repeats)
 
-    def slopes(self, values: Vector, sharpness: float, slopes: NDArray[np.float64]) -> Vector:
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
         """By levels that are not cut, and by grip, through the sharpening; zero by times."""
         inflation = self._tables(values)[0]
         free = (inflation > 0) & (inflation < 1)
@@ -182,7 +182,7 @@ class GradedGait(GaitEncoding):
         )
 
     @staticmethod
-    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:
+    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Floats:
         """Genes of all columns that a schedule plays, one after the other.
 
         Raises:
@@ -200,12 +200,12 @@ class GradedGait(GaitEncoding):
             )
         return np.tile(np.vstack([schedule.levels, schedule.settle_steps]), schedule.repeats).ravel()
 
-    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+    def _tables(self, values: Floats) -> tuple[Floats, ...]:
         """Inflation, shape (8, T), grip, (2, T), and settling, (T,), as the genes have them."""
         table = np.asarray(values, float).reshape(-1, self.columns)
         return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
 
-    def _graded(self, values: Vector) -> "RelaxedSchedule":
+    def _graded(self, values: Floats) -> "RelaxedSchedule":
         """Played once, its feet as the genes have them."""
         from robots.inflatable.relaxed_schedule import RelaxedSchedule
 
@@ -236,7 +236,7 @@ class PatternGait(GaitEncoding):
         """The genome of the network; it is the same for any number of columns."""
         return pattern_variables(GAIT_WIRING)
 
-    def schedule(self, values: Vector) -> GaitSchedule:
+    def schedule(self, values: Floats) -> GaitSchedule:
         """The sign of the network's output."""
         return GaitSchedule(_pattern(values, self.columns) > 0, self.repeats)
 
@@ -254,7 +254,7 @@ class GradedPatternGait(GradedGait):
 
     slopes = GaitEncoding.slopes  # zero: networks are searched without gradients
 
-    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+    def _tables(self, values: Floats) -> tuple[Floats, ...]:
         """What the network says, and settling."""
         values = np.asarray(values, float)
         output = _pattern(values[: -self.columns], self.columns)
@@ -279,7 +279,7 @@ class GradedWaveGait(GradedGait):
     slopes = GaitEncoding.slopes  # zero: waves are searched without gradients
 
     @staticmethod
-    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Vector:
+    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Floats:
         """Genes of a wave.
 
         Raises:
@@ -294,19 +294,19 @@ class GradedWaveGait(GradedGait):
             raise ValueError("inflation: it is no wave, the same levels in every bladder, shifted, and even settling")
         return np.concatenate([levels[0], shifts[:1], grip.ravel(), settle[0, :1]])
 
-    def _tables(self, values: Vector) -> tuple[NDArray[np.float64], ...]:
+    def _tables(self, values: Floats) -> tuple[Floats, ...]:
         """The levels, shifted from bladder to bladder, grip, and settling."""
         values = np.asarray(values, float)
         levels, shift, feet = values[: self.columns], int(values[self.columns]), values[self.columns + 1 : -1]
         return _wave(levels, shift), feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
 
 
-def _wave(levels: Vector, shift: int) -> NDArray[np.float64]:
+def _wave(levels: Floats, shift: int) -> Floats:
     """What all bladders play if the first plays such levels, shape (8, T)."""
     return np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
 
 
-def _pattern(values: Vector, columns: int) -> NDArray[np.float64]:
+def _pattern(values: Floats, columns: int) -> Floats:
     """What a network of such genes says of all actuators and columns, shape (10, T)."""
     column = np.arange(columns)
     phase = 2 * np.pi * column / columns

@@ -13,6 +13,7 @@ from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation, 
 from robots.inflatable.gaits import GaitDesign, played
 from robots.inflatable.schedule import BLADDERS
 from robots.world import Terrain
+from taichi_sim.base.arrays import Bools, Floats, Indices
 
 NEXT = 0.02  # body lengths/s: faster gaits on a ladder are tried on its next terrain
 AHEAD = 1e-3  # body lengths/s: gaits that are faster get ahead; about every other gait that trembles is above zero
@@ -38,7 +39,7 @@ class Condition:
     carries: bool = True
     least: float = AHEAD
 
-    def simulated(self, speeds: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+    def simulated(self, speeds: Mapping[str, Floats]) -> Bools:
         """Which gaits are simulated here, by their speeds under all conditions, shape (N,)."""
         return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > self.least
 
@@ -49,10 +50,10 @@ class Batch:
 
     run: Callable[..., Any]
     designs: Sequence[Any]
-    points: NDArray[np.float64] | None = None
+    points: Floats | None = None
     sharpness: float = 0.0
 
-    def part(self, chosen: NDArray[np.intp]) -> "Batch":
+    def part(self, chosen: Indices) -> "Batch":
         """Some of them."""
         points = None if self.points is None else self.points[chosen]
         return dataclasses.replace(self, designs=[self.designs[i] for i in chosen], points=points)
@@ -62,9 +63,9 @@ class Batch:
 class Outcome:
     """Speeds, shape (N,), status, shape (N,), and slopes of speeds, shape (N, D) or None, of a simulation."""
 
-    speeds: NDArray[np.float64]
+    speeds: Floats
     status: NDArray[Any]
-    slopes: NDArray[np.float64] | None
+    slopes: Floats | None
 
     @property
     def nothing(self) -> "Outcome":
@@ -72,7 +73,7 @@ class Outcome:
         slopes = None if self.slopes is None else np.zeros_like(self.slopes)
         return Outcome(np.zeros_like(self.speeds), self.status, slopes)
 
-    def replaced(self, chosen: NDArray[np.intp], other: "Outcome | None") -> "Outcome":
+    def replaced(self, chosen: Indices, other: "Outcome | None") -> "Outcome":
         """The same with what another simulation said of some robots."""
         if other is None:
             return self
@@ -85,7 +86,7 @@ class Outcome:
 
 
 def outcomes(
-    conditions: Sequence[Condition], count: int, simulate: Callable[[int, Condition, NDArray[np.intp]], Outcome]
+    conditions: Sequence[Condition], count: int, simulate: Callable[[int, Condition, Indices], Outcome]
 ) -> dict[str, Outcome]:
     """Of a batch of so many gaits under some conditions, one after the other, by their names.
 
@@ -129,7 +130,7 @@ def capped(found: Mapping[str, Outcome], conditions: Sequence[Condition], most: 
     return result
 
 
-def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, NDArray[np.float64]]:
+def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, Floats]:
     """How much the bladders are moved, and its derivative by what they are told in each column, shape (8, T).
 
     The effort is 1 where every bladder makes a full stroke in every column of a published gait: the mean over the

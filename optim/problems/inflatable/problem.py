@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.problem import OK, Evaluation
 from optim.problems.inflatable.description import LATER_OPTIONS, description_of, problem_of_description
 from optim.problems.inflatable.encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import NEXT, Batch, Condition, Outcome, capped, effort, outcomes
 from optim.problems.inflatable.shape import EMPTY_CORE, ShapeGenes
-from optim.space import Space, Vector
+from optim.space import Space
 from robots.calibration import Properties, robot_of, save_properties
 from robots.inflatable import gaits
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, nominal_steps
@@ -30,6 +30,7 @@ from robots.inflatable.robot import NAMED_GEOMETRIES, InflatableActuation, Infla
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET, MOST_COLUMNS, MOST_REPEATS
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import choice, number, whole_number
 
 if TYPE_CHECKING:
@@ -236,7 +237,7 @@ class GaitProblem:
             return gaits.counted_steps(design, self.actuation)
         return max(self.steps, gaits.steps_of(design, self.actuation))
 
-    def _genes(self, point: ArrayLike) -> Vector:
+    def _genes(self, point: ArrayLike) -> Floats:
         """What a point, shape (D,), says of the schedule; it comes last."""
         return np.asarray(point, float)[self.shape.size :]
 
@@ -287,7 +288,7 @@ class GaitProblem:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
         return RelaxedDesign(*self.shape.values(point), self._control.relaxed(self._genes(point), sharpness))
 
-    def _slopes(self, run: "InflatableGradient", points: NDArray[np.float64], sharpness: float) -> NDArray[np.float64]:
+    def _slopes(self, run: "InflatableGradient", points: Floats, sharpness: float) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
         levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
@@ -298,7 +299,7 @@ class GaitProblem:
         seconds = self._counted(run.result)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 
-    def _counted(self, result: InflatableResult) -> NDArray[np.int64]:
+    def _counted(self, result: InflatableResult) -> Ints:
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
         if self.warm_up:  # whole cycles that follow it
             return result.steps
@@ -311,7 +312,7 @@ class GaitProblem:
         """Whether gaits have times of their own."""
         return self.graded if self.schedule is None else gaits.is_timed(self.schedule)
 
-    def speeds(self, result: InflatableResult) -> NDArray[np.float64]:
+    def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
         if all(getattr(self, name) == LATER_OPTIONS[name] for name in GRADED_OPTIONS):
             return result.speed
@@ -333,7 +334,7 @@ class GaitProblem:
             status = np.where(status == OK, outcome.status, status)
         slopes = [outcome.slopes for outcome in counted.values() if outcome.slopes is not None]
         objectives = each.mean(axis=1) if mean else each
-        gradients: NDArray[np.float64] | None = np.mean(slopes, axis=0) if slopes else None
+        gradients: Floats | None = np.mean(slopes, axis=0) if slopes else None
         details = {name: outcome.speeds for name, outcome in found.items()}
         if self.effort:
             details["effort"], by_effort = self._efforts(batch)
@@ -341,7 +342,7 @@ class GaitProblem:
             gradients = None if gradients is None else gradients - self.effort * by_effort
         return Evaluation(objectives, status, details, gradients)
 
-    def _efforts(self, batch: Batch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _efforts(self, batch: Batch) -> tuple[Floats, Floats]:
         """Efforts of a batch, shape (N,), and their derivatives by the points, shape (N, D), if it has some."""
         each = [effort(design, self.counted_steps(design), self.actuation) for design in batch.designs]
         slopes = np.zeros((len(each), self.space.size))
@@ -376,7 +377,7 @@ class GaitProblem:
 
     def robot_steps(
         self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
-    ) -> NDArray[np.int64]:
+    ) -> Ints:
         """Time steps that judging each of some points took, over all simulations of it, shape (N,); cheap.
 
         Args:

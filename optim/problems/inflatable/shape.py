@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.space import Variable
 from robots.inflatable.cores import Pressure, checked_pressure
+from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from robots.inflatable.gradient import InflatableGradient
@@ -56,7 +57,7 @@ class ShapeGenes:
             return self.pressure, orientation
         return checked_pressure(np.maximum(values[-self.cores :], 0.0)), orientation
 
-    def slopes(self, run: "InflatableGradient", points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slopes(self, run: "InflatableGradient", points: Floats) -> Floats:
         """d distance / d variable, shape (N, size), at points of shape (N, D); none by a core that is empty."""
         found = [run.orientation[:, None]] if self.orientation is None else []
         if self.pressure is None:

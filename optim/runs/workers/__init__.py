@@ -9,7 +9,7 @@ from optim.problem import Problem
 from optim.runs.requests import Evaluate
 from optim.runs.workers.pool import Backend, Pool
 from optim.search.method import check_whole
-from optim.space import Vector
+from taichi_sim.base.arrays import Floats
 
 __all__ = ["open_workers"]
 
@@ -25,7 +25,7 @@ def open_workers(
     address: str | None = None,
     threads: int = 1,
     part: int = 16,
-    save_failed: Callable[[Vector, str], Path],
+    save_failed: Callable[[Floats, str], Path],
     note: Callable[[str], None],
     progress: Callable[[float], None] | None = None,
 ) -> Iterator[Evaluate]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.runs.requests import Request, failures, join
-from optim.space import Vector
+from taichi_sim.base.arrays import Floats
 
 KILLER = "killed its worker"  # status of a design that does so twice
 ATTEMPTS = 2
@@ -61,7 +61,7 @@ class Batch:
         return finished / max(1, len(self._request.points))
 
     @property
-    def killers(self) -> Vector:
+    def killers(self) -> Floats:
         """Points that killed their workers, shape (F, D), in order."""
         return self._request.points[sorted(part.begin for part in self._killers)]
 

@@ -8,7 +8,7 @@ from optim.problem import Evaluation
 from optim.runs.requests import Request
 from optim.runs.workers.batch import KILLER, Batch, Part
 from optim.runs.workers.service import Answer, Raised
-from optim.space import Vector
+from taichi_sim.base.arrays import Floats
 
 STARTS = 3  # deaths at start, one after the other, that are enough
 
@@ -64,7 +64,7 @@ class Pool(Generic[W]):
         backend: Backend[W],
         count: int,
         size: int,
-        save_failed: Callable[[Vector, str], Path],
+        save_failed: Callable[[Floats, str], Path],
         note: Callable[[str], None],
         progress: Callable[[float], None] | None,
     ) -> None:
@@ -162,7 +162,7 @@ class Pool(Generic[W]):
             raise RuntimeError(f"workers: {STARTS} died one after the other before they were ready ({death})")
         self._note(f"note: a worker died ({death}) before it was ready; another one is started")
 
-    def _save(self, killers: Vector, count: int) -> Evaluation:
+    def _save(self, killers: Floats, count: int) -> Evaluation:
         """Save what killed its workers; a judgement of other points, of this request or one before.
 
         Raises:

@@ -12,9 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.experiments.results import Budget, Progress, part_of, write_json
@@ -24,6 +21,7 @@ from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from robots.braitenberg import BASELINE
+from taichi_sim.base.arrays import Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 PROBLEMS: dict[str, tuple[str, dict[str, Any], int]] = {
@@ -79,7 +77,7 @@ def report(settings: CoOptimisation, found: dict[str, dict[str, Trials]], out: P
     """Write raw times as CSV, draw them, and return their numbers."""
     environments = len(settings.task.starts)
     summary: dict[str, Any] = {"evaluations": {}, "cost": {}, "tests": {}}
-    times: dict[str, dict[str, dict[str, NDArray[np.int64]]]] = {"evaluations": {}, "cost": {}}
+    times: dict[str, dict[str, dict[str, Ints]]] = {"evaluations": {}, "cost": {}}
     for name, methods in found.items():
         for kind, counts in times.items():
             counts[name] = {
@@ -103,7 +101,7 @@ def report(settings: CoOptimisation, found: dict[str, dict[str, Trials]], out: P
     return summary
 
 
-def _draw(times: dict[str, dict[str, dict[str, NDArray[np.int64]]]], budget: int, path: Path) -> None:
+def _draw(times: dict[str, dict[str, dict[str, Ints]]], budget: int, path: Path) -> None:
     """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
     with figure(path, PAGE, 2.8, ncols=len(PROBLEMS), sharey=True) as (drawn, panels):
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.studies.chapter2.evolution import Run
-from optim.studies.chapter2.settings import Arrays, Floats, Interference, Treatment
+from optim.studies.chapter2.settings import Interference, Treatment
 from optim.studies.chapter2.tables import measure
 from robots.quadruped.robot import TIME_STEP
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.files import write_text
 
 FRAMES = 500  # of a signal, at most
@@ -68,7 +68,7 @@ def follow(settings: Interference, robot: str, weights: Floats, threads: int | N
 
 def time_near(seen: Champions, lights: Sequence[Sequence[float]]) -> tuple[Floats, Floats]:
     """Time within half a metre of the light, seen from above [s], (R, E): in all, and without leaving to the end."""
-    near: NDArray[np.bool_] = np.linalg.norm(seen.paths - np.array(lights, float)[:, None], axis=-1) <= NEAR
+    near: Bools = np.linalg.norm(seen.paths - np.array(lights, float)[:, None], axis=-1) <= NEAR
     step = seen.times[1] - seen.times[0] if len(seen.times) > 1 else TIME_STEP
     waiting = np.cumprod(near[..., ::-1], axis=-1)
     return near.sum(axis=-1) * step, waiting.sum(axis=-1) * step

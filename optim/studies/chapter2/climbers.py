@@ -9,11 +9,11 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.search.method import generator
-from optim.studies.chapter2.settings import FITNESS_NAMES, Arrays, Floats, Interference, Treatment
+from optim.studies.chapter2.settings import FITNESS_NAMES, Interference, Treatment
 from robots.quadruped.robot import MOTORS, SENSORS
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 
 STEP = 0.05  # standard deviation of mutations
 FITNESS: Mapping[str, Callable[..., Floats]] = MappingProxyType(
@@ -78,7 +78,7 @@ class HillClimbers:
         """Keep what is strictly better, Eq. survival; at the start, all."""
         self._keep(weights, light, distance)
 
-    def _keep(self, weights: Floats, light: Floats, distance: Floats) -> NDArray[np.bool_]:
+    def _keep(self, weights: Floats, light: Floats, distance: Floats) -> Bools:
         """What was kept, (P,)."""
         scores = np.nan_to_num(self.fitness(light, axis=-1), nan=-np.inf)
         kept = (scores > self.scores) | (self.generation == 0)

@@ -10,9 +10,10 @@ import numpy as np
 from optim.experiments.results import Progress
 from optim.search.method import check_whole
 from optim.studies.chapter2.climbers import Climbers
-from optim.studies.chapter2.settings import Arrays, Interference, Treatment
+from optim.studies.chapter2.settings import Interference, Treatment
 from optim.studies.chapter2.trainers import TRAINERS
 from taichi_sim import runtime
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "interference"

@@ -15,7 +15,8 @@ from optim.experiments.tables import write_table
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.studies.chapter2.champions import Champions, typical
-from optim.studies.chapter2.settings import ROBOTS, Floats, Interference, Treatment
+from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
+from taichi_sim.base.arrays import Floats
 
 MOST_POINTS = 20_000  # of a panel; more are as dense
 SHADES = ("#e8f3e8", "#f7ecec")  # better in both environments; better in one and worse in the other

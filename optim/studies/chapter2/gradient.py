@@ -8,8 +8,9 @@ does until that helps. Derivatives are taken only where a climber has moved; eac
 import numpy as np
 
 from optim.studies.chapter2.climbers import HillClimbers
-from optim.studies.chapter2.settings import ROBOTS, Arrays, Floats, Interference, Treatment
+from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
 from robots.quadruped.robot import VARIANTS, differentiate
+from taichi_sim.base.arrays import Arrays, Floats
 
 FIRST, LONGEST = 0.1, 1.0  # steps; a mutation is 0.05 sqrt(40) = 0.32 long
 GROWTH, SHRINKAGE = 2.0, 0.5

@@ -2,10 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from optim.search.method import MOST_POINTS, check_choice, check_whole
 from robots.quadruped.robot import (
@@ -20,9 +16,8 @@ from robots.quadruped.robot import (
     QuadrupedResult,
     simulate,
 )
+from taichi_sim.base.arrays import Floats
 
-Floats = NDArray[np.float64]
-Arrays = dict[str, NDArray[Any]]
 Lights = tuple[tuple[float, float], ...]
 
 HILL_CLIMB = "hill-climb"

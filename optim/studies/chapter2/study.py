@@ -15,8 +15,9 @@ from optim.studies.chapter2.champions import champions_of, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
 from optim.studies.chapter2.evolution import Run, evolve
 from optim.studies.chapter2.likeness import likeness, write_likeness
-from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Arrays, Interference, Treatment, treatments
+from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
 from optim.studies.chapter2.tables import measure, write_tables
+from taichi_sim.base.arrays import Arrays
 
 TABLES = (
     "tables.md",

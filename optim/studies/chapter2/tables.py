@@ -12,17 +12,16 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.results import write_json
 from optim.experiments.tables import write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Run
-from optim.studies.chapter2.settings import Arrays, Treatment
+from optim.studies.chapter2.settings import Treatment
+from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.files import write_text
 
-Floats = NDArray[np.float64]
 Cells = Mapping[Treatment, Floats]
 SIGNIFICANT = 0.05
 

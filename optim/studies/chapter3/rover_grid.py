@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optim.experiments.results import Arrays, kept
+from optim.experiments.results import kept
 from optim.search.method import check_choice, check_whole
 from robots.braitenberg import weight_grid
 from robots.rover.robot import STEPS, Rover, simulate
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
-Success = NDArray[np.bool_]
 KIND = "rover-grid"  # of folders
 MIRRORED_LIGHTS = [1, 0, 3, 2]  # those that lie where each lies in a mirror
 
@@ -44,7 +43,7 @@ class RoverGrid:
         check_choice("precision", self.precision, ("f32", "f64"))
 
     @property
-    def pairs(self) -> NDArray[np.float64]:
+    def pairs(self) -> Floats:
         """All weights w1 and w2, w2 changing fastest, (n n, 2)."""
         grid = weight_grid(self.weights)
         return np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -58,7 +57,7 @@ def successes(
     device: str = "cpu",
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Success:
+) -> Bools:
     """Which lights each controller reaches in bodies of the published grid.
 
     Args:

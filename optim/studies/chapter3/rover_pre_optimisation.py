@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, COLUMN, figure
-from optim.experiments.results import Arrays, Budget, Progress, kept, write_json
+from optim.experiments.results import Budget, Progress, kept, write_json
 from optim.experiments.tables import write_table
 from optim.experiments.trials import Trials, kept_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
 from optim.search.method import check_whole
-from optim.space import Vector
 from optim.studies.chapter3.rover_grid import RoverGrid
 from optim.studies.chapter3.rover_problem import (
     CONTROLLERS,
@@ -35,6 +34,7 @@ from optim.studies.chapter3.rover_problem import (
     effort,
 )
 from robots.rover.robot import BEST, CANONICAL, STEPS, Rover, simulate
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 BORG: dict[str, Any] = {"population": 100, "epsilons": 0.05, "window": 500}
@@ -82,9 +82,9 @@ class Front:
         solved: environments whose light is reached, (F,).
     """
 
-    points: Vector
-    distance: Vector
-    effort: Vector
+    points: Floats
+    distance: Floats
+    effort: Floats
     solved: NDArray[np.int8]
 
     @classmethod
@@ -97,7 +97,7 @@ class Front:
         chosen = chosen[np.argsort(objectives[chosen, 1], kind="stable")]
         return cls(points[chosen], -objectives[chosen, 0], -objectives[chosen, 1], solved[chosen])
 
-    def least_effort(self, allowed: NDArray[np.bool_]) -> int | None:
+    def least_effort(self, allowed: Bools) -> int | None:
         """Place of the member of least effort among those allowed, (F,); None if none is."""
         places = np.flatnonzero(allowed)
         return int(places[-1]) if len(places) else None

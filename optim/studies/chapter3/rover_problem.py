@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
 from optim.search.method import check_choice
-from optim.space import Space, Variable, Vector
+from optim.space import Space, Variable
 from robots.rover.robot import CANONICAL, STEPS, Rover, simulate
+from taichi_sim.base.arrays import Floats
 
 MASSES = ("body_mass", "wheel_mass", "castor_mass")
 DRIVES = ("speed", "command_range", "torque")  # in units of pi
@@ -108,12 +109,12 @@ class RoverProblem:
         return {**numbers, "variables": {v.name: [v.low, v.high] for v in self.space.variables}}
 
 
-def distances(rovers: list[Rover], closest: Vector) -> Vector:
+def distances(rovers: list[Rover], closest: Floats) -> Floats:
     """Sums over environments of smallest distances, (N, E), none below that of success [m], (N,)."""
     reached = np.array([rover.success_distance for rover in rovers])
     return np.asarray(np.maximum(closest, reached[:, None]).sum(axis=1))
 
 
-def effort(rovers: list[Rover]) -> Vector:
+def effort(rovers: list[Rover]) -> Floats:
     """Torque [N m], speed and rate [rad/s], in units of pi, summed, (N,)."""
     return np.array([rover.torque + rover.speed + rover.command_range for rover in rovers]) / math.pi

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.figures import COLUMN, figure, letter, save_arrays
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
@@ -21,8 +20,9 @@ from optim.studies.chapter3.rover_grid import RoverGrid, successes
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep
 from robots.rover.robot import BEST, CANONICAL, Rover
+from taichi_sim.base.arrays import Bytes
 
-Overlap = NDArray[np.uint8]
+Overlap = Bytes
 BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 # Of 121 x 121 controllers: those that solve all environments, M_L and M_CF.
 PUBLISHED = {"canonical": (1, 0.000068, 0.00052), "best": (57, 0.0039, 0.038)}

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
@@ -22,8 +21,8 @@ from optim.studies.chapter3.rover_success import BODIES, MODELS
 from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.training import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from taichi_sim.base.arrays import Floats
 
-Floats = NDArray[np.float64]
 METRICS = {"M_L": learnability, "M_CF": interference}
 MEANINGS = {"M_L": "learnability $M_L$", "M_CF": "resistance to forgetting $M_{CF}$"}
 BINS = 30

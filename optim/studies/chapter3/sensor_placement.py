@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.measures.statistics import Correlation, pearson
 from optim.studies.chapter3.sweep_table import SweepTable
 from robots.braitenberg import BASELINE, VehicleBody, VehicleTask, contralateral, simulate, trace, weight_grid
-
-Floats = NDArray[np.float64]
+from taichi_sim.base.arrays import Bools, Bytes, Floats, Ints
 
 NEAR = 0.5  # m, half a side of the body: the light remains under it
 EVERY = 5  # steps between samples
@@ -32,7 +31,7 @@ class Distribution:
     """
 
     edges: Floats
-    counts: NDArray[np.int64]
+    counts: Ints
     zeros: int
 
 
@@ -57,21 +56,21 @@ def notable_designs(table: SweepTable) -> dict[int, str]:
     return found
 
 
-def solving_controllers(overlap: NDArray[np.uint8], environments: int = 4) -> Floats:
+def solving_controllers(overlap: Bytes, environments: int = 4) -> Floats:
     """Weights (w1, w2) of the controllers of a sweep that solve every environment, shape (C, 2)."""
     grid = weight_grid(len(overlap))
     first, second = np.nonzero(overlap == environments)
     return np.stack([grid[first], grid[second]], axis=1)
 
 
-def some_solving_controllers(overlap: NDArray[np.uint8], count: int, seed: Sequence[int]) -> Floats:
+def some_solving_controllers(overlap: Bytes, count: int, seed: Sequence[int]) -> Floats:
     """At most so many of them, drawn without replacement, in the order of the sweep, shape (C, 2)."""
     weights = solving_controllers(overlap)
     drawn = np.random.default_rng(seed).permutation(len(weights))[:count]
     return np.asarray(weights[np.sort(drawn)])
 
 
-def central_controller(overlap: NDArray[np.uint8], environments: int = 4) -> Floats | None:
+def central_controller(overlap: Bytes, environments: int = 4) -> Floats | None:
     """The solving controller with most of its kind around it, shape (2,), the first of equals; None without any.
 
     It is the farthest from all controllers that fail, those beyond the grid among them.
@@ -91,7 +90,7 @@ def paths(body: VehicleBody, weights: ArrayLike, task: VehicleTask, every: int =
     return trace([body], contralateral(weights)[None], task, every=every).poses[0, ..., :2]
 
 
-def persistent(body: VehicleBody, weights: ArrayLike, task: VehicleTask, near: float = NEAR) -> NDArray[np.bool_]:
+def persistent(body: VehicleBody, weights: ArrayLike, task: VehicleTask, near: float = NEAR) -> Bools:
     """Whether controllers show persistent phototaxis: having reached the light, they stay by it to the end.
 
     Args:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, COLUMN, PAGE, figure, letter, save_arrays
 from optim.experiments.tables import write_table
@@ -28,6 +27,7 @@ from optim.studies.chapter3.sensor_placement import (
 from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of
 from robots.braitenberg import VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
+from taichi_sim.base.arrays import Arrays, Bytes, Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,7 +112,7 @@ class Example:
 
     name: str
     body: VehicleBody
-    overlap: NDArray[np.uint8]
+    overlap: Bytes
     task: VehicleTask
 
 
@@ -133,7 +133,7 @@ def save_examples(examples: Mapping[int, Example], path: Path) -> None:
     Matrices, weights and paths are written beside it, by the numbers of the bodies, and as CSV how many controllers
     solve all environments, and how many of these show persistent phototaxis in all of them.
     """
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: Arrays = {}
     with figure(path, PAGE, 2.3 * len(examples), nrows=len(examples), ncols=3) as (drawn, panels):
         for (design, example), row in zip(examples.items(), panels, strict=True):
             weights = central_controller(example.overlap)
@@ -185,7 +185,7 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
     )
 
 
-def _draw_paths(axes: "Axes", places: NDArray[np.float64], task: VehicleTask, weights: NDArray[np.float64]) -> None:
+def _draw_paths(axes: "Axes", places: Floats, task: VehicleTask, weights: Floats) -> None:
     draw_paths(axes, places, np.unique(task.lights, axis=0))
     axes.annotate(
         "$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights),

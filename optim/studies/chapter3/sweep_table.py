@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from optim.experiments.tables import read_table, write_table
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
+from taichi_sim.base.arrays import Floats, Ints
 
 COLUMNS = ("design", "all", "any")
-Whole = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +30,9 @@ class SweepTable:
         settings: of the sweep.
     """
 
-    designs: Whole
-    solving_all: Whole
-    solving_any: Whole
+    designs: Ints
+    solving_all: Ints
+    solving_any: Ints
     settings: Sweep
 
     @classmethod

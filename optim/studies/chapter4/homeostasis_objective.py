@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.comparison import compare, describe_times
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
-from optim.experiments.results import Arrays, Budget, Progress, kept, part_of, write_json
+from optim.experiments.results import Budget, Progress, kept, part_of, write_json
 from optim.experiments.tables import write_table
 from optim.experiments.trials import NOTHING, Trials, kept_trials
 from optim.measures import interference, learnability
@@ -28,6 +27,7 @@ from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import VehicleBody, sweep
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 BOX = 0.0005  # side of the boxes of homeostasis; solutions of the best body lie some of them apart
@@ -119,18 +119,18 @@ def _similarity(settings: HomeostasisObjective, trials: Trials) -> Arrays:
     return {"homeostasis": values}
 
 
-def _largest(values: NDArray[np.float64], allowed: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _largest(values: Floats, allowed: Bools) -> Ints:
     """Where each row has its largest value among those allowed; -1 without one."""
     shown = np.where(allowed & np.isfinite(values), values, -np.inf)
     return np.where(np.isfinite(shown).any(axis=1), shown.argmax(axis=1), NOTHING)
 
 
-def _points(trials: Trials, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
+def _points(trials: Trials, chosen: Ints) -> Floats:
     points = trials.points[np.arange(trials.runs), np.maximum(chosen, 0)]
     return np.where((chosen == NOTHING)[:, None], np.nan, points)
 
 
-def judge(settings: HomeostasisObjective, points: NDArray[np.float64], sweep_folder: Path | None) -> Arrays:
+def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | None) -> Arrays:
     """What is thought of reported points, by the names in ``OUTCOMES``, shape (R,); NaN where there is none."""
     own, there = settings.searches, ~np.isnan(points).any(axis=1)
     arrays = {name: np.full(len(points), np.nan) for name in OUTCOMES}

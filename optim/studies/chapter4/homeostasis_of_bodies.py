@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Arrays, Budget, Progress, kept, part_of, write_json
+from optim.experiments.results import Budget, Progress, kept, part_of, write_json
 from optim.experiments.tables import read_table, write_table
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
@@ -24,6 +24,7 @@ from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, contralateral
 from robots.braitenberg.sweeps import Overlap
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
 MEASURES = ("raw", "normalised")

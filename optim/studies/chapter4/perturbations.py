@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, rollout
 
-Floats = NDArray[np.float64]
 Change = Callable[[Floats, Floats, VehicleTask, np.random.Generator], tuple[Floats, Floats, VehicleTask]]
 
 

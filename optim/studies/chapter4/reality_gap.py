@@ -14,7 +14,7 @@ import numpy as np
 
 from optim.experiments.comparison import compare
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Arrays, Budget, Progress, kept, write_json
+from optim.experiments.results import Budget, Progress, kept, write_json
 from optim.experiments.tables import read_table, write_table
 from optim.measures.statistics import mean_band
 from optim.search.method import check_whole
@@ -22,6 +22,7 @@ from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
 DESIGNS = {BASELINE.design or 0: "baseline", 162: "best by both metrics", 5841: "sensors at opposite corners"}

@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare
-from optim.experiments.results import Arrays, Progress, kept
+from optim.experiments.results import Progress, kept
 from optim.experiments.tables import write_table
 from optim.experiments.trials import NOTHING, Trials
 from optim.measures import homeostasis
 from optim.measures.statistics import mean_band
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.signals import warping_distances
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, trace
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from optim.studies.chapter4.co_optimisation import CoOptimisation
     from taichi_sim.base.results_folder import ResultsFolder
 
-Floats = NDArray[np.float64]
 
 SAMPLES = 1000  # of a decimated trace, at most, beside the start
 SAMPLES_AT_ONCE = 2_000_000  # of light: 16 MB
@@ -71,7 +71,7 @@ def sensor_distances(
 
 
 def distances_of_reported(
-    settings: "CoOptimisation", given: Mapping[str, Any], trials: Trials, reported: NDArray[np.int64]
+    settings: "CoOptimisation", given: Mapping[str, Any], trials: Trials, reported: Ints
 ) -> Arrays:
     """Distances, from decimated signals, of everything that trials reported: ``raw``, ``normalised``, shape (R, B).
 
@@ -90,7 +90,7 @@ def distances_of_reported(
 
 
 def distances_at_the_end(
-    settings: "CoOptimisation", given: Mapping[str, Any], trials: Trials, reported: NDArray[np.int64]
+    settings: "CoOptimisation", given: Mapping[str, Any], trials: Trials, reported: Ints
 ) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
     last = reported[:, -1]
@@ -164,7 +164,7 @@ def _curve(arm: str, signals: str, solutions: str, values: Floats) -> list[tuple
     return rows
 
 
-def from_first_to_last(values: Floats, solved: NDArray[np.bool_]) -> dict[str, Any]:
+def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
     """How a trial's first reported solution differs from its last, over the trials where both are there and differ.
 
     Args:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.lockstep import run_in_lockstep
 from optim.experiments.results import Progress, part_of
@@ -21,14 +20,14 @@ from optim.problems.braitenberg import VehicleProblem
 from optim.search import build_method
 from optim.search.method import check_whole
 from optim.search.published import BLACK_BOX_OPTIM
-from optim.space import Vector
 from optim.studies.chapter4.training_table import TrainingTable
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
+from taichi_sim.base.arrays import Bools, Floats, Indices, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 TRAINERS = tuple(BLACK_BOX_OPTIM)
 BODIES_PER_FILE = 25  # a file each half a minute or so
-_Outcome = tuple[NDArray[np.int64], NDArray[np.bool_]]  # of a body: evaluations and successes, shape (R,) each
+_Outcome = tuple[Ints, Bools]  # of a body: evaluations and successes, shape (R,) each
 
 
 @dataclass(frozen=True)
@@ -145,10 +144,10 @@ def _run(
     places = np.array([np.ravel(bodies[design].sensors) for design, _ in runs])
     evaluations, solved = np.zeros(len(runs), np.int64), np.zeros(len(runs), bool)
 
-    def judge(owners: NDArray[np.intp], points: Vector, _: str) -> Evaluation:
+    def judge(owners: Indices, points: Floats, _: str) -> Evaluation:
         return problem.evaluate(np.hstack([places[owners], points]))
 
-    def observe(run: int, points: Vector, evaluation: Evaluation) -> bool:
+    def observe(run: int, points: Floats, evaluation: Evaluation) -> bool:
         successes = np.flatnonzero(evaluation.details["solved"] == len(settings.task.starts))
         solved[run] = successes.size > 0
         evaluations[run] += successes[0] + 1 if successes.size else len(points)

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.tables import read_table, write_table
 from optim.measures.statistics import Correlation, pearson
 from optim.studies.chapter3.sweep_table import SweepTable
+from taichi_sim.base.arrays import Bools, Ints
 
 COLUMNS = ("design", "method", "repetition", "evaluations", "solved")
 
@@ -30,9 +30,9 @@ class TrainingTable:
     """
 
     methods: tuple[str, ...]
-    designs: NDArray[np.int64]
-    evaluations: NDArray[np.int64]
-    solved: NDArray[np.bool_]
+    designs: Ints
+    evaluations: Ints
+    solved: Bools
 
     def write(self, path: Path) -> None:
         """Write a row for each run as CSV, compressed if its name ends in ``.gz``."""

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from optim.experiments.results import Arrays, Progress, kept, part_of
+from optim.experiments.results import Progress, kept, part_of
 from optim.studies.chapter5.costs import Costs
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
-from optim.studies.chapter5.gaits import Case, Floats, Robot, repeated
+from optim.studies.chapter5.gaits import Case, Robot, repeated
 from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING
+from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "comparison"

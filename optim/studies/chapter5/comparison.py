@@ -9,8 +9,9 @@ import numpy as np
 from optim.measures.statistics import effect, mean_band, welch
 from optim.studies.chapter5.champions import PLACES, Played
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PARTS, ROWS, Found, ShapeChange
-from optim.studies.chapter5.gaits import Floats, spread
+from optim.studies.chapter5.gaits import spread
 from optim.studies.chapter5.published import COMBINED, TABLE
+from taichi_sim.base.arrays import Floats
 
 OPEN = f"{'-'.join(PARTS)}-{HILL}"  # the experiment that rolling on the hill is held against
 CHANGING = "changing shape by hand"

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.results import Progress, part_of
 from optim.problems.inflatable.problem import GaitProblem
@@ -24,9 +23,9 @@ from optim.studies.chapter5.costs import Costs
 from robots.inflatable.cores import highest_pressure
 from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign
 from robots.world import STEEPEST, Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number
 
-Floats = NDArray[np.float64]
 PARTS = ("orientation", "shape", "control")
 FLAT, HILL = "flat", "hill"
 

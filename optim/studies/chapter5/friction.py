@@ -12,10 +12,11 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.experiments.results import Budget, Progress, write_summary
-from optim.studies.chapter5.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
+from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
 from optim.studies.chapter5.published import FRICTION
 from robots.inflatable.robot import INCHING
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "friction-sweeps"

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.experiments.results import Progress, kept_in_turn
 from optim.search.method import check_whole
@@ -19,10 +19,10 @@ from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, I
 from robots.inflatable.robustness import NOISE
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.results_folder import ResultsFolder
 
-Floats = NDArray[np.float64]
 MOST_COPIES = 1000
 BATCH = 16  # robots of a part of a study at least, if there are any more: they fill the lanes of two threads in f64
 

@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.results import Budget, Progress, kept_in_turn, write_summary
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman, wilson
 from optim.search.method import check_whole
-from optim.studies.chapter5.gaits import Case, Floats, Robot
+from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.metrics_figure import draw
 from robots.inflatable.actuation import nominal_steps
 from robots.inflatable.robot import InflatableDesign, travel_directions
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.world import Terrain
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -159,9 +159,9 @@ def _designs(settings: SoftRobotMetrics, pressure: float, orientation: float) ->
     return [InflatableDesign(pressure, orientation, schedule) for schedule in settings.schedules]
 
 
-def solved(speeds: Floats, least: tuple[float, float]) -> NDArray[np.bool_]:
+def solved(speeds: Floats, least: tuple[float, float]) -> Bools:
     """Whether each gait succeeds in each environment, of speeds of the same shape (..., 2, gaits)."""
-    succeeds: NDArray[np.bool_] = np.nan_to_num(speeds, nan=-np.inf) >= np.array(least)[:, None]
+    succeeds: Bools = np.nan_to_num(speeds, nan=-np.inf) >= np.array(least)[:, None]
     return succeeds
 
 

@@ -17,11 +17,12 @@ from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Budget, Progress, kept_in_turn, write_summary
 from optim.hints import nearest
 from optim.search.method import check_whole
-from optim.studies.chapter5.gaits import Case, Floats, Robot, repeated, shown, spread
+from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
 from robots.inflatable.actuation import nominal_steps
 from robots.inflatable.robot import ACTUATION, INCHING, PUBLISHED, ROLLING
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.results_folder import ResultsFolder
 

@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
 from optim.experiments.results import Budget, Progress, write_summary
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
-from optim.studies.chapter5.gaits import Case, Floats, Robot, shown, speeds_in_parts, spread
+from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
 from robots.inflatable.robot import INCHING, ROLLING
 from robots.world import Terrain
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "slope-sweep"
@@ -107,7 +108,7 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
     return {"slope": place, "low": low, "high": high, "between": between, "cross": known.size / len(resampled)}
 
 
-def told_at(speeds: Floats) -> NDArray[np.bool_]:
+def told_at(speeds: Floats) -> Bools:
     """At which slopes a copy of every gait is left, shape (S,), of speeds of shape (S, gaits, copies)."""
     return np.all(~np.isnan(speeds).all(axis=2), axis=1)
 

@@ -9,9 +9,9 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robots.view.motion import Floats, Motion
+from robots.view.motion import Motion
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 TOLERANCE = 1e-4  # m
@@ -68,7 +68,7 @@ def unpack(packed: Packed) -> tuple[Floats, Floats, Floats]:
     split = np.frombuffer(zlib.decompress(packed.data), np.uint8).reshape(packed.planes, -1)
     unsigned = sum((plane.astype(np.int64) << (8 * k) for k, plane in enumerate(split)), np.zeros(1, np.int64))
     changes = ((unsigned >> 1) ^ -(unsigned & 1)).reshape(packed.frames, NUMBERS, packed.nodes)
-    whole: NDArray[np.int64] = np.moveaxis(np.cumsum(changes, axis=0), 1, 2)
+    whole: Ints = np.moveaxis(np.cumsum(changes, axis=0), 1, 2)
     parts = zip(np.split(whole, [3, 7], axis=2), packed.steps, strict=True)
     translation, rotation, scale = (part.astype(np.float64) * step for part, step in parts)
     rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robots.view.motion import Channel, Floats, Motion, Skin, product
+from robots.view.motion import Channel, Motion, Skin, product
 from robots.view.player.packing import Packed, pack
+from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import FACE_CORNERS
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from taichi_sim.base.arrays import Ints
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.materials import Material
 
@@ -70,7 +71,7 @@ def body_from_array(
     )
 
 
-def array_of_body(body: LatticeBody) -> NDArray[np.int64]:
+def array_of_body(body: LatticeBody) -> Ints:
     """Numbers of materials from 1, 0 where there is no voxel, shape (X, Y, Z); the body's lowest place is (0, 0, 0).
 
     Raises:
@@ -85,14 +86,14 @@ def array_of_body(body: LatticeBody) -> NDArray[np.int64]:
     return array
 
 
-def labels(*columns: ArrayLike) -> NDArray[np.int64]:
+def labels(*columns: ArrayLike) -> Ints:
     """Labels 0, 1, ... of equal rows, in sorted order: the regions of voxels that have all columns in common.
 
     Args:
         columns: numbers of each voxel, shape (V,) or (V, N) each.
     """
     table = np.column_stack([np.asarray(column, float) for column in columns])
-    found: NDArray[np.int64] = np.unique(table, axis=0, return_inverse=True)[1].reshape(-1)
+    found: Ints = np.unique(table, axis=0, return_inverse=True)[1].reshape(-1)
     return found
 
 

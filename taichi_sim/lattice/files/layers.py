@@ -9,13 +9,14 @@ import binascii
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
+
+from taichi_sim.base.arrays import Bytes, Floats
 
 COMPRESSIONS = ("ASCII_READABLE", "BASE64", "ZLIB", "QT_ZLIB")
 _LENGTH = 4  # bytes of Qt's length
 
 
-def decode_layer(text: str, compression: str, count: int) -> NDArray[np.uint8]:
+def decode_layer(text: str, compression: str, count: int) -> Bytes:
     """The numbers of one layer, shape (count,). No more than ``count`` bytes are ever unpacked.
 
     Raises:
@@ -34,7 +35,7 @@ def decode_layer(text: str, compression: str, count: int) -> NDArray[np.uint8]:
     return _checked(_unpacked(packed, count), count)
 
 
-def decode_numbers(text: str, count: int) -> NDArray[np.float64]:
+def decode_numbers(text: str, count: int) -> Floats:
     """Numbers between commas, the last comma counts for nothing, shape (count,).
 
     Raises:
@@ -53,7 +54,7 @@ def decode_numbers(text: str, count: int) -> NDArray[np.float64]:
     return numbers
 
 
-def _of_characters(text: str, count: int) -> NDArray[np.uint8]:
+def _of_characters(text: str, count: int) -> Bytes:
     if len(text) != count:
         raise ValueError(f"it has {len(text)} voxels, not {count}")
     try:
@@ -83,7 +84,7 @@ def _unpacked(packed: bytes, count: int) -> bytes:
         raise ValueError("it is not compressed by zlib") from None
 
 
-def _checked(values: bytes, count: int) -> NDArray[np.uint8]:
+def _checked(values: bytes, count: int) -> Bytes:
     if len(values) != count:
         more = "more than " if len(values) > count else ""
         raise ValueError(f"it has {more}{min(len(values), count)} voxels, not {count}")

@@ -6,8 +6,8 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.materials import Material
@@ -49,8 +49,8 @@ class VoxelisedMesh:
         pitch: edge of the voxels, in the mesh's unit.
     """
 
-    filled: NDArray[np.bool_]
-    origin: NDArray[np.float64]
+    filled: Bools
+    origin: Floats
     pitch: float
 
 
@@ -191,7 +191,7 @@ def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:
     return [max(1, math.ceil(float(extent) / pitch - 1e-6)) for extent in mesh.extents]
 
 
-def _filled(triangles: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _filled(triangles: Floats, counts: Ints) -> Bools:
     """Which places are inside; triangles (N, 3, 3) in places of the grid.
 
     A column of places is a line along z. Where it meets a triangle, all places above change sides.

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.program import ProgramBuilder, Quantity
 
@@ -28,7 +28,7 @@ class Heat:
 
     amplitude: float
     period: float
-    phase: NDArray[np.float64]
+    phase: Floats
     mean: float = 0.0
 
 
@@ -51,10 +51,10 @@ class VoxelFile:
     """
 
     body: LatticeBody
-    colours: NDArray[np.uint8]
-    force: NDArray[np.float64]
-    moment: NDArray[np.float64]
-    displacement: NDArray[np.float64]
+    colours: Bytes
+    force: Floats
+    moment: Floats
+    displacement: Floats
     heat: Heat | None = None
     gravity: float | None = None
     floor: bool | None = None

@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice.files.arrays import body_from_array, labels
 from taichi_sim.lattice.files.layers import COMPRESSIONS, decode_layer, decode_numbers
 from taichi_sim.lattice.files.voxel_file import MOST_VOXELS, Heat, VoxelFile
@@ -79,7 +80,7 @@ def read_vxa(root: Element) -> VoxelFile:
     )
 
 
-def _structure(structure: Element, ignored: list[str]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _structure(structure: Element, ignored: list[str]) -> tuple[Ints, Floats]:
     """Numbers of materials and phase offsets [periods], shape (X, Y, Z) each. Sizes are checked before any is made."""
     sizes = [_whole(structure, name) for name in _SIZES]
     if math.prod(sizes) > MOST_CELLS:
@@ -141,7 +142,7 @@ def _material(
     return material, [round(255 * min(max(c, 0.0), 1.0)) for c in colour], phase
 
 
-def _heat(root: Element, phases: NDArray[np.float64]) -> Heat | None:
+def _heat(root: Element, phases: Floats) -> Heat | None:
     """The swing of the temperature; None where nothing is heated."""
     thermal = root.find(".//Thermal")
     if thermal is None or not _switch(thermal, "TempEnabled"):

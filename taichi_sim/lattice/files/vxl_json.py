@@ -12,8 +12,8 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import labels
 from taichi_sim.lattice.files.voxel_file import MOST_VOXELS, VoxelFile
@@ -139,7 +139,7 @@ def _number(record: Mapping[str, Any], name: str, default: float | None = None) 
     return float(value)
 
 
-def _whole(given: Any, name: str) -> NDArray[np.int64]:
+def _whole(given: Any, name: str) -> Ints:
     """A flat list of whole numbers."""
     try:
         numbers = np.asarray(given, float)
@@ -150,7 +150,7 @@ def _whole(given: Any, name: str) -> NDArray[np.int64]:
     return numbers.astype(np.int64)
 
 
-def _own(record: Any, regions: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _own(record: Any, regions: Ints) -> tuple[Ints, Ints, Ints]:
     """Regions, cut links and normals under pressure that this project wrote; the regions given by default."""
     if not isinstance(record, dict):
         raise ValueError(f"{_OWN}: it is no object")
@@ -196,7 +196,7 @@ def _slope(record: Mapping[str, Any]) -> float:
         raise ValueError("youngsModulus: it is missing; give it, or strainData and stressData") from None
 
 
-def _externals(records: list[Any], count: int) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def _externals(records: list[Any], count: int) -> tuple[Bools, Floats]:
     """Fixed degrees of freedom, shape (V, 6), and translate, rotate, force and moment, shape (V, 12)."""
     fixed, loads = np.zeros((count, 6), bool), np.zeros((count, 12))
     for record in records:
@@ -214,7 +214,7 @@ def _externals(records: list[Any], count: int) -> tuple[NDArray[np.bool_], NDArr
     return fixed, loads
 
 
-def _external_records(fixed: NDArray[np.bool_], loads: NDArray[np.float64]) -> list[dict[str, Any]]:
+def _external_records(fixed: Bools, loads: Floats) -> list[dict[str, Any]]:
     kinds, kind = np.unique(np.column_stack([fixed, loads]), axis=0, return_inverse=True)
     records = []
     for number, row in enumerate(kinds):

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.settings import World
-from taichi_sim.rigid.model.shapes import Box, Capsule, Floats, Solid, Sphere
+from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Motor, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 

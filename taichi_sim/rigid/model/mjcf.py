@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.assembly import (
     HingeOf,
     Lump,
@@ -24,7 +25,7 @@ from taichi_sim.rigid.model.assembly import (
 )
 from taichi_sim.rigid.model.mjcf_drives import drive
 from taichi_sim.rigid.model.settings import World
-from taichi_sim.rigid.model.shapes import Floats, Solid
+from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
 from taichi_sim.rigid.tables import Senses
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from taichi_sim.base.arrays import Floats
+
 Vector = Sequence[float] | Floats
 ORIGIN = (0.0, 0.0, 0.0)
 

@@ -9,7 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from taichi_sim.rigid.model.shapes import Floats, Solid, Vector, is_number, is_whole, positive, unit, vector
+from taichi_sim.base.arrays import Floats
+from taichi_sim.rigid.model.shapes import Solid, Vector, is_number, is_whole, positive, unit, vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from taichi_sim.rigid.model.shapes import Floats
+from taichi_sim.base.arrays import Floats
 
 
 def named(element: Element) -> str:

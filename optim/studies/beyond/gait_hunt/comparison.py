@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from optim.measures.statistics import difference_of_means, holm
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats
 
 
-def differences(speeds: Mapping[str, Array], starts: Mapping[str, Sequence[float | None]]) -> list[dict[str, Any]]:
+def differences(speeds: Mapping[str, Floats], starts: Mapping[str, Sequence[float | None]]) -> list[dict[str, Any]]:
     """Every two searches: the difference of what their runs found, and p adjusted for the number of pairs (Holm).
 
     Searches whose runs begin with the same gaits, seed by seed, are compared by the differences of these pairs (the

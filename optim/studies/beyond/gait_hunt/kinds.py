@@ -10,7 +10,7 @@ import numpy as np
 from robots.inflatable.cores import each_pressure
 from robots.inflatable.gaits import GaitDesign, as_graded
 from robots.inflatable.robot import InflatableGeometry
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Floats
 
 APART = 0.25  # of a full stroke, root mean square over all actuators and columns: gaits closer are one kind
 PRESSURE = 12_000.0  # [Pa], which counts as a full stroke of everything
@@ -32,7 +32,7 @@ def difference(one: GaitDesign, other: GaitDesign, body: InflatableGeometry) -> 
     return max(moves, float(abs(pressures[0] - pressures[1]).max()) / PRESSURE)
 
 
-def best_of_kinds(designs: Sequence[GaitDesign], scores: Array, count: int, body: InflatableGeometry) -> list[int]:
+def best_of_kinds(designs: Sequence[GaitDesign], scores: Floats, count: int, body: InflatableGeometry) -> list[int]:
     """Indices of the best designs of which none is of the kind of a better one, the best first.
 
     Args:
@@ -50,7 +50,7 @@ def best_of_kinds(designs: Sequence[GaitDesign], scores: Array, count: int, body
     return chosen
 
 
-def _levels(design: GaitDesign) -> Array:
+def _levels(design: GaitDesign) -> Floats:
     """What a gait tells its actuators in every column, shape (10, T)."""
     schedule = as_graded(design).schedule
     return np.concatenate([schedule.inflation, schedule.grip])

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import beside
@@ -34,9 +33,8 @@ from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_s
 from robots.inflatable.robot import NAMED_GEOMETRIES
 from robots.inflatable.robustness import LEAST_HARD_SPEED
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Arrays
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
 from optim.runs.history import History
@@ -18,10 +17,10 @@ from optim.studies.beyond.gait_hunt.spending import cost
 from robots.inflatable import gaits
 from robots.inflatable.gaits import GaitDesign
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import Array
+from taichi_sim.base.arrays import Arrays, Floats
 
 
-def heading_of(displacement: Array) -> Array:
+def heading_of(displacement: Floats) -> Floats:
     """The heading, 0 to 90 degrees, along which robots that go so far get furthest.
 
     Args:
