@@ -62,7 +62,7 @@ def test_what_documents_say_to_type_exists(name):
             assert any(words[0] in text for text in helps.values()), said
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("name", [name for name in DOCUMENTS if "moving-from" not in name])  # which has the old names
 def test_every_name_that_documents_give_in_full_exists(name):
     text, package = (ROOT / name).read_text(), r"(?:taichi_sim|robots|optim)"
     names = re.findall(rf"`({package}(?:\.\w+)+)", text)
