@@ -1,15 +1,21 @@
 """What a robot moves on, or swims in."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self, TypedDict
 
+from taichi_sim.autodiff.dual import Real, cosine, sine
 from taichi_sim.base.checks import number
 
 STEEPEST = 45.0  # degrees, either way
 WATER_DENSITY = 1000.0  # kg/m^3
 PRESSURE_DRAG, FRICTION_DRAG = 1.2, 0.02  # of a flat plate broadside on (Hoerner 1965, ch. III), and along its side
+STANDARD_GRAVITY = 9.80665  # m/s^2
+NO_WEIGHT = (0.0, 0.0, 0.0)
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
+
+Vector = tuple[float | Real, float | Real, float | Real]
 
 
 class Medium(TypedDict):
@@ -136,3 +142,18 @@ def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     if len({each.is_fluid for each in terrains}) > 1:
         raise ValueError("terrain: ground and a fluid are not allowed in one batch; give a batch for either")
     return terrains
+
+
+def gravity_vector(slope: float, orientation: float | Real) -> Vector:
+    """Gravity [m/s^2] on a plane of a slope [degrees], as a robot of a heading [degrees] feels it."""
+    tilt, heading = math.radians(180 + slope), orientation * (math.pi / 180)
+    direction = (math.sin(tilt) * cosine(heading), math.sin(tilt) * sine(heading), math.cos(tilt))
+    x, y, z = (STANDARD_GRAVITY * part for part in direction)
+    return x, y, z
+
+
+def weights(terrain: Terrain, orientation: float | Real) -> tuple[Vector, Vector]:
+    """Gravity [m/s^2] while a robot is put on level ground, and on the terrain; none in a fluid."""
+    if terrain.is_fluid:
+        return NO_WEIGHT, NO_WEIGHT
+    return (0.0, 0.0, -STANDARD_GRAVITY), gravity_vector(terrain.slope, orientation)

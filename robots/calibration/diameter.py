@@ -8,9 +8,9 @@ import numpy as np
 from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
 from robots.inflatable.cores import InflatedCores
-from robots.inflatable.program import initialise, weights
+from robots.inflatable.program import initialise
 from robots.inflatable.rest_sizes import rest_sizes
-from robots.world import Terrain
+from robots.world import Terrain, weights
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents

@@ -8,10 +8,10 @@ import numpy as np
 from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.actuation import play
 from robots.inflatable.cores import InflatedCores, highest_pressure
-from robots.inflatable.program import weights, write_robot
+from robots.inflatable.program import write_robot
 from robots.inflatable.rest_sizes import rest_sizes
 from robots.inflatable.robot import InflatableDesign, travel_directions
-from robots.world import Terrain
+from robots.world import Terrain, weights
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.inflatable.program import weights
+from robots.frames import Frames
 from robots.inflatable.rest_sizes import rest_sizes, thermal_growth
-from robots.inflatable.robot import Frames
-from robots.world import Terrain
+from robots.world import Terrain, weights
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
 from taichi_sim.lattice.faces import half_extents

@@ -20,10 +20,10 @@ from robots.inflatable.body import (
     kinds_of,
 )
 from robots.inflatable.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
-from robots.inflatable.program import bladder_scales, initialise, set_weight, weights, write_column
+from robots.inflatable.program import bladder_scales, initialise, set_weight, write_column
 from robots.inflatable.robot import NAMED_GEOMETRIES, scattered, travel_directions
 from robots.inflatable.schedule import ROWS
-from robots.world import Terrain
+from robots.world import Terrain, weights
 from taichi_sim.autodiff.dual import value_of
 from taichi_sim.base.checks import choice, number
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder

@@ -12,16 +12,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, Column, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
 from robots.inflatable.cores import InflatedCores, Pressure, highest_pressure, kilopascals
 from robots.inflatable.gaits import GaitDesign, as_graded
-from robots.inflatable.program import immerse, initialise, stand_on, weights, write_column
+from robots.inflatable.program import immerse, initialise, stand_on, write_column
 from robots.inflatable.relaxed_motion import play_relaxed
 from robots.inflatable.relaxed_schedule import RelaxedDesign
 from robots.inflatable.rest_sizes import rest_sizes
-from robots.inflatable.robot import Frames, scattered, travel_directions
-from robots.world import Terrain
+from robots.inflatable.robot import scattered, travel_directions
+from robots.world import Terrain, weights
 from taichi_sim.autodiff.dual import Dual, value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
@@ -141,10 +142,8 @@ def simulate_journey(
     distances = (np.diff(middle[..., :2], axis=1) * headings).sum(axis=-1)
     frames = None
     if record_every:
-        shown = (np.moveaxis(a[:, first:], 0, 1) for a in (run.positions, run.orientations, extents, sizes))
-        positions, orientations, sides, rest = shown
-        times = np.arange(len(positions)) * record_every * geometry.time_step
-        frames = Frames(positions, orientations, times, sides, rest)
+        times = np.arange(program.snapshots.shape[1] - first) * record_every * geometry.time_step
+        frames = frames_of(run, extents, sizes, first, times)
     return JourneyResult(
         np.where((run.status == "ok")[:, None], distances, np.nan),
         steps,

@@ -3,7 +3,6 @@
 Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -24,15 +23,10 @@ from robots.inflatable.body import (
 )
 from robots.inflatable.cores import InflatedCores, Pressure, Scalar, highest_pressure
 from robots.inflatable.schedule import GaitSchedule
-from robots.world import Terrain, one_each
-from taichi_sim.autodiff.dual import Real, cosine, sine, value_of
+from robots.world import NO_WEIGHT, Terrain, Vector, one_each, weights
+from taichi_sim.autodiff.dual import Real, value_of
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
-
-STANDARD_GRAVITY = 9.80665  # m/s^2
-NO_WEIGHT = (0.0, 0.0, 0.0)
-
-Vector = tuple[Scalar, Scalar, Scalar]
 
 
 class Design(Protocol):
@@ -65,21 +59,6 @@ class Builder(Protocol):
         robots: int,
     ) -> None:
         """See ``ProgramBuilder.set``."""
-
-
-def gravity_vector(slope: float, orientation: Scalar) -> Vector:
-    """Acceleration [m/s^2] on a plane tilted by ``slope`` degrees for a robot that heads ``orientation`` degrees."""
-    tilt, heading = math.radians(180 + slope), orientation * (math.pi / 180)
-    direction = (math.sin(tilt) * cosine(heading), math.sin(tilt) * sine(heading), math.cos(tilt))
-    x, y, z = (STANDARD_GRAVITY * part for part in direction)
-    return x, y, z
-
-
-def weights(terrain: Terrain, orientation: Scalar) -> tuple[Vector, Vector]:
-    """Acceleration by gravity while the robot is put on level ground, and on the terrain; none in a fluid."""
-    if terrain.is_fluid:
-        return NO_WEIGHT, NO_WEIGHT
-    return (0.0, 0.0, -STANDARD_GRAVITY), gravity_vector(terrain.slope, orientation)
 
 
 def immerse(builder: Any, terrain: Terrain, **where: Any) -> None:

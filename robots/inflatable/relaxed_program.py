@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.cores import InflatedCores, Scalar, highest_pressure
-from robots.inflatable.program import snapshot_steps, snapshot_table, weights, write_robot
+from robots.inflatable.program import snapshot_steps, snapshot_table, write_robot
 from robots.inflatable.relaxed_motion import play_relaxed, stage_starts
 from robots.inflatable.relaxed_schedule import RelaxedDesign
 from robots.inflatable.robot import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, FEET
-from robots.world import Terrain
+from robots.world import Terrain, weights
 from taichi_sim.autodiff.dual import Dual, slope_of, value_of, variables
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation, nominal_steps, play
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, SMALL, TWO_CORE, InflatableGeometry
 from robots.inflatable.cores import MAXIMUM_PRESSURE, Pressure, checked_pressure, each_pressure, highest_pressure
@@ -105,25 +106,6 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
 def _design_of(record: dict[str, Any]) -> InflatableDesign:
     schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
     return InflatableDesign(record["pressure"], record["orientation"], schedule)
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """Recorded poses of a batch.
-
-    Attributes:
-        positions: voxel centres [m], shape (F, B, V, 3), voxels ordered as ``body.voxels``; NaN after a robot's end.
-        orientations: quaternions (w, x, y, z), shape (F, B, V, 4).
-        times: [s] from the end of the initialisation, shape (F,).
-        extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, B, V, 6).
-        sizes: rest sizes of the voxels along their own axes [m], shape (F, B, V, 3).
-    """
-
-    positions: np.ndarray
-    orientations: np.ndarray
-    times: np.ndarray
-    extents: np.ndarray
-    sizes: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,11 +286,8 @@ def summarise(
     steps = np.where(ok, end - begin, np.maximum(run.steps - begin, 0))
     frames = None
     if record_every:
-        positions, orientations, shown, rest = (
-            np.moveaxis(a[:, first:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
-        )
         times = np.arange(marks.shape[1] - first) * record_every * dt
-        frames = Frames(positions, orientations, times, shown, rest)
+        frames = frames_of(run, extents, sizes, first, times)
     return InflatableResult(
         distance,
         lengths / (nominal * dt),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.control.cyclic import CyclicProgram, build_cyclic_program, recorded_frames, surroundings
-from robots.inflatable.robot import Frames
+from robots.frames import Frames
 from robots.lattice_robot.robot import LatticeRobot
 from robots.world import Terrain
 from taichi_sim import runtime

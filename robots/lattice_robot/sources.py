@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from robots.inflatable.program import STANDARD_GRAVITY
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
+from robots.world import STANDARD_GRAVITY
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
 VOXEL_SUFFIXES = (".vxl.json", ".vxa", ".vxc", ".vxd")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.control.cyclic import SEGMENTS, Cycle, build_cyclic_program, recorded_frames, surroundings
-from robots.inflatable.robot import Frames
+from robots.frames import Frames
 from robots.lattice_robot.walker_body import (
     ACTIVE,
     ANTIPHASE,

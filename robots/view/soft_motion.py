@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
+from robots.frames import Frames
 from robots.inflatable.body import (
     BLADDER_COUNT,
     FIRST_BLADDER,
@@ -18,7 +19,7 @@ from robots.inflatable.body import (
 )
 from robots.inflatable.gaits import GaitDesign, PlayedGait, played
 from robots.inflatable.journeys import JourneyResult, Leg
-from robots.inflatable.robot import ACTUATION, Frames, InflatableActuation, InflatableResult
+from robots.inflatable.robot import ACTUATION, InflatableActuation, InflatableResult
 from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS

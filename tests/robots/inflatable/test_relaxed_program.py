@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from robots.inflatable import ACTUATION, INCHING, ROLLING, InflatableActuation, InflatableDesign
 from robots.inflatable.actuation import play
 from robots.inflatable.body import BLADDER_REGIONS, FIRST_BLADDER, FOOT_1, FOOT_2, REGION_COUNT, SKIN
-from robots.inflatable.program import build_program, gravity_vector
+from robots.inflatable.program import build_program
 from robots.inflatable.relaxed_motion import full_stroke_steps, rest_levels
 from robots.inflatable.relaxed_program import build_relaxed_program
 from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.inflatable.schedule import GaitSchedule
-from robots.world import Terrain
+from robots.world import Terrain, gravity_vector
 from taichi_sim.lattice import LatticeProgram, Quantity
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=20, settle_steps=30)

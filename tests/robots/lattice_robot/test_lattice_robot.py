@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from voxel_files import material, numbers, vxa
 
-from robots.inflatable.program import STANDARD_GRAVITY
 from robots.lattice_robot import (
     Drive,
     Free,
@@ -21,7 +20,7 @@ from robots.lattice_robot.record import robot_of_record, robot_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk
 from robots.view.soft_motion import lattice_robot_motion
-from robots.world import Terrain
+from robots.world import STANDARD_GRAVITY, Terrain
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.inflatable import Frames, InflatableActuation, InflatableResult
+from robots.frames import Frames
+from robots.inflatable import InflatableActuation, InflatableResult
 from robots.view import shape
 from robots.view.read_outs import shape_curves, shape_picture
 

@@ -1,0 +1,42 @@
+"""Recorded poses of robots made of voxels: what pictures, films and the player show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim.lattice import LatticeResult
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Recorded poses of a batch of B robots of V voxels, F of each.
+
+    Attributes:
+        positions: voxel centres [m], shape (F, B, V, 3), voxels ordered as ``body.voxels``; NaN after a robot's end.
+        orientations: quaternions (w, x, y, z), shape (F, B, V, 4).
+        times: [s] from the end of the initialisation, shape (F,).
+        extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, B, V, 6).
+        sizes: rest sizes of the voxels along their own axes [m], shape (F, B, V, 3).
+    """
+
+    positions: np.ndarray
+    orientations: np.ndarray
+    times: np.ndarray
+    extents: np.ndarray
+    sizes: np.ndarray
+
+
+def frames_of(run: LatticeResult, extents: np.ndarray, sizes: np.ndarray, first: int, times: np.ndarray) -> Frames:
+    """The frames that a run recorded as its snapshots from number ``first`` on.
+
+    Args:
+        run: of B robots, with S snapshots.
+        extents: of all snapshots [m], shape (B, S, V, 6).
+        sizes: of all snapshots [m], shape (B, S, V, 3).
+        first: snapshots before it are not frames.
+        times: of the frames [s], shape (S - first,).
+    """
+    positions, orientations, sides, rest = (
+        np.moveaxis(each[:, first:], 0, 1) for each in (run.positions, run.orientations, extents, sizes)
+    )
+    return Frames(positions, orientations, times, sides, rest)
