@@ -1,5 +1,6 @@
 """What is to be designed: a space of points and a judgement of each."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.space import Space
 from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.files import write_text
 
 OK = "ok"
 FAILED = "failed"
@@ -63,32 +65,59 @@ class Evaluation:
         return np.asarray(self.status) != OK
 
 
+@dataclass(frozen=True)
+class Objective:
+    """What a value of an objective means.
+
+    Attributes:
+        name: such as ``speed``.
+        unit: such as ``m/s``; empty for a plain number.
+    """
+
+    name: str
+    unit: str = ""
+
+    @property
+    def label(self) -> str:
+        """Name and unit for an axis or a table, such as ``speed [m/s]``."""
+        return self.name.replace("_", " ") + (f" [{self.unit}]" if self.unit else "")
+
+    def value(self, number: float | None, digits: int = 4) -> str:
+        """A value with its unit, such as ``0.1234 m/s``; ``none`` for None."""
+        return "none" if number is None else f"{number:.{digits}f} {self.unit}".rstrip()
+
+
 class Problem(Protocol):
-    """What a search needs to know of the thing designed."""
+    """What a search needs to know about the thing that it designs.
+
+    A class that derives from this one needs ``space`` and ``evaluate`` only; :func:`optim.problem_of` makes a problem
+    of a function.
+    """
 
     @property
     def space(self) -> Space:
-        """What may be changed."""
+        """The variables that may change."""
 
     @property
     def objective_names(self) -> tuple[str, ...]:
         """Names of the K objectives, all maximised."""
+        return ("objective",)
+
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Units of the K objectives, such as ``"m/s"``; empty for plain numbers."""
+        return ("",) * len(self.objective_names)
 
     def describe(self) -> dict[str, Any]:
-        """What is needed to build the problem again; fits JSON and TOML."""
+        """Everything that results depend on, as values that fit JSON and TOML; run folders keep it."""
+        return {"kind": type(self).__name__}
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Judge points, shape (N, D). A point's judgement must not depend on the others."""
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design of one point, shape (D,), to a file, the same bytes for the same point."""
-
-
-def check_kind(description: Mapping[str, Any], kind: str) -> None:
-    """Raise a one-line ValueError if a description says that it is of another kind of problem; gaits' say nothing."""
-    found = description.get("kind", GAIT)
-    if found != kind:
-        raise ValueError(f"problem: it is a {found}, but a {kind} is needed here")
+        """Write the design of one point, shape (D,), to a file: always the same bytes for the same point."""
+        write_text(path, json.dumps(self.space.to_dict(point), indent=1) + "\n")
 
 
 @runtime_checkable
@@ -99,10 +128,32 @@ class RelaxableProblem(Problem, Protocol):
         """Judge points of ``space.relaxed()``, shape (N, D).
 
         Args:
-            points: binary variables may have any value from 0 to 1; a point without such a value between is
-                judged as :meth:`evaluate` judges it, but for what the problem says it does otherwise.
+            points: binary variables may have any value from 0 to 1. A point whose binary variables are all 0 or 1
+                is judged as by :meth:`evaluate`, unless the problem says otherwise.
             sharpness: how strongly the problem pushes those values towards 0 and 1 before it judges them; 0
                 leaves them as they are.
-            gradients: whether ``Evaluation.gradients`` is wanted, with respect to ``points``; zero by integers,
-                which stay whole.
+            gradients: whether to compute ``Evaluation.gradients``, with respect to ``points``; integers stay whole
+                and have gradient zero.
         """
+
+
+def objectives_of(problem: Problem) -> tuple[Objective, ...]:
+    """Names and units of a problem's objectives; without units if it names none."""
+    names = tuple(problem.objective_names)
+    units = getattr(problem, "objective_units", None) or ("",) * len(names)
+    return tuple(Objective(name, unit) for name, unit in zip(names, units, strict=True))
+
+
+def score_of(objectives: Sequence[Objective]) -> Objective:
+    """What a search calls the score: the objective, or the mean of several, with their unit if they share one."""
+    if len(objectives) == 1:
+        return objectives[0]
+    units = {objective.unit for objective in objectives}
+    return Objective("mean objective", units.pop() if len(units) == 1 else "")
+
+
+def check_kind(description: Mapping[str, Any], kind: str) -> None:
+    """Raise a one-line ValueError if a description is of another kind of problem; those of gaits name no kind."""
+    found = description.get("kind", GAIT)
+    if found != kind:
+        raise ValueError(f"problem: it is a {found}, but a {kind} is needed here")

@@ -47,8 +47,9 @@ class Plan:
 
     def config(self) -> dict[str, Any]:
         """The settings of the run."""
-        method = {"name": self.method, **self.settings}
-        return {"problem": self.problem.describe(), "method": method, "generations": self.generations}
+        from optim.runs.config import settings_of
+
+        return settings_of(self.problem, self.method, self.settings, self.generations)
 
 
 def plan(args: argparse.Namespace) -> Plan:

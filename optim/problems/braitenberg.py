@@ -81,6 +81,11 @@ class VehicleProblem:
             return ("total",)
         return tuple(f"environment_{e}" for e in range(1, len(self.task.starts) + 1))
 
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Metres."""
+        return ("m",) * len(self.objective_names)
+
     @cached_property
     def space(self) -> Space:
         """Sites, if they are free, and weights."""

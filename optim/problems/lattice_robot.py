@@ -54,6 +54,11 @@ class LatticeRobotProblem:
         """The speed."""
         return ("speed",)
 
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Body lengths per second."""
+        return ("BL/s",)
+
     @cached_property
     def space(self) -> Space:
         """What is free."""

@@ -61,6 +61,11 @@ class WalkerProblem:
         """The speed."""
         return ("speed",)
 
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Lengths of the lattice per second."""
+        return ("lattices/s",)
+
     @cached_property
     def _body(self) -> WalkerEncoding:
         return ENCODINGS[self.encoding](self.shape)

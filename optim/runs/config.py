@@ -4,16 +4,25 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
 import tomli_w
 
+from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Objective, Problem, objectives_of, score_of
 from optim.runs import files
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
 SECTIONS = {"problem": dict, "method": dict, "generations": int}
+OBJECTIVES = "objectives"  # names and units, for readers; version 1.0 did not write them, and no result depends on them
+SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
+    GAIT: Objective("speed", "BL/s"),
+    ROBOT: Objective("speed", "BL/s"),
+    WALKER: Objective("speed", "lattices/s"),
+    VEHICLE: Objective("score", "m"),
+}
 P = TypeVar("P")
 _SEAL = "# sha256 of all lines above: "
 
@@ -53,7 +62,16 @@ def read_config(folder: Path) -> dict[str, Any]:
     for name, kind in SECTIONS.items():
         if not isinstance(config.get(name), kind):
             raise ValueError(f"{path}: {name} is missing or no {kind.__name__}")
+    objectives = config.get(OBJECTIVES, [])
+    if not (isinstance(objectives, list) and all(_is_objective(each) for each in objectives)):
+        raise ValueError(f"{path}: {OBJECTIVES} is no list of names and units")
     return config
+
+
+def _is_objective(entry: object) -> bool:
+    return (
+        isinstance(entry, dict) and set(entry) == {"name", "unit"} and all(isinstance(v, str) for v in entry.values())
+    )
 
 
 def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping[str, Any]], P]) -> P:
@@ -73,9 +91,26 @@ def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping
         raise ValueError(f"{folder}: {error}") from None
 
 
+def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], generations: int) -> dict[str, Any]:
+    """The content of ``config.toml`` for a search of a problem by a method with some settings."""
+    return {
+        "problem": problem.describe(),
+        "method": {"name": method, **settings},
+        "generations": generations,
+        OBJECTIVES: [asdict(objective) for objective in objectives_of(problem)],
+    }
+
+
+def score_in(config: Mapping[str, Any]) -> Objective:
+    """Name and unit of the scores in a run's log, by its settings alone."""
+    if config.get(OBJECTIVES):
+        return score_of([Objective(**objective) for objective in config[OBJECTIVES]])
+    return SCORES_OF_1_0.get(config["problem"].get("kind", GAIT), Objective("score"))
+
+
 def identity(config: Mapping[str, Any]) -> str:
-    """Checksum of the settings that a run never changes."""
-    lasting = {name: value for name, value in config.items() if name != "generations"}
+    """Checksum of the settings that a run never changes and that its results depend on."""
+    lasting = {name: value for name, value in config.items() if name not in ("generations", OBJECTIVES)}
     return hashlib.sha256(json.dumps(lasting, sort_keys=True).encode()).hexdigest()
 
 
@@ -85,6 +120,8 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
     Settings of the problem and the method may be left out; one that is a table may not be given in part.
     """
     for name, value in asked.items():
+        if not prefix and name == OBJECTIVES:  # what the folder says of them stays
+            continue
         old = known.get(name)
         if not prefix and isinstance(old, Mapping) and isinstance(value, Mapping):
             check_same(old, value, folder, f"{name}.")

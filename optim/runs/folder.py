@@ -30,7 +30,7 @@ from typing import Any
 
 from optim.runs import checkpoint, files
 from optim.runs.checkpoint import CHECKPOINT, LOG, PREVIOUS, Record, State
-from optim.runs.config import SECTIONS, check_same, has_run, identity, read_config, write_config
+from optim.runs.config import OBJECTIVES, SECTIONS, check_same, has_run, identity, read_config, write_config
 from optim.runs.environment import differences
 
 ENVIRONMENT, TIMING, LOCK = "environment.json", "timing.jsonl", ".lock"
@@ -202,7 +202,8 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
         resolved = known | {"generations": config.get("generations", known["generations"])}
     else:
         _check_free(path)
-        known, resolved = {}, {name: config[name] for name in SECTIONS}
+        told = (*SECTIONS, *({OBJECTIVES} & set(config)))
+        known, resolved = {}, {name: config[name] for name in told}
         _write_json(path / ENVIRONMENT, environment)
     if resolved != known:
         write_config(path, resolved)

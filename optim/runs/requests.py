@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.problem import Evaluation, Problem, RelaxableProblem
+from optim.problem import Evaluation, Problem
 from optim.search.method import Wants
 from taichi_sim.base.arrays import Floats
 
@@ -36,11 +36,12 @@ def judge(problem: Problem, request: Request) -> Evaluation:
     """
     if request.wants == "points":
         return problem.evaluate(request.points)
-    if not isinstance(problem, RelaxableProblem):
+    evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
+    if evaluate_relaxed is None:
         raise ValueError(
             f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
         )
-    return problem.evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
+    return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
 
 
 def join(parts: Sequence[Evaluation]) -> Evaluation:

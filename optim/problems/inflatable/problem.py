@@ -205,6 +205,11 @@ class GaitProblem:
             return ("speed",)
         return tuple(condition.name for condition in self.conditions)
 
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Body lengths per second."""
+        return ("BL/s",) * len(self.objective_names)
+
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
         """Under which gaits are simulated."""

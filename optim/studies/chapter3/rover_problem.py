@@ -60,6 +60,11 @@ class RoverProblem:
         """Both."""
         return ("distance", "effort")
 
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Metres, and pi times N m or rad/s."""
+        return ("m", "pi")
+
     @cached_property
     def space(self) -> Space:
         """Masses [kg], radius of the wheels [m], drives [pi], and weights if they evolve."""

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Objective
 from optim.runs import open_run, run_search
-from optim.runs.config import read_config
+from optim.runs.config import read_config, score_in, settings_of
 from optim.runs.failures import save_failed
 from optim.runs.files import pack, unpack
 from optim.search import build_method
@@ -436,3 +436,28 @@ def test_two_processes_do_not_share_a_folder(whole):
 
 if __name__ == "__main__":
     child(sys.argv[1])
+
+
+def test_objectives_are_told_and_change_no_checkpoint(tmp_path):
+    """Names and units stand in the settings of new runs; a folder without them, as of version 1.0, goes on the same."""
+    problem = Sphere()
+    settings = {"climbers": 3, "seed": 5}
+    config = settings_of(problem, "hill-climb", settings, 2)
+    assert config["objectives"] == [{"name": "score", "unit": ""}]
+    for name, content in {"new": config, "old": {k: v for k, v in config.items() if k != "objectives"}}.items():
+        with open_run(tmp_path / name, content) as folder:
+            run_search(problem, build_method("hill-climb", problem.space, settings), folder, 2)
+    checkpoints = [unpack((tmp_path / name / "checkpoint.npz").read_bytes()) for name in ("new", "old")]
+    records = [json.loads(arrays.pop("run/record").tobytes()) for arrays in checkpoints]
+    assert all(records[0][name] == records[1][name] for name in ("lines", "log", "settings"))
+    assert all(np.array_equal(checkpoints[0][name], checkpoints[1][name]) for name in checkpoints[0])
+    with open_run(tmp_path / "old", config | {"generations": 3}, resume=True) as folder:
+        run_search(problem, build_method("hill-climb", problem.space, settings), folder, 3)
+    assert "objectives" not in read_config(tmp_path / "old") and len(log(tmp_path / "old")) == 4
+    assert score_in(read_config(tmp_path / "new")) == Objective("score")
+
+
+def test_scores_of_version_1_have_units():
+    assert score_in({"problem": {}}).label == "speed [BL/s]"
+    assert score_in({"problem": {"kind": "vehicle"}}).label == "score [m]"
+    assert score_in({"problem": {"kind": "hopper"}}).label == "score"
