@@ -90,7 +90,7 @@ def on_a_hill() -> Arrays:
     terrain = Terrain(slope=15.0, high_friction=1.5, low_friction=0.01)
     designs = [inching(3), rolling(3, pressure=8e3, orientation=35.0)]
     found = simulate(designs, terrain, geometry=places.NAMED_GEOMETRIES["small"], actuation=brisk(weight="physical"),
-                     threads=1, perturbation=1e-4, seed=3)  # fmt: skip
+                     threads=1, perturbation=1e-4, seed=3, record_every=1000)  # fmt: skip
     return arrays_of(found, *RESULT)
 
 
@@ -105,13 +105,12 @@ def in_water() -> Arrays:
     return arrays_of(found, *RESULT)
 
 
-@case("gaits/by-hand-published", 2)
-def published(columns: int) -> Arrays:
+@case("gaits/by-hand-published")
+def published() -> Arrays:
     """The published geometry for a few columns."""
     from robots.inflatable import simulate
 
-    actuation = places.InflatableActuation(**HASTY)
-    found = simulate([inching(columns), rolling(columns)], actuation=actuation, threads=1, record_every=500)
+    found = simulate([inching(4), rolling(4)], actuation=brisk(), threads=1, record_every=1000)
     return arrays_of(found, *RESULT)
 
 
@@ -141,7 +140,7 @@ def graded_gaits() -> Arrays:
 
 
 def of_file(name: str) -> Arrays:
-    """A published gait file: its first two columns, once, in the small body, ramps made short."""
+    """A published gait file: its first four columns in the small body, ramps made short."""
     from robots.gaits import load_gait, simulate
 
     path = places.inputs / "docs" / "gaits" / f"{name}.json"
@@ -149,15 +148,35 @@ def of_file(name: str) -> Arrays:
     record = json.loads(path.read_text())
     for table, value in record.items():
         if isinstance(value, list) and table != "pressure":
-            record[table] = [row[:2] for row in value] if table in ("inflation", "grip") else value[:2]
+            record[table] = [row[:4] for row in value] if table in ("inflation", "grip") else value[:4]
     record["repeats"] = min(record["repeats"], 2)
-    found = simulate(graded(record), geometry=places.NAMED_GEOMETRIES["small"], threads=1,
+    found = simulate(graded(record), geometry=places.NAMED_GEOMETRIES["small"], threads=1, record_every=500,
                      actuation=places.InflatableActuation(**HASTY))  # fmt: skip
     return arrays_of(found, *RESULT)
 
 
 for name in GAITS:
     case(f"gaits/file-{name}", name, quick=name == "hill-program")(of_file)
+
+
+@case("gaits/encodings", quick=True)
+def encodings() -> Arrays:
+    """The designs of points at random, of every encoding, by way of files."""
+    from robots.gaits import load_gait
+    from robots.terrain import Terrain
+
+    found: Arrays = {}
+    for encoding in ("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave"):
+        problem = places.GaitProblem((Terrain(),), encoding=encoding, geometry="small", columns=4, precision="f64")
+        points = problem.space.sample(np.random.default_rng(12), 5)
+        found[f"{encoding}.points"] = points
+        with tempfile.TemporaryDirectory() as folder:
+            for number, point in enumerate(points):
+                problem.save(point, Path(folder) / "gait.json")
+                design = load_gait(Path(folder) / "gait.json")
+                names = ("pressure", "orientation", "schedule.levels", "schedule.repeats")
+                found |= arrays_of(design, *names, prefix=f"{encoding}.{number}.")
+    return found
 
 
 @case("gaits/f32", quick=True)

@@ -1,32 +1,37 @@
 """Cases of the beam lattice: the reference bodies of the tests, and a small body in which everything happens."""
 
+from dataclasses import replace
+
 import numpy as np
 import places
 from cases import Arrays, arrays_of, case, plain
 
 STEPS = 1000
+WHOLE = ("floor_slip", "tilted_drop", "bars_collide")  # what touches, touches later
 NAMES = ("cantilever_small", "cantilever_large", "two_materials", "actuated_bimorph", "floor_slip", "tilted_drop",
          "bars_collide", "poisson_traction")  # fmt: skip
 RESULT = ("status", "steps", "positions", "orientations", "strains")
 STATE = ("positions", "orientations", "velocities", "angular_velocities")
 
 
-def reference_case(name: str, precision: str = "f64", robots: int = 1, **options: object) -> Arrays:
-    """The first steps of a reference case, and the state after them."""
+def reference_case(name: str, precision: str = "f64", whole: bool = False) -> Arrays:
+    """The first steps of a reference case, or all of them, and the state after them."""
     from taichi_sim.lattice import LatticeEngine
 
     given = places.scene("lattice_reference").load_case(name)
-    engine = LatticeEngine(given.body, batch=robots, time_step=given.time_step, precision=precision, threads=1,
-                           **given.options | options)  # fmt: skip
-    builder = places.ProgramBuilder(robots)
+    engine = LatticeEngine(given.body, time_step=given.time_step, precision=precision, threads=1, **given.options)
+    builder = places.ProgramBuilder(1)
     given.fill(builder)
-    result = engine.run(builder.build(STEPS, np.tile(np.arange(0, STEPS + 1, 100), (robots, 1))))
+    steps = given.steps if whole else STEPS
+    result = engine.run(builder.build(steps, np.arange(0, steps + 1, steps // 10)[None]))
     return arrays_of(result, *RESULT) | arrays_of(engine.state(), *STATE, prefix="end.")
 
 
 for name in NAMES:
     quick = name in ("floor_slip", "bars_collide", "poisson_traction")
     case(f"lattice/{name}", name, quick=quick)(reference_case)
+for name in WHOLE:
+    case(f"lattice/{name}-whole", name, "f64", True)(reference_case)
 case("lattice/floor_slip-f32", "floor_slip", "f32")(reference_case)
 
 
@@ -36,10 +41,8 @@ def in_trouble(poisson: bool, pouch: bool, robots: int, **options: object) -> Ar
 
     scene = places.scene("gradient_scene")
     body = scene.body(poisson=poisson, pouch=pouch)
-    engine = LatticeEngine(
-        body, batch=robots, time_step=scene.TIME_STEP, floor=not options.get("fluid"), gravity=9.81, threads=1,
-        **options
-    )  # fmt: skip
+    given = {"threads": 1, "floor": not options.get("fluid"), "gravity": 9.81, **options}
+    engine = LatticeEngine(body, batch=robots, time_step=scene.TIME_STEP, **given)
     engine.set_state(scene.repeated(scene.start(body), robots))
     result = engine.run(scene.program(robots))
     found = arrays_of(result, *RESULT) | arrays_of(engine.state(), *STATE, prefix="end.")
@@ -68,6 +71,27 @@ def pouch_in_fluid() -> Arrays:
 def in_lanes() -> Arrays:
     """Eight robots in the lanes of a vector."""
     return in_trouble(False, False, 9, width=8)
+
+
+@case("lattice/trouble-two-threads")
+def two_threads() -> Arrays:
+    """Blocks of robots on two threads."""
+    return in_trouble(False, False, 9, width=8, threads=2)
+
+
+@case("lattice/diverging", quick=True)
+def diverging() -> Arrays:
+    """Robots of other materials and lengths side by side, one of which flies apart."""
+    from taichi_sim.lattice import LatticeEngine
+
+    scene = places.scene("gradient_scene")
+    body = scene.body()
+    soft = replace(body, materials=tuple(replace(m, youngs_modulus=0.7 * m.youngs_modulus) for m in body.materials))
+    engine = LatticeEngine([body, soft, body], time_step=scene.TIME_STEP, floor=True, threads=1)
+    builder = places.ProgramBuilder(3)
+    builder.set(places.Quantity.FORCE, 1e6, regions=[2], step=20, robots=[2])
+    result = engine.run(builder.build([150, 220, 200], [[50, 150], [50, 220], [10, 200]]))
+    return arrays_of(result, *RESULT) | arrays_of(engine.state(), *STATE, prefix="end.")
 
 
 @case("lattice/trouble-stepped")

@@ -100,3 +100,15 @@ def walkers() -> Arrays:
     names = ("distance", "speed", "status", "steps", "time_step")
     frames = {f"frames.{i}": part.positions for i, part in enumerate(found.frames)}
     return arrays_of(found, *names) | frames
+
+
+@case("soft/walker-problem")
+def walker_problem() -> Arrays:
+    """Bodies of genes at random, by either encoding; some are no robots."""
+    found: Arrays = {}
+    for encoding in ("direct", "pattern"):
+        problem = places.WalkerProblem((3, 2, 2), encoding, threads=1)
+        points = problem.space.sample(np.random.default_rng(13), 4)
+        judged = problem.evaluate(points)
+        found |= {f"{encoding}.points": points} | arrays_of(judged, "objectives", "status", prefix=f"{encoding}.")
+    return found
