@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "benchmarks/same_bits"
-OLD = {"positions": np.array([-1.0, 0.5, 1.0, 0.0, 1.5, 2.0]), "steps": np.arange(3), "status": np.array(["ok", "diverged"])}
+OLD = {
+    "positions": np.array([-1.0, 0.5, 1.0, 0.0, 1.5, 2.0]),
+    "steps": np.arange(3),
+    "status": np.array(["ok", "diverged"]),
+}
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +98,9 @@ def test_cases_are_chosen_by_name_group_or_pattern(modules):
         chosen(["lattice/bar"], False)
 
 
-def test_every_name_that_cases_need_is_found_in_this_tree(modules):
+def test_every_name_that_cases_need_is_found_in_this_tree(modules, monkeypatch):
     places = modules["places"]
+    monkeypatch.setattr(sys, "meta_path", places.without_editable())
     for name in places.PLACES:
         assert getattr(places, name) is not None
     with pytest.raises(AttributeError):

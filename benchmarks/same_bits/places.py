@@ -56,6 +56,8 @@ PLACES = {
     "run_search": ("optim.runs",),
 }
 
+PACKAGES = ("taichi_sim", "robots", "optim")
+
 inputs = Path()  # the reference tree, from which data and scenes are read, whichever tree runs
 
 
@@ -79,6 +81,25 @@ def _module(name: str) -> ModuleType | None:
         if error.name and (name == error.name or name.startswith(f"{error.name}.")):
             return None
         raise
+
+
+def without_editable() -> list[Any]:
+    """The finders of modules, but for those of editable installs.
+
+    These find modules of the tree that is installed, even those that the tree on PYTHONPATH does not have, and mix two
+    editions.
+    """
+    return [finder for finder in sys.meta_path if not getattr(finder, "__module__", "").startswith("__editable__")]
+
+
+def strangers(tree: Path) -> list[str]:
+    """Modules imported so far that should be of a tree, but lie elsewhere."""
+    tree, found = tree.resolve(), []
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if name.split(".")[0] in PACKAGES and file and not Path(file).resolve().is_relative_to(tree):
+            found.append(f"{name} ({file})")
+    return found
 
 
 def scene(name: str) -> ModuleType:

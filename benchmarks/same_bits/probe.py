@@ -39,15 +39,19 @@ def main() -> None:
     for name in given.names:
         started = time.perf_counter()
         done = compute(name, file_of(given.folder, name))
+        if found := places.strangers(given.tree):
+            file_of(given.folder, name).unlink(missing_ok=True)
+            sys.exit(f"error: {name} imports what is not of {given.tree}: {', '.join(found)}")
         print(f"  {name}: {time.perf_counter() - started:.1f} s{'' if done else ', failed'}", file=sys.stderr)
 
 
 def check_tree(tree: Path) -> None:
-    """Make sure that packages come from the tree meant, and not from one installed."""
-    for name in ("taichi_sim", "robots", "optim"):
-        file = Path(importlib.import_module(name).__file__ or "").resolve()
-        if not file.is_relative_to(tree.resolve()):
-            sys.exit(f"error: {name} is imported from {file}, not from {tree}")
+    """Make sure that packages come from the tree meant, and nothing of them from one installed."""
+    sys.meta_path[:] = places.without_editable()
+    for name in places.PACKAGES:
+        importlib.import_module(name)
+    if found := places.strangers(tree):
+        sys.exit(f"error: not imported from {tree}: {', '.join(found)}")
 
 
 def compute(name: str, path: Path) -> bool:
