@@ -38,10 +38,16 @@ class Accepted:
     Attributes:
         bound: largest relative difference, see ``Difference``.
         why: what moved the bits.
+        absolute: difference that is allowed whatever it is relatively, for arrays that should be zero, in their unit.
     """
 
     bound: float
     why: str
+    absolute: float = 0.0
+
+    def holds(self, difference: Difference) -> bool:
+        """Whether an array is no further off than that."""
+        return difference.relative <= self.bound or difference.absolute <= self.absolute
 
 
 @dataclass(frozen=True)
@@ -107,35 +113,45 @@ def judge(case: str, old: Arrays, new: Arrays, accepted: Mapping[str, Accepted])
         case: its name.
         old: arrays of the old tree.
         new: arrays of the new one.
-        accepted: by the name of a case, or a pattern of names; the first that fits counts.
+        accepted: by the name of a case, of an array of it (``case:array``), or a pattern of these; the first that fits
+            counts.
     """
     found = differences(old, new)
     if not found:
         return Verdict(case, True, f"equal ({len(old)} arrays)")
-    worst = max(found, key=lambda one: one.relative)
-    how = f"{len(found)} of {len(old)} arrays differ, first {found[0]}"
-    if len(found) > 1:
+    allowed = [_accepted(f"{case}:{one.array}", case, accepted) for one in found]
+    beyond = [(one, entry) for one, entry in zip(found, allowed, strict=True) if not (entry and entry.holds(one))]
+    shown = [one for one, _ in beyond] or found
+    worst = max(shown, key=lambda one: one.relative)
+    how = f"{len(found)} of {len(old)} arrays differ, first {shown[0]}"
+    if worst is not shown[0]:
         how += f"; worst {worst}"
-    allowed = next((a for pattern, a in accepted.items() if fnmatch.fnmatchcase(case, pattern)), None)
-    if allowed is None:
+    entry = beyond[0][1] if beyond else allowed[0]
+    if entry is None:
         return Verdict(case, False, f"DIFFERS: {how}")
-    if worst.relative <= allowed.bound:
-        return Verdict(case, True, f"within {allowed.bound:.0e} ({allowed.why}): {how}")
-    return Verdict(case, False, f"DIFFERS by more than {allowed.bound:.0e} ({allowed.why}): {how}")
+    told = f"{entry.bound:.0e} ({entry.why}): {how}"
+    return Verdict(case, not beyond, f"DIFFERS by more than {told}" if beyond else f"within {told}")
+
+
+def _accepted(name: str, case: str, accepted: Mapping[str, Accepted]) -> Accepted | None:
+    """The first entry for an array or for its case."""
+    return next((entry for pattern, entry in accepted.items()
+                 if fnmatch.fnmatchcase(name if ":" in pattern else case, pattern)), None)  # fmt: skip
 
 
 def read_accepted(path: Path) -> dict[str, Accepted]:
-    """The table of accepted deviations: for a case, or a pattern of names, its bound and why.
+    """The table of accepted deviations: for a case, an array of it, or a pattern of names, its bound and why.
 
     Raises:
         ValueError: in one line, for anything else.
     """
     table = json.loads(path.read_text())
     try:
-        found = {case: Accepted(float(entry["bound"]), entry["why"]) for case, entry in table.items()}
+        found = {case: Accepted(float(entry["bound"]), entry["why"], float(entry.get("absolute", 0)))
+                 for case, entry in table.items()}  # fmt: skip
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: give a bound and why for each case ({error!r})") from None
     for case, entry in found.items():
-        if not (0 <= entry.bound < 1 and entry.why.strip()):
+        if not (0 <= entry.bound < 1 and 0 <= entry.absolute < np.inf and entry.why.strip()):
             raise ValueError(f"{path}: {case}: give a bound from 0 to 1, and say why")
     return found
