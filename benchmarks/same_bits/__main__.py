@@ -4,7 +4,7 @@ make same-bits                              every case, some minutes
 make same-bits SAME_BITS="--quick"          those that cover most in a minute
 make same-bits SAME_BITS="--only gradients --only 'lattice/*slip'"
 
-Where a law was rewritten and its last bit moved, accepted.json says of which cases, how far, and why; beyond is failure:
+Where a law was rewritten and its last bit moved, accepted.json says of which cases, how far and why; beyond it fails:
 
 {"lattice/floor_slip:end.velocities": {"bound": 1e-9, "absolute": 1e-13, "why": "almost at rest"},
  "lattice/*": {"bound": 1e-12, "why": "the law of springs is one for both ways"}}
