@@ -23,9 +23,9 @@ PLACES = {
     "InflatableGeometry": ("robots.inflatable", "robots.inflatable.body"),
     "NAMED_GEOMETRIES": ("robots.inflatable", "robots.inflatable.body"),
     "differentiate_gaits": ("robots.inflatable.gradient:differentiate", "robots.inflatable_gradient:differentiate"),
-    "GaitProblem": ("optim.problems.inflatable", "optim.gait_problem"),
+    "GaitProblem": ("optim.problems.inflatable", "optim.problems.inflatable.problem", "optim.gait_problem"),
     # Soft walkers, and robots of arrays.
-    "WalkerDesign": ("robots.lattice_robot.walker", "robots.walker"),
+    "WalkerDesign": ("robots.lattice_robot.walker", "robots.lattice_robot.walker_body", "robots.walker"),
     "simulate_walkers": ("robots.lattice_robot.walker:simulate", "robots.walker:simulate"),
     "WalkerProblem": ("optim.problems.walker", "optim.walker_problem"),
     "LatticeRobotProblem": ("optim.lattice_robot_problem", "optim.problems.lattice_robot"),
