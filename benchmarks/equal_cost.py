@@ -15,11 +15,12 @@ from typing import Any, Literal
 import numpy as np
 
 from optim.problem import Problem
-from optim.runs import Generation, files, open_run, run_search
+from optim.runs import Generation, open_run, run_search
 from optim.runs.config import has_run
 from optim.runs.environment import environment
 from optim.runs.history import read_history
 from optim.search import build_method
+from taichi_sim.base import files
 
 SEEDS = range(5)
 CLOCK = "cpu.jsonl"

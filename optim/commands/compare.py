@@ -34,8 +34,8 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Group, compare, draw."""
     from optim.runs import comparison
-    from optim.runs.files import replacing
     from optim.runs.history import read_history, runs_below
+    from taichi_sim.base.files import replacing
 
     if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from optim.runs.files import replacing
-from taichi_sim.base.files import write_bytes
+from taichi_sim.base.files import replacing, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from optim.problem import Problem
-from optim.runs import checkpoint, files
+from optim.runs import checkpoint
 from optim.runs.config import identity
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.history import History
+from taichi_sim.base import files
 
 STATES = {"finished": "finished", "running": "running", "stopped": "interrupted"}
 

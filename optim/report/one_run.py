@@ -30,11 +30,11 @@ from optim.report.markup import (
     table,
     tiles,
 )
-from optim.runs import files
 from optim.runs.history import History
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from robots.hardware import PneumaticRig
+from taichi_sim.base import files
 
 MOST_ROWS = 60  # of the table of generations
 FILES = {

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.runs import files
+from taichi_sim.base import files
 from taichi_sim.base.arrays import Arrays
 
 State = Arrays

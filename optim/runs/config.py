@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import tomli_w
 
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Objective, Problem, objectives_of, score_of
-from optim.runs import files
+from taichi_sim.base import files
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"

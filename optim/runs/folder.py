@@ -28,10 +28,11 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from optim.runs import checkpoint, files
+from optim.runs import checkpoint
 from optim.runs.checkpoint import CHECKPOINT, LOG, PREVIOUS, Record, State
 from optim.runs.config import OBJECTIVES, SECTIONS, check_same, has_run, identity, read_config, write_config
 from optim.runs.environment import differences
+from taichi_sim.base import files
 
 ENVIRONMENT, TIMING, LOCK = "environment.json", "timing.jsonl", ".lock"
 LOCK_PATIENCE = 0.5  # s; a command that only looks at a run may hold its lock for a moment
@@ -131,8 +132,8 @@ class RunFolder:
         Raises:
             RuntimeError: in one line, if the disk takes no more.
         """
-        with self.kept():
-            files.update(self.path / name, write)
+        with self.kept(), files.replacing(self.path / name, if_changed=True) as aside:
+            write(aside)
 
     def update_text(self, name: str, text: str) -> None:
         """The same for a text."""

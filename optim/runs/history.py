@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from optim.problem import Problem
-from optim.runs import checkpoint, files
+from optim.runs import checkpoint
 from optim.runs.config import has_run, identity, read_config
 from optim.runs.folder import TIMING, in_use
 from optim.runs.loop import Generation
 from optim.search import build_method
 from optim.search.method import SearchResult
+from taichi_sim.base import files
 
 
 @dataclass(frozen=True)

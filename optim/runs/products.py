@@ -4,8 +4,8 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from optim.runs import files
 from optim.runs.folder import RunFolder
+from taichi_sim.base import files
 
 PRODUCTS = "products.json"
 

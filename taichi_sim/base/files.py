@@ -1,76 +1,75 @@
-"""Files that are whole or not there."""
+"""Atomic file writes: a file has its old content or its new content, whatever ends the process in between."""
 
 import contextlib
+import errno
+import fcntl
+import hashlib
+import io
 import json
 import os
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
+from taichi_sim.base.arrays import Arrays
+
 Design = TypeVar("Design")
-ASIDE = ".aside-"  # how files begin that are not whole yet; run folders clear away what a kill left of them
+ASIDE = ".aside-"  # names of unfinished files begin so; a kill may leave them, and any later run may remove them
+_DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
+_DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)  # the machine's, not the user's
 
 
-def new_path(path: str | os.PathLike[str]) -> Path:
-    """A path at which there is nothing yet, in a folder that there is.
+@contextlib.contextmanager
+def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
+    """A path beside ``path`` to write to; the new file replaces ``path`` once it is safely on disk.
 
-    Raises:
-        ValueError: in one line, if there is something, or no such folder.
-    """
-    if Path(path).exists():
-        raise ValueError(f"path: {path} exists; name a new file")
-    check_parent("path", Path(path))
-    return Path(path)
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder for results, if there is none.
+    Args:
+        path: to write or replace.
+        if_changed: leave ``path`` untouched if its content is already the same.
 
     Raises:
-        ValueError: in one line, if it cannot be made.
+        OSError: if the disk refuses; ``path`` is then as it was.
     """
+    aside = path.with_name(f"{ASIDE}{os.getpid()}-{threading.get_native_id()}-{path.name}")
     try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"out: {path} cannot be made ({error.strerror})") from None
-
-
-def check_parent(field: str, path: Path) -> None:
-    """Refuse a file whose folder there is not: better before the work than after it."""
-    if not path.parent.is_dir():
-        raise ValueError(f"{field}: {path} cannot be written; there is no folder {path.parent}")
+        yield aside
+        if not (if_changed and path.is_file() and path.read_bytes() == aside.read_bytes()):
+            _sync(aside)
+            os.replace(aside, path)
+            _sync(path.parent)
+    finally:
+        with contextlib.suppress(OSError):  # a full disk must not be filled further
+            aside.unlink(missing_ok=True)
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file aside, then rename it into place: a crash leaves the old file or the new one.
+    """Write a file in one step.
 
     Raises:
-        ValueError: in one line, when the file cannot be written.
+        ValueError: if the path cannot be written.
+        RuntimeError: if the disk is full or broken.
     """
-    path = Path(path)
-    aside = path.with_name(f"{ASIDE}{path.name}.{os.getpid()}")
     try:
-        with aside.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(aside, path)
+        with replacing(Path(path)) as aside:
+            aside.write_bytes(content)
     except OSError as error:
-        with contextlib.suppress(OSError):  # nor may it be possible to remove
-            aside.unlink(missing_ok=True)
-        raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
+        kind = RuntimeError if error.errno in _DISK_FAULTS else ValueError
+        raise kind(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """The same for a text."""
+    """Write a text in UTF-8; raises what :func:`write_bytes` raises."""
     write_bytes(path, text.encode())
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Read a text file.
+    """Read a text in UTF-8.
 
     Raises:
-        ValueError: in one line, when it cannot be read or is no text.
+        ValueError: if the file cannot be read or is no text.
     """
     try:
         return Path(path).read_text(encoding="utf-8")
@@ -81,20 +80,20 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def why_unread(error: Exception) -> str:
-    """Why a file could not be read or understood, in one line that leaves its name out."""
+    """The reason why a file could not be read or understood, without its name."""
     return (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
 
 
 def write_record(path: str | os.PathLike[str], form: str, record: Mapping[str, Any]) -> None:
-    """Write a design as JSON, its format first."""
+    """Write a record as JSON, with the name of its format first."""
     write_text(path, json.dumps({"format": form, **record}, indent=2) + "\n")
 
 
 def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[str, Any]], Design]) -> Design:
-    """What ``build`` makes of a record written by :func:`write_record`.
+    """The object that ``build`` makes of a record written by :func:`write_record`.
 
     Raises:
-        ValueError: one line that names the file and what is wrong with it.
+        ValueError: if the file is unreadable, of another format, or refused by ``build``; names the file.
     """
     text = read_text(path)
     try:
@@ -109,3 +108,158 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
         raise ValueError(f"{path}: {missing} is missing") from None
     except (ValueError, TypeError, OverflowError) as problem:
         raise ValueError(f"{path}: {problem}") from None
+
+
+def sha256(content: bytes) -> str:
+    """Checksum in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def pack(arrays: Arrays | Mapping[str, Any]) -> bytes:
+    """The content of an .npz file with these arrays; its comment is the SHA-256 of all bytes before the comment."""
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    # A zip archive ends with the length of its comment (two bytes, zero so far) and the comment.
+    content = buffer.getvalue()[:-2] + _DIGEST_LENGTH.to_bytes(2, "little")
+    return content + sha256(content).encode()
+
+
+def unpack(content: bytes) -> Arrays:
+    """The arrays that :func:`pack` packed.
+
+    Raises:
+        ValueError: if a single bit differs.
+    """
+    if sha256(content[:-_DIGEST_LENGTH]).encode() != content[-_DIGEST_LENGTH:]:
+        raise ValueError("the checksum does not match")
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Add a line to a text file and wait until it is on disk."""
+    with path.open("ab") as file:
+        file.write(line.encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def complete_lines(path: Path) -> list[bytes]:
+    """The lines of a text file, without an unfinished last one; none if there is no file."""
+    content = path.read_bytes() if path.exists() else b""
+    return [line + b"\n" for line in content.split(b"\n")[:-1]]
+
+
+def keep_lines(path: Path, count: int) -> None:
+    """Cut a text file, if it exists, after its first ``count`` complete lines."""
+    size = len(b"".join(complete_lines(path)[:count]))
+    if path.exists() and path.stat().st_size > size:
+        os.truncate(path, size)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it, if they do not exist.
+
+    Raises:
+        ValueError: if a folder cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"out: {path} cannot be made ({error.strerror})") from None
+
+
+def check_parent(field: str, path: Path) -> None:
+    """Refuse a file in a folder that does not exist, before any work is done for it.
+
+    Raises:
+        ValueError: if there is no such folder.
+    """
+    if not path.parent.is_dir():
+        raise ValueError(f"{field}: {path} cannot be written; there is no folder {path.parent}")
+
+
+def new_path(path: str | os.PathLike[str]) -> Path:
+    """A path at which nothing exists yet.
+
+    Raises:
+        ValueError: if something exists there, or there is no such folder.
+    """
+    if Path(path).exists():
+        raise ValueError(f"path: {path} exists; name a new file")
+    check_parent("path", Path(path))
+    return Path(path)
+
+
+@contextlib.contextmanager
+def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
+    """Reserve a new file or folder for this process while its content is computed.
+
+    Args:
+        field: named in messages.
+        path: must not exist, in a folder that does.
+        kind: ``"file"`` or ``"folder"``, for messages.
+
+    Raises:
+        ValueError: if the path exists, another process has reserved it, or the folder cannot be written.
+    """
+    check_parent(field, path)
+    with _reserved(field, path, path.with_name(f"{ASIDE}claim-{path.name}"), kind):
+        if os.path.lexists(path):
+            raise ValueError(f"{field}: {path} exists; name a new {kind}")
+        yield
+
+
+@contextlib.contextmanager
+def claimed_folder(field: str, path: Path) -> Iterator[None]:
+    """Make a new folder and reserve it for this process; it is removed again if nothing was put there.
+
+    Raises:
+        ValueError: if the folder holds anything, cannot be made, or another process has reserved it.
+    """
+    above = next((each for each in (path, *path.parents) if os.path.lexists(each)), path)
+    if os.path.lexists(above) and not above.is_dir():
+        raise ValueError(f"{field}: {above} is a file; name a new folder")
+    made = [each for each in (path, *path.parents) if not each.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"{field}: {path} cannot be made ({error.strerror})") from None
+    try:
+        with _reserved(field, path, path / f"{ASIDE}claim", "folder"):
+            if any(not each.name.startswith(ASIDE) for each in path.iterdir()):
+                raise ValueError(f"{field}: {path} exists and is not empty; name a new folder")
+            yield
+    finally:
+        with contextlib.suppress(OSError):  # stops at the first that is not empty
+            for each in made:
+                each.rmdir()
+
+
+@contextlib.contextmanager
+def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
+    """Hold a lock on a file; the system frees it when the process ends, however it ends."""
+    with contextlib.ExitStack() as stack:
+        try:
+            while True:
+                file = stack.enter_context(lock.open("a"))
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
+                    break  # else the holder before has just removed the file: make a new one
+        except BlockingIOError:
+            raise ValueError(f"{field}: {path} is being written by another process; name a new {kind}") from None
+        except OSError as error:
+            raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                lock.unlink()
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

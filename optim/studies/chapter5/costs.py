@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from optim.runs.files import append_line, complete_lines, keep_lines
+from taichi_sim.base.files import append_line, complete_lines, keep_lines
 
 
 class Costs:

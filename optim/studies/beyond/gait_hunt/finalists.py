@@ -11,13 +11,12 @@ import numpy as np
 
 from optim.experiments.results import Progress
 from optim.problems.inflatable.problem import GaitProblem
-from optim.runs.files import sha256
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt.judging import Finalist, judge_finalists, last_bests
 from robots.inflatable.gaits import save_gait
 from robots.inflatable.robustness import HARD_FRICTION, NOISE
 from robots.world import Terrain
-from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.files import read_text, sha256, write_text
 
 
 def _read(path: Path) -> dict[str, Any]:
