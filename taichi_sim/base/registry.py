@@ -1,0 +1,94 @@
+"""Things that are found by name: built-in ones in a lazy table, others as entry points of installed packages."""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from importlib import import_module, metadata
+from typing import Generic, TypeVar
+
+Thing = TypeVar("Thing")
+
+
+class Registry(Mapping[str, Thing], Generic[Thing]):
+    """Names of built-in things and of those that installed packages add; each is imported when it is first asked for.
+
+    A package adds one in its ``pyproject.toml``; a built-in name cannot be taken::
+
+        [project.entry-points."morpholab.methods"]
+        annealing = "my_package.annealing:Annealing"
+
+    Listing names reads the metadata of installed packages and runs no code of theirs.
+
+    Args:
+        group: of the entry points, such as ``"morpholab.methods"``.
+        noun: what error messages call one of these things; the name of the field that holds it.
+        builtin: where each built-in thing is defined, as ``"module:attribute"``, by name.
+    """
+
+    def __init__(self, group: str, noun: str, builtin: Mapping[str, str]) -> None:
+        self.group, self.noun, self.builtin = group, noun, dict(builtin)
+        self._loaded: dict[str, Thing] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        """All names: built-in ones first, then those of packages in alphabetical order."""
+        yield from self.builtin
+        yield from sorted({entry.name for entry in self._entries()} - set(self.builtin))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.builtin or any(entry.name == name for entry in self._entries())
+
+    def __getitem__(self, name: str) -> Thing:
+        """The thing of a name.
+
+        Raises:
+            KeyError: if there is none.
+            ValueError: if a package's thing cannot be imported, or several packages give the same name.
+        """
+        if name not in self._loaded:
+            self._loaded[name] = self._load(name)
+        return self._loaded[name]
+
+    def find(self, name: object) -> Thing:
+        """The thing of a name from outside.
+
+        Raises:
+            ValueError: if there is none, with the nearest name; or if it cannot be imported.
+        """
+        return self[self.check(name)]
+
+    def check(self, name: object) -> str:
+        """The name, if there is such a thing; nothing is imported.
+
+        Raises:
+            ValueError: if there is none, with the nearest name.
+        """
+        if isinstance(name, str) and name in self:
+            return name
+        close = difflib.get_close_matches(name, list(self), n=1) if isinstance(name, str) else []
+        hint = f"did you mean {close[0]}? all of them: " if close else "choose one of "
+        raise ValueError(f"{self.noun}: {name!r} is unknown; {hint}{', '.join(self)}")
+
+    def _load(self, name: str) -> Thing:
+        if name in self.builtin:
+            module, _, attribute = self.builtin[name].partition(":")
+            found: Thing = getattr(import_module(module), attribute)
+            return found
+        entries = [entry for entry in self._entries() if entry.name == name]
+        if not entries:
+            raise KeyError(name)
+        packages = ", ".join(sorted(entry.dist.name if entry.dist else "?" for entry in entries))
+        if len(entries) > 1:
+            raise ValueError(
+                f"{self.noun}: {name!r} is defined by several packages ({packages}); uninstall all but one"
+            )
+        try:
+            loaded: Thing = entries[0].load()
+        except Exception as error:
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise ValueError(f"{self.noun}: {name!r} of the package {packages} cannot be imported ({why})") from error
+        return loaded
+
+    def _entries(self) -> metadata.EntryPoints:
+        return metadata.entry_points(group=self.group)

@@ -1,0 +1,72 @@
+"""Built-in things and those of installed packages, found by name."""
+
+import sys
+
+import pytest
+
+from taichi_sim.base.registry import Registry
+
+GROUP = "morpholab.shapes"
+
+
+def install(folder, name, points, module=""):
+    """A package on a path: its metadata and, with a source, its module."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = "\n".join(f"{key} = {value}" for key, value in points.items())
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{lines}\n")
+    if module:
+        (folder / f"{name.replace('-', '_')}.py").write_text(module)
+
+
+@pytest.fixture
+def path(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def shapes():
+    return Registry(GROUP, "shape", {"square": "fractions:Fraction", "circle": "decimal:Decimal"})
+
+
+def test_builtin_things_are_imported_when_asked_for(shapes):
+    from fractions import Fraction
+
+    assert list(shapes) == ["square", "circle"] and len(shapes) == 2 and "circle" in shapes
+    assert shapes["square"] is shapes.find("square") is Fraction
+
+
+def test_packages_add_things_and_cannot_replace_any(shapes, path):
+    module = "class Star: pass\n"
+    install(path, "starry", {"star": "starry:Star", "square": "starry:Star"}, module)
+    assert list(shapes) == ["square", "circle", "star"] and shapes.check("star") == "star"
+    assert "starry" not in sys.modules
+    assert shapes["star"].__name__ == "Star" and shapes["square"].__name__ == "Fraction"
+    del sys.modules["starry"]
+
+
+def test_unknown_names_are_told_the_nearest(shapes):
+    with pytest.raises(ValueError, match=r"shape: 'sqare' is unknown; did you mean square\? all of them: square, circ"):
+        shapes.find("sqare")
+    for wrong in ("zzz", 3, None):
+        with pytest.raises(ValueError, match="is unknown; choose one of square, circle"):
+            shapes.check(wrong)
+    with pytest.raises(KeyError):
+        shapes["zzz"]
+
+
+def test_what_cannot_be_imported_is_told_in_one_line(shapes, path):
+    install(path, "broken", {"blob": "broken:Blob", "drop": "missing_module:Drop"}, "raise RuntimeError('no\\nway')")
+    with pytest.raises(ValueError, match=r"shape: 'blob' of the package broken cannot be imported \(no way\)"):
+        shapes.find("blob")
+    with pytest.raises(ValueError, match="'drop' of the package broken cannot be imported"):
+        shapes.find("drop")
+
+
+def test_one_name_of_two_packages_is_refused(shapes, path):
+    install(path, "one", {"star": "fractions:Fraction"})
+    install(path, "two", {"star": "decimal:Decimal"})
+    with pytest.raises(ValueError, match=r"'star' is defined by several packages \(one, two\)"):
+        shapes.find("star")
