@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from optim.experiments.tables import write_records
 from taichi_sim.base.arrays import Arrays
-from taichi_sim.base.files import ASIDE, make_folder, write_record, write_text
+from taichi_sim.base.files import ASIDE, make_folder, read_text, write_record, write_text
 from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None
@@ -47,6 +47,39 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
     if kind and not (folder / f"{kind}.json").exists():
         make_folder(folder)
         write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
+
+
+def tables_alone(folder: Path, raw: str, tables: Collection[str]) -> bool:
+    """Tell whether a study's folder holds its tables without the raw results that they were made from.
+
+    Then summary, pages and figures are made from the tables again, and nothing is computed.
+
+    Args:
+        folder: the folder of the study.
+        raw: the name of the folder of raw results inside it.
+        tables: the names of the tables; all of them must be there.
+    """
+    return not (folder / raw).exists() and all((folder / name).is_file() for name in tables)
+
+
+def check_tables(folder: Path, settings: Mapping[str, Any]) -> None:
+    """Refuse tables whose summary tells of other settings than those asked for.
+
+    Args:
+        folder: the folder of the study, which holds its tables alone, see :func:`tables_alone`.
+        settings: the values asked for, by their names in ``summary.json``.
+
+    Raises:
+        ValueError: if the summary names another value.
+    """
+    path = folder / "summary.json"
+    known = json.loads(read_text(path)) if path.is_file() else {}
+    for name, value in settings.items():
+        if name in known and known[name] != value:
+            raise ValueError(
+                f"out: {folder} holds tables of another study ({name}: {known[name]!r}, not {value!r}) without its "
+                "runs; name another folder"
+            )
 
 
 def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:

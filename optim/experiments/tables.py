@@ -1,5 +1,6 @@
 """Tables as CSV files, compressed or not."""
 
+import ast
 import csv
 import gzip
 import io
@@ -22,8 +23,31 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]
 
 
 def write_records(path: Path, header: Sequence[str], records: Iterable[Mapping[str, Any]]) -> None:
-    """The same of records by name: what the header names of each."""
+    """Write records as the rows of a CSV file: of each the values that the header names."""
     write_table(path, header, [tuple(record[name] for name in header) for record in records])
+
+
+def read_records(path: Path) -> list[dict[str, Any]]:
+    """Read the rows of a CSV file as records by column; numbers, truth values and lists get their types back.
+
+    Empty cells become None.
+
+    Raises:
+        ValueError: if the file cannot be read, is empty, or has rows of another length than its header.
+    """
+    header, rows = read_table(path)
+    if any(len(row) != len(header) for row in rows):
+        raise ValueError(f"{path}: is no table; every row must have {len(header)} cells")
+    return [dict(zip(header, map(_value, row), strict=True)) for row in rows]
+
+
+def _value(cell: str) -> Any:
+    if not cell:
+        return None
+    try:
+        return ast.literal_eval(cell)
+    except (ValueError, SyntaxError):
+        return cell
 
 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:

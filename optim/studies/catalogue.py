@@ -150,14 +150,14 @@ CATALOGUE: Mapping[str, Item] = MappingProxyType(
             "chapter 5, discussion: why the search did not find inching on the hill",
             "evolution as published, on cycles, along gradients and both: gaits that climb 15 degrees, at equal cost",
             "beyond.gait_hunt.study",
-            ("table.md", "table.csv", "hunt.png", "summary.json", "runs", "gaits"),
+            ("table.md", "table.csv", "generations.csv", "hunt.png", "summary.json", "runs", "gaits"),
             jobs=True,
         ),
         "gait-climb": Item(
             "chapter 5, discussion: why the search did not find inching on the hill",
             "a program that finds gaits which climb 15 degrees: random ones, their kinds refined, the best led uphill",
             "beyond.gait_hunt.climb",
-            ("table.md", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
+            ("table.md", "seeds.csv", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
             jobs=True,
         ),
         "friction-sweeps": Item(

@@ -1,6 +1,7 @@
 """The player's page: motions, three.js and the program that plays them in one HTML file."""
 
 import base64
+import gzip
 import html
 import json
 from collections.abc import Sequence
@@ -48,11 +49,17 @@ def page(motions: Motion | Sequence[Motion], title: str = "") -> str:
         "style": _file("player.css"),
         "about": json.dumps(about, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
         "data": data,
-        "three": f"/*\n{_file('LICENSE.three')}*/\n{_file('three.min.js')}",
+        "three": f"/*\n{_file('LICENSE.three')}*/\n{_three()}",
         "program": "\n".join(_file(name) for name in PROGRAM),
     }
     first, *rest = _file("page.html").split("{{")
     return first + "".join(parts[piece.partition("}}")[0]] + piece.partition("}}")[2] for piece in rest)
+
+
+@cache
+def _three() -> str:
+    packed = resources.files(__package__).joinpath("three.min.js.gz").read_bytes()
+    return gzip.decompress(packed).decode()
 
 
 @cache

@@ -14,8 +14,16 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import beside
-from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
-from optim.experiments.tables import write_records
+from optim.experiments.results import (
+    Budget,
+    Progress,
+    check_folder,
+    check_tables,
+    part_of,
+    tables_alone,
+    write_json,
+)
+from optim.experiments.tables import read_records, write_records
 from optim.problems.inflatable.problem import HARD
 from optim.studies.beyond.gait_hunt.checks import check_settings
 from optim.studies.beyond.gait_hunt.finalists import kept_finalists, write_gaits
@@ -26,7 +34,9 @@ from robots.inflatable.robot import NAMED_GEOMETRIES
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 
-FILES = ("runs", "gaits", "steps.csv", "table.md", "climb.png", "summary.json")
+Record = Mapping[str, Any]
+TABLES = ("seeds.csv", "steps.csv")  # what the summary, the page and the figure are made from
+FILES = (*TABLES, "runs", "gaits", "table.md", "climb.png", "summary.json")
 
 
 @dataclass(frozen=True)
@@ -91,7 +101,9 @@ class Climbed:
 
 
 def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
-    """Write runs, ``summary.json``, ``table.md``, ``steps.csv``, ``climb.png``, and the gait that each seed found.
+    """Write runs, tables, ``summary.json``, ``climb.png``, and the gait that each seed found.
+
+    Where the folder holds the tables alone, the rest is made from them.
 
     Args:
         folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
@@ -99,6 +111,10 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         where: precision, device and threads of the simulations.
     """
     check_folder(folder, FILES, "gait-climb")
+    if tables_alone(folder, "runs", TABLES):
+        check_tables(folder, {"slope": settings.slope})
+        write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
+        return
     seeds, found = settings.seeds, list[Climbed]()
     beside(
         [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds], jobs, where, progress
@@ -132,14 +148,27 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
 
 
 def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
-    """Write what some seeds have found."""
+    """Write what some seeds have found: tables, what follows from them, and gaits."""
     rows = [_row(one) for one in found]
     steps = [{"seed": one.seed, **row} for one in found for row in _step_rows(one)]
-    write_records(folder / "steps.csv", list(steps[0]), steps)
+    for name, records in zip(TABLES, (rows, steps), strict=True):
+        write_records(folder / name, list(records[0]), records)
+    write_reports(folder, settings, rows, steps)
+    write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
+
+
+def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: Sequence[Record]) -> None:
+    """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the tables.
+
+    Args:
+        folder: takes the files.
+        settings: of the study.
+        rows: the records of ``seeds.csv``, one of each seed.
+        steps: the records of ``steps.csv``, one of each step of each seed.
+    """
     write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
     write_text(folder / "table.md", _table(rows))
-    write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
-    _draw(settings, found, folder / "climb.png")
+    _draw(settings, rows, steps, folder / "climb.png")
 
 
 def _row(one: Climbed) -> dict[str, Any]:
@@ -165,10 +194,18 @@ def _step_rows(one: Climbed) -> list[dict[str, Any]]:
             "evaluations": step.last.evaluations,
             "robot_steps": step.spent,
             "score": step.last.best,
-            "speeds": " ".join(f"{speed:.4f}" for speed in step.speeds.values()),
+            "speeds": [round(speed, 4) for speed in step.speeds.values()],
+            "hard_speeds": _hard_speeds(step),
         }
         for step in one.steps
     ]
+
+
+def _hard_speeds(step: Step) -> list[float]:
+    """Speeds of the step's best on its terrains under the harder conditions; empty if it was not tried there."""
+    details = step.last.best_details or {}
+    names = [f"speed_{terrain.name}{HARD}" for terrain in step.problem.terrains]
+    return [round(details[name], 4) for name in names if name in details]
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -194,32 +231,28 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _draw(settings: Climb, found: Sequence[Climbed], path: Path) -> None:
+def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path: Path) -> None:
     """Speed of each step's best on the slopes of the first ladder, a panel a seed; looks are judged in another way.
 
     Crosses are speeds under the harder conditions, of the steps that judge them.
     """
     names = [Terrain(rung * settings.slope).name for rung in RUNGS]
-    with figure(path, PAGE, 2.4, ncols=len(found), sharey=True) as (_, panels):
-        for panel, one in zip(panels[0], found, strict=True):
-            steps = [step for step in one.steps if not step.name.startswith("look")]
+    with figure(path, PAGE, 2.4, ncols=len(rows), sharey=True) as (_, panels):
+        for panel, row in zip(panels[0], rows, strict=True):
+            mine = [step for step in steps if step["seed"] == row["seed"] and not step["step"].startswith("look")]
             for name, colour in zip(names, COLOURS, strict=False):
-                tried = [(place, step.speeds[name]) for place, step in enumerate(steps) if name in step.speeds]
-                panel.plot(*np.array(tried).reshape(-1, 2).T, "o", color=colour, label=name, markersize=4)
-                hard = [
-                    (place, (step.last.best_details or {}).get(f"speed_{name}{HARD}"))
-                    for place, step in enumerate(steps)
-                ]
-                judged = [(place, speed) for place, speed in hard if speed is not None]
-                label = f"{name}, harder" if judged else None
-                panel.plot(*np.array(judged, float).reshape(-1, 2).T, "x", color=colour, label=label, markersize=4)
-            places = {step.name: place for place, step in enumerate(steps)}
-            if one.best and one.found_by:
-                panel.plot(places[one.found_by], one.best.speed, "k*", label="in full")
+                for column, marker, label in (("speeds", "o", name), ("hard_speeds", "x", f"{name}, harder")):
+                    each = [dict(zip(step["terrains"].split(), step[column], strict=False)) for step in mine]
+                    told = [(place, speeds[name]) for place, speeds in enumerate(each) if name in speeds]
+                    shown = label if told or column == "speeds" else None
+                    panel.plot(*np.array(told).reshape(-1, 2).T, marker, color=colour, label=shown, markersize=4)
+            places = {step["step"]: place for place, step in enumerate(mine)}
+            if row["found_by"]:
+                panel.plot(places[row["found_by"]], row["speed"], "k*", label="in full")
             panel.axhline(0.0, color="0.7", linewidth=0.6)
-            panel.set(title=f"seed {one.seed}", xticks=range(len(steps)))
+            panel.set(title=f"seed {row['seed']}", xticks=range(len(mine)))
             panel.set_xticklabels(list(places), rotation=90)
         panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
         panels[0, 0].legend()
-        if len(found) > 1:
+        if len(rows) > 1:
             letter(panels)

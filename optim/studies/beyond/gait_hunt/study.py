@@ -18,8 +18,16 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import beside
-from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
-from optim.experiments.tables import write_table
+from optim.experiments.results import (
+    Budget,
+    Progress,
+    check_folder,
+    check_tables,
+    part_of,
+    tables_alone,
+    write_json,
+)
+from optim.experiments.tables import read_records, write_records
 from optim.hints import nearest
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
@@ -35,6 +43,10 @@ from robots.inflatable.robustness import LEAST_HARD_SPEED
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
+
+Record = Mapping[str, Any]
+TABLES = ("table.csv", "generations.csv")  # what the summary, the page and the figure are made from
+FILES = (*TABLES, "runs", "gaits", "summary.json", "table.md", "hunt.png")
 
 
 @dataclass(frozen=True)
@@ -103,15 +115,21 @@ class Found:
 
 
 def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
-    """Write runs, ``summary.json``, ``table.md``, ``table.csv``, ``hunt.png``, and each run's best gait.
+    """Write runs, tables, ``summary.json``, ``hunt.png``, and the best gait of each run.
+
+    Where the folder holds the tables alone, the rest is made from them.
 
     Args:
         folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
         jobs: runs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
-    check_folder(folder, ("runs", "gaits", "summary.json", "table.md", "table.csv", "hunt.png"), "gait-hunt")
+    check_folder(folder, FILES, "gait-hunt")
     searches = settings.searches
+    if tables_alone(folder, "runs", TABLES):
+        check_tables(folder, {"budget": settings.budget, "slope": settings.slope})
+        write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
+        return
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
     beside(
         [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
@@ -159,12 +177,30 @@ def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, 
 
 
 def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
-    """Write what some runs have found."""
-    rows = [_row(one) for one in found]
-    write_table(folder / "table.csv", list(rows[0]), [list(row.values()) for row in rows])
-    groups = {name: [one for one in found if one.search == name] for name in hunt.searches}
-    summary = {name: _group(group) for name, group in groups.items() if group}
-    starts = {name: [one.history.generations[0].mean for one in group] for name, group in groups.items()}
+    """Write what some runs have found: tables, what follows from them, and gaits."""
+    rows, generations = [_row(one) for one in found], [row for one in found for row in _generations(one)]
+    for name, records in zip(TABLES, (rows, generations), strict=True):
+        write_records(folder / name, list(records[0]), records)
+    write_reports(folder, hunt, rows, generations)
+    write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
+
+
+def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations: Sequence[Record]) -> None:
+    """Write ``summary.json``, ``table.md`` and ``hunt.png``, all that follows from the tables.
+
+    Args:
+        folder: takes the files.
+        hunt: the settings of the study.
+        rows: the records of ``table.csv``, one of each run.
+        generations: the records of ``generations.csv``, one of each generation of each run.
+    """
+    groups = {name: [row for row in rows if row["search"] == name] for name in hunt.searches}
+    groups = {name: group for name, group in groups.items() if group}
+    summary = {name: _group(name, group) for name, group in groups.items()}
+    starts = {
+        name: [row["mean"] for row in generations if row["search"] == name and row["generation"] == 0]
+        for name in groups
+    }
     apart = differences({name: _speeds(group) for name, group in groups.items()}, starts)
     write_json(
         folder / "summary.json",
@@ -172,12 +208,11 @@ def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
     )
     labels = {name: row["label"] for name, row in summary.items()}
     write_text(folder / "table.md", _table(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
-    write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
-    _draw({name: group for name, group in groups.items() if group}, folder / "hunt.png")
+    _draw(groups, generations, folder / "hunt.png")
 
 
 def _row(one: Found) -> dict[str, Any]:
-    """A run in a line."""
+    """What a run has found, a row of ``table.csv``."""
     last = one.history.generations[-1]
     return {
         "search": one.search,
@@ -190,22 +225,38 @@ def _row(one: Found) -> dict[str, Any]:
     }
 
 
-def _speeds(group: Sequence[Found]) -> Floats:
-    """Of what the runs have found; NaN where that is nothing."""
-    return np.array([one.best.speed if one.best else np.nan for one in group])
+def _generations(one: Found) -> list[dict[str, Any]]:
+    """The generations of a run, rows of ``generations.csv``."""
+    return [
+        {
+            "search": one.search,
+            "seed": one.seed,
+            "generation": each.generation,
+            "evaluations": each.evaluations,
+            "robot_steps": spent,
+            "mean": each.mean,
+            "best": each.best,
+        }
+        for each, spent in zip(one.history.generations, one.spent.tolist(), strict=True)
+    ]
 
 
-def _group(group: Sequence[Found]) -> dict[str, Any]:
+def _speeds(group: Sequence[Record], name: str = "speed") -> Floats:
+    """Speeds of what the runs have found; NaN where that is nothing."""
+    return np.array([row[name] for row in group], float)
+
+
+def _group(name: str, group: Sequence[Record]) -> dict[str, Any]:
     """Runs of a search: mean speed of what they have found with its 95 % interval by Student's t, and the best."""
-    known = [one.best for one in group if one.best]
-    speeds, hard = (np.array([getattr(best, name) for best in known]) for name in ("speed", "hard_speed"))
+    known = [row for row in group if row["speed"] is not None]
+    speeds, hard = (_speeds(known, name) for name in ("speed", "hard_speed"))
     low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
     return {
-        "label": SEARCHES[group[0].search].label,
+        "label": SEARCHES[name].label,
         "runs": len(group),
         "judged": len(known),
-        "evaluations": int(np.median([one.history.generations[-1].evaluations for one in group])),
-        "robot_steps": float(np.median([one.spent.sum() for one in group])),
+        "evaluations": int(np.median([row["evaluations"] for row in group])),
+        "robot_steps": float(np.median([row["robot_steps"] for row in group])),
         "speed": float(speeds.mean()) if len(speeds) else None,
         "low": low,
         "high": high,
@@ -237,33 +288,21 @@ _SPEEDS = ("speed", "low", "high", "best", "hard_speed")
 LINEAR = 0.01  # speeds up to which the figure's axis is linear [BL/s]
 
 
-def _draw(groups: dict[str, list[Found]], path: Path) -> None:
+def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record], path: Path) -> None:
     """Best scores over what was spent, each by its search's own rule, and what the runs have found in the end."""
     with figure(path, PAGE, 3.0, ncols=2) as (_, panels):
         over, end = panels[0]
-        for (name, group), colour in zip(groups.items(), COLOURS, strict=False):
-            for one in group:
-                scores = np.array([g.best for g in one.history.generations], float)
+        for place, ((name, group), colour) in enumerate(zip(groups.items(), COLOURS, strict=False)):
+            for seed in (row["seed"] for row in group):
+                mine = [row for row in generations if (row["search"], row["seed"]) == (name, seed)]
                 style = "--" if SEARCHES[name].rungs else "-"  # scores of ladders count easier slopes
-                over.step(
-                    np.cumsum(one.spent)[: len(scores)] / 1e6,
-                    scores,
-                    where="post",
-                    color=colour,
-                    linewidth=0.8,
-                    linestyle=style,
-                )
-            place = list(groups).index(name)
-            known = [one.best for one in group if one.best]
+                spent, scores = (np.array([row[key] for row in mine], float) for key in ("robot_steps", "best"))
+                line: dict[str, Any] = {"color": colour, "linewidth": 0.8, "linestyle": style}
+                over.step(np.cumsum(spent) / 1e6, scores, where="post", **line)
+            known = [row for row in group if row["speed"] is not None]
             for value, marker in (("speed", "o"), ("hard_speed", "x")):
-                end.plot(
-                    [getattr(best, value) for best in known],
-                    [place] * len(known),
-                    marker,
-                    color=colour,
-                    markersize=5,
-                    fillstyle="none",
-                )
+                dots: dict[str, Any] = {"color": colour, "markersize": 5, "fillstyle": "none"}
+                end.plot(_speeds(known, value), [place] * len(known), marker, **dots)
         over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
         end.axvline(0.0, color="0.7", linewidth=0.6)
         # What slides down may be tens of times as fast as what climbs.
