@@ -11,12 +11,15 @@ vector goes through the same operations as a scalar.
 """
 
 import contextlib
+import functools
 import io
 import os
 import sys
+import textwrap
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,6 +29,8 @@ os.environ.setdefault("TI_ENABLE_PYBUF", "0")  # nor does it announce notebooks 
 os.environ.setdefault("TI_ENABLE_TORCH", "0")  # Taichi would import torch at its start
 
 import taichi as ti
+from taichi.lang import kernel_impl
+from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
 DEVICES = ("cpu", "cuda", "vulkan", "metal")
 PRECISIONS = ("f32", "f64")
@@ -61,6 +66,20 @@ class Configuration:
 
 
 _running: Configuration | None = None
+
+
+def _position(self: Any, node: Any) -> str:
+    """Where a line of a kernel's source stands, for the message of an error in it."""
+    place = f'File "{self.file}", line {node.lineno + self.lineno_offset}, in {self.func.func.__name__}'
+    return f"{place}:\n{self.src[node.lineno - 1]}\n"
+
+
+# Building a kernel, also one whose machine code is cached, Taichi wraps source lines to paper width for every node of
+# its syntax tree and reads the source of a function at every call of it: two thirds of the time. These do it once.
+ASTTransformerContext.get_pos_info = _position
+for _name in ("getsourcefile", "getsourcelines"):
+    setattr(kernel_impl, _name, functools.cache(getattr(kernel_impl, _name)))
+kernel_impl.textwrap = SimpleNamespace(fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent))
 
 
 def available_threads() -> int:
