@@ -26,17 +26,16 @@ class Frames:
     sizes: np.ndarray
 
 
-def frames_of(run: LatticeResult, extents: np.ndarray, sizes: np.ndarray, first: int, times: np.ndarray) -> Frames:
+def frames_of(run: LatticeResult, extents: np.ndarray, first: int, times: np.ndarray) -> Frames:
     """The frames that a run recorded as its snapshots from number ``first`` on.
 
     Args:
         run: of B robots, with S snapshots.
         extents: of all snapshots [m], shape (B, S, V, 6).
-        sizes: of all snapshots [m], shape (B, S, V, 3).
         first: snapshots before it are not frames.
         times: of the frames [s], shape (S - first,).
     """
     positions, orientations, sides, rest = (
-        np.moveaxis(each[:, first:], 0, 1) for each in (run.positions, run.orientations, extents, sizes)
+        np.moveaxis(each[:, first:], 0, 1) for each in (run.positions, run.orientations, extents, run.sizes)
     )
     return Frames(positions, orientations, times, sides, rest)

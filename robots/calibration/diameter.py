@@ -9,7 +9,6 @@ from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
 from robots.inflatable.cores import InflatedCores
 from robots.inflatable.program import initialise
-from robots.inflatable.rest_sizes import rest_sizes
 from robots.world import Terrain, weights
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder, Quantity
@@ -55,7 +54,7 @@ class Diameter:
         levels, place = np.unique(self.at, return_inverse=True)
         program = self._program(trials, laboratory, levels)
         run = engine.run(program)
-        extents = half_extents(body, run.strains, rest_sizes(body, program))
+        extents = half_extents(body, run.strains, run.sizes)
         skin = corners(run.positions, run.orientations, extents)[:, :, _is_skin(body)]
         reach = skin[..., SIDES[self.side]]
         found = reach.max(axis=(2, 3)) - reach.min(axis=(2, 3))

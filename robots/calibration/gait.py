@@ -9,7 +9,6 @@ from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.actuation import play
 from robots.inflatable.cores import InflatedCores, highest_pressure
 from robots.inflatable.program import write_robot
-from robots.inflatable.rest_sizes import rest_sizes
 from robots.inflatable.robot import InflatableDesign, travel_directions
 from robots.world import Terrain, weights
 from taichi_sim.base.arrays import Floats
@@ -62,7 +61,7 @@ class Gait:
         times, place = np.unique(self.at, return_inverse=True)
         program = self._program(trials, laboratory, times)
         run = engine.run(program)
-        extents = half_extents(body, run.strains, rest_sizes(body, program))
+        extents = half_extents(body, run.strains, run.sizes)
         middle = mean_of_face_corners(body, run.positions, run.orientations, extents)[..., :2]
         heading = travel_directions(np.array([self.design.orientation]))[0]
         found = (middle[:, 1:] - middle[:, :1]) @ heading

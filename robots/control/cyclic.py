@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.frames import Frames
-from robots.inflatable.rest_sizes import rest_sizes, thermal_growth
 from robots.world import Terrain, weights
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
@@ -156,13 +155,10 @@ def _driven(shape: tuple[int, int, int], regions: ArrayLike, quantities: ArrayLi
     return events
 
 
-def recorded_frames(
-    body: LatticeBody, run: LatticeResult, program: LatticeProgram, robot: int, interval: float
-) -> Frames:
+def recorded_frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:
     """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
-    sizes = rest_sizes(body, program) * thermal_growth(body, program)
-    extents = half_extents(body, run.strains, sizes)
+    extents = half_extents(body, run.strains, run.sizes)
     positions, orientations, shown, rest = (
-        np.swapaxes(a[robot : robot + 1, STARTS:], 0, 1) for a in (run.positions, run.orientations, extents, sizes)
+        np.swapaxes(a[robot : robot + 1, STARTS:], 0, 1) for a in (run.positions, run.orientations, extents, run.sizes)
     )
     return Frames(positions, orientations, np.arange(len(positions)) * interval, shown, rest)

@@ -20,11 +20,10 @@ from robots.inflatable.body import (
     kinds_of,
 )
 from robots.inflatable.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
-from robots.inflatable.program import bladder_scales, initialise, set_weight, write_column
+from robots.inflatable.program import initialise, set_weight, write_column
 from robots.inflatable.robot import NAMED_GEOMETRIES, scattered, travel_directions
 from robots.inflatable.schedule import ROWS
 from robots.world import Terrain, weights
-from taichi_sim.autodiff.dual import value_of
 from taichi_sim.base.checks import choice, number
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
@@ -160,12 +159,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
     def _middle(self, found: LatticeResult) -> Observation:
         """Mean of all corners of exposed faces [m]: what distances are measured by."""
         body = self.geometry.body
-        sizes = np.array([material.scale for material in body.materials])[body.material_index]
-        scales = bladder_scales(float(value_of(self._cores.mean)), self._levels, self.actuation)
-        regions = kinds_of(np.asarray(body.regions))
-        inflatable = regions >= FIRST_BLADDER
-        sizes[inflatable] = scales[regions[inflatable] - FIRST_BLADDER]
-        extents = half_extents(body, found.strains, (sizes * body.voxel_size)[None, None])
+        extents = half_extents(body, found.strains, found.sizes)
         middle: Observation = mean_of_face_corners(body, found.positions, found.orientations, extents)[0, 0]
         return middle
 

@@ -12,14 +12,13 @@ from robots.inflatable.cores import highest_pressure
 from robots.inflatable.relaxed_motion import gait_steps, nominal_gait_steps
 from robots.inflatable.relaxed_program import DesignGradient, Parameters, RelaxedProgram, build_relaxed_program
 from robots.inflatable.relaxed_schedule import RelaxedDesign
-from robots.inflatable.rest_sizes import pull_back_rest_sizes, rest_sizes
 from robots.inflatable.robot import InflatableResult, reordered, scattered, stage_order, summarise, travel_directions
 from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats, Indices
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
 from taichi_sim.lattice.faces import (
     half_extents,
     mean_of_face_corners,
@@ -187,14 +186,15 @@ def _differentiate(
     tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
     headings, stages = np.array([d.orientation for d in designs]), build["stages"]
     result = _summary(designs, program, tape.result, geometry, build["actuation"], stages)
-    seeds = distance_cotangents(geometry.body, tape.result, program.program, headings, worst_stages(result))
+    seeds = distance_cotangents(geometry.body, tape.result, headings, worst_stages(result))
     back = tape.pull_back(
         positions=seeds.positions,
         orientations=seeds.orientations,
         strains=seeds.strains,
+        sizes=seeds.sizes,
         progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
     )
-    gradient = program.pull_back(back.values + seeds.values, back.rates + seeds.rates)
+    gradient = program.pull_back(back.values, back.rates)
     return _judged(result, gradient, seeds.headings)
 
 
@@ -230,9 +230,8 @@ def _summary(
         back = np.arange(len(designs))
     headings = np.array([d.orientation for d in designs])
     nominal = [nominal_gait_steps(d.schedule, gait_steps(d.schedule, actuation), actuation) for d in designs]
-    sizes, marks = rest_sizes(geometry.body, program.program)[back], program.program.snapshots[back]
-    run = reordered(run, back)
-    return summarise(run, marks, sizes, headings, np.array(nominal), geometry, record_every, stages)
+    marks = program.program.snapshots[back]
+    return summarise(reordered(run, back), marks, headings, np.array(nominal), geometry, record_every, stages)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Floats) -> InflatableGradient:
@@ -256,16 +255,14 @@ class DistanceCotangents:
         positions: of the voxels, shape (B, S, V, 3).
         orientations: of the voxels [m], shape (B, S, V, 4).
         strains: of the links [m], shape (B, S, L).
-        values: of the program's events, by way of rest sizes alone, shape (E,).
-        rates: of the events likewise, shape (E,).
+        sizes: of the rest sizes of voxels, shape (B, S, V, 3).
         headings: of the robots, on the path they went [m/degree], shape (B,).
     """
 
     positions: Floats
     orientations: Floats
     strains: Floats
-    values: Floats
-    rates: Floats
+    sizes: Floats
     headings: Floats
 
 
@@ -279,41 +276,36 @@ def worst_stages(result: InflatableResult) -> Floats:
     return weights
 
 
-def distance_cotangents(
-    body: LatticeBody, run: LatticeResult, program: LatticeProgram, headings: Floats, weights: Floats
-) -> DistanceCotangents:
+def distance_cotangents(body: LatticeBody, run: LatticeResult, headings: Floats, weights: Floats) -> DistanceCotangents:
     """Differentiate the distances that ``summarise`` reads off the snapshots of a run.
 
     Args:
         body: of the robots.
-        run: of the program.
-        program: with S snapshots.
+        run: with S snapshots.
         headings: of the robots [degrees], shape (B,).
         weights: with which the robot's places at the snapshots make the distance, shape (B, S): -1 for the first and 1
             for the last, see :func:`worst_stages`.
     """
     ok = run.status == "ok"
-    sizes = rest_sizes(body, program)
     travel = travel_directions(headings)
     by_middle = np.zeros((*weights.shape, 3))
     by_middle[..., :2] = weights[..., None] * travel[:, None]
     by_middle = by_middle[ok]
-    extents = half_extents(body, run.strains[ok], sizes[ok])
+    extents = half_extents(body, run.strains[ok], run.sizes[ok])
     middle = mean_of_face_corners(body, run.positions[ok], run.orientations[ok], extents)
     by_positions, by_orientations, by_extents = pull_back_mean_of_face_corners(
         body, run.orientations[ok], extents, by_middle
     )
-    by_strains, by_sizes = pull_back_half_extents(body, run.strains[ok], sizes[ok], by_extents)
+    by_strains, by_sizes = pull_back_half_extents(body, run.strains[ok], run.sizes[ok], by_extents)
 
     def spread(part: Floats) -> Floats:
         whole = np.zeros((len(ok), *part.shape[1:]))
         whole[ok] = part
         return whole
 
-    values, rates = pull_back_rest_sizes(body, program, spread(by_sizes))
     x, y = travel[ok].T
     turned = np.stack([-y, x], axis=1) * (np.pi / 180)
     by_headings = ((weights[ok, :, None] * middle[..., :2]).sum(axis=1) * turned).sum(axis=1)
     return DistanceCotangents(
-        spread(by_positions), spread(by_orientations), spread(by_strains), values, rates, spread(by_headings)
+        spread(by_positions), spread(by_orientations), spread(by_strains), spread(by_sizes), spread(by_headings)
     )

@@ -20,7 +20,6 @@ from robots.inflatable.gaits import GaitDesign, as_graded
 from robots.inflatable.program import immerse, initialise, stand_on, write_column
 from robots.inflatable.relaxed_motion import play_relaxed
 from robots.inflatable.relaxed_schedule import RelaxedDesign
-from robots.inflatable.rest_sizes import rest_sizes
 from robots.inflatable.robot import scattered, travel_directions
 from robots.world import Terrain, weights
 from taichi_sim.autodiff.dual import Dual, value_of
@@ -135,15 +134,14 @@ def simulate_journey(
         engine.set_positions(scattered(body, perturbation, whole_number("seed", seed, 0), range(runs)))
     run = engine.run(program, progress)
     first = len(legs) + 1
-    sizes = rest_sizes(body, program)
-    extents = half_extents(body, run.strains, sizes)
+    extents = half_extents(body, run.strains, run.sizes)
     middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
     headings = travel_directions(np.array([leg.design.orientation for leg in legs]))
     distances = (np.diff(middle[..., :2], axis=1) * headings).sum(axis=-1)
     frames = None
     if record_every:
         times = np.arange(program.snapshots.shape[1] - first) * record_every * geometry.time_step
-        frames = frames_of(run, extents, sizes, first, times)
+        frames = frames_of(run, extents, first, times)
     return JourneyResult(
         np.where((run.status == "ok")[:, None], distances, np.nan),
         steps,

@@ -17,7 +17,6 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation, nominal_
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, SMALL, TWO_CORE, InflatableGeometry
 from robots.inflatable.cores import MAXIMUM_PRESSURE, Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.inflatable.program import build_program
-from robots.inflatable.rest_sizes import rest_sizes
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain, one_each
 from taichi_sim.base.checks import number, whole_number
@@ -216,13 +215,14 @@ def simulate(
     run = reordered(run, back)
     headings = np.array([d.orientation for d in designs])
     nominal = np.array([nominal_steps(d.schedule.columns * d.schedule.repeats, actuation) for d in designs])
-    sizes = rest_sizes(body, program)[back]
-    return summarise(run, program.snapshots[back], sizes, headings, nominal, geometry, record_every)
+    return summarise(run, program.snapshots[back], headings, nominal, geometry, record_every)
 
 
 def reordered(run: LatticeResult, order: np.ndarray) -> LatticeResult:
     """What a batch did, with its robots in another order, shape (B,)."""
-    return LatticeResult(*(getattr(run, f)[order] for f in ("status", "steps", "positions", "orientations", "strains")))
+    return LatticeResult(
+        *(getattr(run, f)[order] for f in ("status", "steps", "positions", "orientations", "strains", "sizes"))
+    )
 
 
 def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
@@ -252,7 +252,6 @@ def sideways(displacement: ArrayLike, headings: ArrayLike) -> np.ndarray:
 def summarise(
     run: LatticeResult,
     marks: np.ndarray,
-    sizes: np.ndarray,
     headings: np.ndarray,
     nominal: np.ndarray,
     geometry: InflatableGeometry,
@@ -265,7 +264,6 @@ def summarise(
         run: of a batch; its first snapshots are the end of the initialisation, the end of the gait, and the ends of
             all stages but the last.
         marks: steps of the snapshots, shape (B, S).
-        sizes: rest sizes of the voxels at the snapshots [m], shape (B, S, V, 3).
         headings: [degrees], shape (B,).
         nominal: steps that the published convention divides the distance of each robot by, shape (B,).
         geometry: of the robots.
@@ -274,7 +272,7 @@ def summarise(
     """
     body, dt = geometry.body, geometry.time_step
     begin, end = marks[:, 0], marks[:, 1]
-    extents = half_extents(body, run.strains, sizes)
+    extents = half_extents(body, run.strains, run.sizes)
     first = stages + 1
     middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
     way = (middle[..., :2] * travel_directions(headings)[:, None]).sum(axis=-1)
@@ -287,7 +285,7 @@ def summarise(
     frames = None
     if record_every:
         times = np.arange(marks.shape[1] - first) * record_every * dt
-        frames = frames_of(run, extents, sizes, first, times)
+        frames = frames_of(run, extents, first, times)
     return InflatableResult(
         distance,
         lengths / (nominal * dt),

@@ -216,7 +216,7 @@ class _Batch:
             for row, i in enumerate(rows.tolist()):
                 if self.record_every:
                     interval = self.record_every * robot.cycle.time_step
-                    frames[i] = recorded_frames(bodies[i], run, self.program.program, row, interval)
+                    frames[i] = recorded_frames(bodies[i], run, row, interval)
         slopes = None
         if gradient is not None:
             slopes = np.full((count, self.points.shape[1]), np.nan)

@@ -167,7 +167,7 @@ def simulate(
         status[members], steps[members] = run.status, run.steps
         for row, i in enumerate(members):
             bodies[i] = body
-            frames[i] = recorded_frames(body, run, program, row, record_every * dt) if record_every else None
+            frames[i] = recorded_frames(body, run, row, record_every * dt) if record_every else None
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
     speed = distance / lengths * actuation.frequency / actuation.cycles
     return WalkerResult(distance, speed, status.astype(str), reason, steps, dt, tuple(bodies), tuple(frames))

@@ -18,7 +18,7 @@ from taichi_sim.lattice.materials import Material
 from taichi_sim.lattice.program import LatticeProgram
 
 STATE = ("positions", "orientations", "velocities", "angular_velocities")
-RECORDED = ("positions", "orientations", "strains")
+RECORDED = ("positions", "orientations", "strains", "sizes")
 NUMBERS = tuple(f.name for f in fields(Material) if f.name != "name")
 
 
@@ -28,6 +28,7 @@ class RunTensors(NamedTuple):
     positions: torch.Tensor
     orientations: torch.Tensor
     strains: torch.Tensor
+    sizes: torch.Tensor
     final_positions: torch.Tensor
     final_orientations: torch.Tensor
     final_velocities: torch.Tensor
@@ -95,7 +96,7 @@ class _Run(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *cotangents: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         parts = [c.numpy() for c in cotangents]
-        gradient = ctx.tape.pull_back(*parts[:3], state=LatticeState(*parts[3:]))
+        gradient = ctx.tape.pull_back(*parts[:4], state=LatticeState(*parts[4:]))
         found = (torch.from_numpy(_part(gradient, name)) for name in ctx.names)
         return None, *(g.to(**kind) for g, kind in zip(found, ctx.kinds, strict=True))
 

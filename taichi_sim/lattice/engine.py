@@ -49,6 +49,8 @@ class LatticeResult:
         positions: recorded voxel centres [m], shape (B, S, V, 3); NaN where a robot never got there.
         orientations: recorded quaternions (w, x, y, z), shape (B, S, V, 4).
         strains: recorded strain of every link, shape (B, S, L).
+        sizes: recorded rest size of every voxel along its own axes [m], shape (B, S, V, 3): what the program and the
+            temperature made of it in the last step, or at step 0 what the first step begins with.
     """
 
     status: np.ndarray
@@ -56,6 +58,7 @@ class LatticeResult:
     positions: np.ndarray
     orientations: np.ndarray
     strains: np.ndarray
+    sizes: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +284,7 @@ class LatticeEngine:
 
     def finish(self, run: FusedRun | SteppedRun) -> LatticeResult:
         """What a run came to, in the body's voxel order."""
-        steps, diverged, poses, strains = run.finish()
+        steps, diverged, (poses, strains, sizes) = run.finish()
         self._note_events(run.program, steps)
         # A state that is not finite is no result, whatever the strains said.
         diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))
@@ -290,10 +293,12 @@ class LatticeEngine:
         back[self.order] = np.arange(len(self.order))
         poses = poses[:, :, back]
         strains = strains[:, :, : len(self.body.topology.links)]
-        for recorded in (poses, strains):
-            recorded[~np.isfinite(poses).all(axis=(2, 3))] = np.nan
+        sizes = sizes[:, :, self.tables.group[back]]
+        lost = ~np.isfinite(poses).all(axis=(2, 3))
+        for recorded in (poses, strains, sizes):
+            recorded[lost] = np.nan
         status = np.where(self._diverged, "diverged", "ok")
-        return LatticeResult(status, steps, poses[..., :3], poses[..., 3:], strains)
+        return LatticeResult(status, steps, poses[..., :3], poses[..., 3:], strains, sizes)
 
     def _note_events(self, program: PackedProgram, steps: np.ndarray) -> None:
         """Remember which channels no longer hold what the materials say."""

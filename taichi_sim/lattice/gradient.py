@@ -103,14 +103,15 @@ class Tape:
         positions: np.ndarray | None = None,
         orientations: np.ndarray | None = None,
         strains: np.ndarray | None = None,
+        sizes: np.ndarray | None = None,
         state: "LatticeState | None" = None,
         progress: Callable[[float], None] | None = None,
     ) -> LatticeGradient:
         """The derivatives of a cost from its derivatives by what the run gave.
 
         Args:
-            positions, orientations, strains: of the cost by those of ``result``, shapes as there; so running costs are
-                functions of recorded poses.
+            positions, orientations, strains, sizes: of the cost by those of ``result``, shapes as there; so running
+                costs are functions of recorded poses and sizes.
             state: of the cost by the final ``state``.
             progress: called now and then with the fraction done, 0 to 1.
 
@@ -118,18 +119,18 @@ class Tape:
             ValueError: one line; for shapes that do not match, numbers that are not finite, or a robot that diverged
                 although the cost depends on it.
         """
-        poses, strain_seeds = self._pose_seeds(positions, orientations), self._strain_seeds(strains)
+        recorded = self._pose_seeds(positions, orientations), self._strain_seeds(strains), self._size_seeds(sizes)
         finals = self._state_seeds(state)
         lost = np.flatnonzero(self.result.status != "ok")
         for robot in lost:
-            if any(np.any(seeds[robot]) for seeds in (poses, strain_seeds, finals)):
+            if any(np.any(seeds[robot]) for seeds in (*recorded, finals)):
                 raise ValueError(
                     f"robot {robot}: diverged at step {self.result.steps[robot]}; it has no gradient, give it zeros"
                 )
         runtime.start(*self._engine.configuration)
         now = self._run.checkpoint()
         try:
-            reverse = self._run.reverse(poses, strain_seeds, finals)
+            reverse = self._run.reverse(recorded, finals)
             self._undo(reverse, progress)
         finally:
             self._run.restore(now)
@@ -165,6 +166,18 @@ class Tape:
     def _strain_seeds(self, strains: np.ndarray | None) -> np.ndarray:
         shape = self.result.strains.shape
         seeds = np.zeros(shape) if strains is None else _checked("strains", strains, shape).copy()
+        seeds[self._program.snapshots < 0] = 0.0
+        return seeds
+
+    def _size_seeds(self, sizes: np.ndarray | None) -> np.ndarray:
+        """Cotangents of the rest sizes of groups, shape (B, S, G, 3)."""
+        tables, shape = self._engine.tables, self.result.sizes.shape
+        seeds = np.zeros((*shape[:2], len(tables.group_region), 3))
+        if sizes is None:
+            return seeds
+        given = _checked("sizes", sizes, shape)[:, :, self._engine.order]
+        for group in range(seeds.shape[2]):
+            seeds[:, :, group] = np.ascontiguousarray(given[:, :, tables.group == group]).sum(axis=2)
         seeds[self._program.snapshots < 0] = 0.0
         return seeds
 

@@ -141,8 +141,8 @@ def program(batch: int = 1) -> LatticeProgram:
 class Cost:
     """A random linear function of everything that a run gives, each part of like weight."""
 
-    def __init__(self, shape: LatticeBody, snapshots: int) -> None:
-        """Draw it."""
+    def __init__(self, shape: LatticeBody, snapshots: int, sizes: bool = False) -> None:
+        """Draw it; with ``sizes``, of recorded rest sizes too."""
         rng = np.random.default_rng(7)
         voxels = shape.voxel_count
         self.positions = rng.normal(size=(snapshots, voxels, 3)) / 1e-3
@@ -154,6 +154,7 @@ class Cost:
             rng.normal(size=(voxels, 3)) / 0.1,
             rng.normal(size=(voxels, 3)) / 1.0,
         )
+        self.sizes = sizes * rng.normal(size=(snapshots, voxels, 3)) / 1e-3
 
     def of(self, engine: LatticeEngine, result) -> np.ndarray:
         """Its value for every robot, shape (B,)."""
@@ -163,6 +164,7 @@ class Cost:
             (result.positions, self.positions),
             (result.orientations, self.orientations),
             (result.strains, self.strains),
+            (result.sizes, self.sizes),
         ]
         pairs += [(getattr(state, f), getattr(self.state, f)) for f in state.__dataclass_fields__]
         return sum((a * b).reshape(engine.batch, -1).sum(axis=1) for a, b in pairs)
@@ -170,5 +172,6 @@ class Cost:
     def pull_back(self, tape):
         """The gradient by everything."""
         batch = len(tape.result.status)
-        parts = {f: np.repeat(getattr(self, f)[None], batch, axis=0) for f in ("positions", "orientations", "strains")}
+        names = ("positions", "orientations", "strains", "sizes")
+        parts = {f: np.repeat(getattr(self, f)[None], batch, axis=0) for f in names}
         return tape.pull_back(**parts, state=repeated(self.state, batch))

@@ -161,7 +161,8 @@ class FusedRun:
         slots, links = max(program.slots, 1), max(len(d.tables.link_ends), 1)
         self.poses: np.ndarray = np.full((d.batch, slots, len(d.tables.group), 7), np.nan, d.real.numpy)
         self.strains: np.ndarray = np.full((d.batch, slots, links), np.nan, d.real.numpy)
-        self._values: np.ndarray = program.values.astype(d.real.numpy)
+        self.sizes: np.ndarray = np.full((d.batch, slots, len(d.tables.group_region), 3), np.nan, d.real.numpy)
+        self.values: np.ndarray = program.values.astype(d.real.numpy)
         self.total = max(int(program.lengths.max()), 1)
         # What kernels get that keep no record.
         self._no_record = Record(0, 0, d.real.array((1, 1)), np.zeros((1, 1, 3), np.int32), np.zeros((1, 1), np.int32))
@@ -183,13 +184,14 @@ class FusedRun:
                 tick(float(info[:, kernel.INFO_STEP].mean()) / self.total)
         return record is None or bool((info[:, kernel.INFO_LOGGED] <= record.log.shape[1]).all())
 
-    def finish(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """After the last step: (steps done, diverged, poses, strains), robots first."""
+    def finish(self) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """After the last step: (steps done, diverged, (poses, strains, rest sizes of groups)), robots first."""
         self._unpark()
         flat = self.lanes.reshape(-1, kernel.LANE_COLUMNS)[: self.driver.batch]
         diverged = flat[:, kernel.LANE_STATE] == kernel.LANE_DIVERGED
         slots = self.program.slots
-        return flat[:, kernel.LANE_STEP].copy(), diverged, self.poses[:, :slots], self.strains[:, :slots]
+        recorded = self.poses[:, :slots], self.strains[:, :slots], self.sizes[:, :slots]
+        return flat[:, kernel.LANE_STEP].copy(), diverged, recorded
 
     def checkpoint(self) -> tuple[np.ndarray, ...]:
         """Copies of all that changes from step to step."""
@@ -223,11 +225,11 @@ class FusedRun:
         """Bytes that reversing takes besides."""
         return 3 * self.driver._memory.nbytes
 
-    def reverse(self, poses: np.ndarray, strains: np.ndarray, finals: np.ndarray) -> "FusedReverse":
+    def reverse(self, recorded: tuple[np.ndarray, np.ndarray, np.ndarray], finals: np.ndarray) -> "FusedReverse":
         """Cotangents at the end of the run, ready to go back."""
         from taichi_sim.lattice.drivers.fused_reverse import FusedReverse
 
-        return FusedReverse(self, poses, strains, finals)
+        return FusedReverse(self, recorded, finals)
 
     def _unpark(self) -> None:
         """Give every robot that ended its own last state back."""
@@ -282,9 +284,10 @@ class FusedRun:
             d._info,
             self.lanes,
             self.program.marks,
-            self._values,
+            self.values,
             self.poses,
             self.strains,
+            self.sizes,
             kept.first,
             d.real.reals(kept.states.reshape(-1, width)),
             kept.room,

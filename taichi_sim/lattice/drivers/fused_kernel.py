@@ -13,6 +13,7 @@ from typing import Any
 
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real, any_lane, larger, load, store
 from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.materials import CONSTANT_COLUMNS, EXPANSION
 from taichi_sim.lattice.stages import columns
 from taichi_sim.lattice.stages import forcing as stages
 from taichi_sim.lattice.stages.link import link_stage
@@ -24,8 +25,11 @@ from taichi_sim.lattice.stages.memory import (
     CONSTANT,
     CONTACT,
     CONTACT_ON,
+    CURRENT,
+    CURRENT_WIDTH,
     DIVERGED,
     FORCE,
+    GROUPS,
     LINK,
     LINK_WIDTH,
     LINKS,
@@ -34,6 +38,7 @@ from taichi_sim.lattice.stages.memory import (
     RATE,
     REST,
     RING_MASK,
+    SIZE,
     SQUARES,
     STATE_SLOTS,
     SURFACE,
@@ -74,10 +79,12 @@ def apply_event(
     link_table: ti.template(),
     event: ti.template(),
     event_value: ti.template(),
+    edge,
     poses: ti.template(),
     strains: ti.template(),
+    sizes: ti.template(),
 ):
-    """Set a channel, or record the robot's pose if the event's target is negative."""
+    """Set a channel, or record the robot's pose, strains and rest sizes if the event's target is negative."""
     target = event[e, 1]
     if target >= 0:
         slot = k + plan[CHANNEL] + target * CHANNEL_WIDTH
@@ -91,6 +98,34 @@ def apply_event(
         for l in range(plan[LINKS]):
             rest = plan[REST] + link_table[l * columns.LINK_COLUMNS + columns.LINK_REST] + 1
             strains[robot, 0 - target - 1, l] = ms[k + plan[LINK] + l * LINK_WIDTH, lane] * ms[k + rest, lane]
+        record_sizes(ms, k, lane, robot, 0 - target - 1, event[e, 0], edge, plan, sizes)
+
+
+@ti.func
+def record_sizes(ms: ti.template(), k, lane, robot, slot, t, edge, plan: ti.template(), sizes: ti.template()):
+    """Rest sizes of every group: those of the last step, or at the start those with which the first one begins."""
+    for g in range(plan[GROUPS]):
+        if t > 0:
+            for c in ti.static(range(3)):
+                sizes[robot, slot, g, c] = ms[k + plan[CURRENT] + g * CURRENT_WIDTH + SIZE + c, lane]
+        else:
+            channels = k + plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP
+            x, y, z = stages.grown_scales(
+                ms[k + plan[CONSTANT] + g * CONSTANT_COLUMNS + EXPANSION, lane],
+                next_value(ms, channels + columns.TEMPERATURE * CHANNEL_WIDTH, lane),
+                next_value(ms, channels + columns.SCALE * CHANNEL_WIDTH, lane),
+                next_value(ms, channels + (columns.SCALE + 1) * CHANNEL_WIDTH, lane),
+                next_value(ms, channels + (columns.SCALE + 2) * CHANNEL_WIDTH, lane),
+            )
+            sizes[robot, slot, g, 0] = edge * x
+            sizes[robot, slot, g, 1] = edge * y
+            sizes[robot, slot, g, 2] = edge * z
+
+
+@ti.func
+def next_value(ms: ti.template(), slot, lane):
+    """Value of a channel in the step that is about to begin."""
+    return ms[slot + BASE, lane] + ms[slot + RATE, lane] * ms[slot + AGE, lane]
 
 
 @ti.func
@@ -107,8 +142,10 @@ def handle_marks(
     event: ti.template(),
     event_value: ti.template(),
     parked: ti.template(),
+    edge,
     poses: ti.template(),
     strains: ti.template(),
+    sizes: ti.template(),
 ):
     """Events due at step t; robots that end here are parked; the block ends with its last robot."""
     upcoming = NOWHERE
@@ -131,8 +168,10 @@ def handle_marks(
                             link_table,
                             event,
                             event_value,
+                            edge,
                             poses,
                             strains,
+                            sizes,
                         )
                         e += 1
                         due = 1
@@ -471,6 +510,7 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         event_value: scalars2,
         poses: scalars4,
         strains: scalars3,
+        sizes: scalars4,
         first: ti.i32,
         states: reals,
         room: ti.i32,
@@ -503,8 +543,10 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                             event,
                             event_value,
                             parked,
+                            edge,
                             poses,
                             strains,
+                            sizes,
                         )
                     if info[block, INFO_STATE] == RUNNING and plan[CONTACT_ON] != 0:
                         if any_lane(load(m, k, plan[MONITOR] + MOVED) > rebuild_distance * rebuild_distance):

@@ -10,12 +10,21 @@ from taichi_sim.lattice.stages import memory
 STEPS_PER_LAUNCH = 250
 
 
+def filled(array: np.ndarray) -> np.ndarray:
+    """The array, or one of a single zero instead of an empty one: kernels take no others."""
+    return array if array.size else np.zeros((1,) * array.ndim, array.dtype)
+
+
 class FusedReverse:
     """Cotangents of a batch on their way back through a run."""
 
-    def __init__(self, run: FusedRun, poses: np.ndarray, strains: np.ndarray, finals: np.ndarray) -> None:
-        """Start at the end of a run with the cotangents of recorded poses (B, S, V, 7), strains (B, S, L) and last
-        states (B, V, 13).
+    def __init__(self, run: FusedRun, recorded: tuple[np.ndarray, np.ndarray, np.ndarray], finals: np.ndarray) -> None:
+        """Start at the end of a run.
+
+        Args:
+            run: that is done.
+            recorded: cotangents of poses (B, S, V, 7), strains (B, S, L) and rest sizes of groups (B, S, G, 3).
+            finals: cotangents of last states (B, V, 13).
         """
         driver, program = run.driver, run.program
         self.run, self.driver = run, driver
@@ -35,8 +44,7 @@ class FusedReverse:
         self._lanes[..., kernel.LANE_STATE] = np.where(lives, kernel.LANE_WAITING, kernel.LANE_DEAD)
         self._info = np.full(driver.blocks, int(program.lengths.max()), np.int32)
         self.events: np.ndarray = np.zeros(program.values.shape, real.numpy)
-        as_real: list[np.ndarray] = [np.ascontiguousarray(x, real.numpy) for x in (poses, strains, finals)]
-        self._poses, self._strains, self._finals = (x if x.size else np.zeros((1,) * x.ndim, x.dtype) for x in as_real)
+        self._seeds = [filled(np.ascontiguousarray(x, real.numpy)) for x in (*recorded, finals)]
         self._contacts = CONTACTS_PER_STEP
         self._states: np.ndarray | None = None
 
@@ -97,10 +105,9 @@ class FusedReverse:
             self._lanes,
             self._info,
             self.run.program.marks,
+            self.run.values,
             self.events,
-            self._poses,
-            self._strains,
-            self._finals,
+            *self._seeds,
         )
 
     def read(self, section: int) -> np.ndarray:

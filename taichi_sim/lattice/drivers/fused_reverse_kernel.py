@@ -9,18 +9,29 @@ from functools import lru_cache
 from typing import Any
 
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.autodiff.tracing import pull_back
+from taichi_sim.lattice.drivers.fused_kernel import next_value
+from taichi_sim.lattice.materials import CONSTANT_COLUMNS, EXPANSION
+from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns
 from taichi_sim.lattice.stages import forcing_adjoint as adjoint
+from taichi_sim.lattice.stages.forcing import grown_scales
 from taichi_sim.lattice.stages.link_adjoint import link_adjoint
 from taichi_sim.lattice.stages.memory import (
+    AGE,
     BASE,
     CHANNEL,
     CHANNEL_WIDTH,
+    CONSTANT,
+    CURRENT,
+    CURRENT_WIDTH,
+    GROUPS,
     LINK,
     LINK_WIDTH,
     LINKS,
     RATE,
     REST,
+    SIZE,
     SQUARES,
     STATE_SLOTS,
     VOXEL,
@@ -111,6 +122,67 @@ def receive_pose(
 
 
 @ti.func
+def receive_sizes(
+    ms: ti.template(), asc: ti.template(), k, lane, robot, slot, t, edge, plan: ti.template(), sizes: ti.template()
+):
+    """Add the cotangents of recorded rest sizes to those of the last step; at the start, to the channels'."""
+    for g in range(plan[GROUPS]):
+        if t > 0:
+            for c in ti.static(range(3)):
+                asc[k + plan[CURRENT] + g * CURRENT_WIDTH + SIZE + c, lane] += sizes[robot, slot, g, c]
+        else:
+            swells = k + plan[CONSTANT] + g * CONSTANT_COLUMNS + EXPANSION
+            channels = k + plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP
+            warm = channels + columns.TEMPERATURE * CHANNEL_WIDTH
+            x = channels + columns.SCALE * CHANNEL_WIDTH
+            y, z = x + CHANNEL_WIDTH, x + 2 * CHANNEL_WIDTH
+            inputs = (
+                ms[swells, lane],
+                next_value(ms, warm, lane),
+                next_value(ms, x, lane),
+                next_value(ms, y, lane),
+                next_value(ms, z, lane),
+            )
+            seeds = (
+                edge * sizes[robot, slot, g, 0],
+                edge * sizes[robot, slot, g, 1],
+                edge * sizes[robot, slot, g, 2],
+            )
+            cotangents = ti.static(pull_back(grown_scales, inputs, (), seeds))
+            asc[swells, lane] += cotangents[0]
+            for i, channel in ti.static(enumerate((warm, x, y, z))):
+                asc[channel + BASE, lane] += cotangents[i + 1]
+                asc[channel + RATE, lane] += cotangents[i + 1] * ms[channel + AGE, lane]
+
+
+@ti.func
+def begin_channels(
+    ms: ti.template(),
+    recs: ti.template(),
+    k,
+    kr,
+    base,
+    lane,
+    first,
+    last,
+    plan: ti.template(),
+    event: ti.template(),
+    given: ti.template(),
+):
+    """Put a robot's channels into the state in which its first step begins: as recorded, then set by its events."""
+    for i in range(plan[GROUPS] * QUANTITY_COUNT):
+        slot = plan[CHANNEL] + i * CHANNEL_WIDTH
+        for c in ti.static((BASE, RATE, AGE)):
+            ms[k + slot + c, lane] = recs[kr + base + slot + c, lane]
+    for e in range(first, last):
+        if event[e, 0] == 0 and event[e, 1] >= 0:
+            slot = k + plan[CHANNEL] + event[e, 1] * CHANNEL_WIDTH
+            ms[slot + BASE, lane] = given[e, 0]
+            ms[slot + RATE, lane] = given[e, 1]
+            ms[slot + AGE, lane] = 0.0
+
+
+@ti.func
 def meet_marks(
     ms: ti.template(),
     asc: ti.template(),
@@ -122,13 +194,16 @@ def meet_marks(
     base,
     t,
     slots,
+    edge,
     plan: ti.template(),
     link_table: ti.template(),
     lanes: ti.template(),
     event: ti.template(),
+    event_given: ti.template(),
     event_value: ti.template(),
     poses: ti.template(),
     strains: ti.template(),
+    sizes: ti.template(),
     finals: ti.template(),
 ):
     """A robot whose run ends at step t begins; events of step t take their cotangents; recorded poses give theirs.
@@ -149,6 +224,10 @@ def meet_marks(
             upcoming = lanes[block, lane, LANE_LENGTH]
     if lanes[block, lane, LANE_STATE] == LANE_ACTIVE:
         e = lanes[block, lane, LANE_EVENT]
+        if t == 0:
+            begin_channels(
+                ms, recs, k, kr, base, lane, lanes[block, lane, LANE_FIRST_EVENT], e, plan, event, event_given
+            )
         due = 1
         while due == 1:
             due = 0
@@ -167,6 +246,7 @@ def meet_marks(
                         receive_pose(
                             asc, k, lane, ms, recs, kr, base, robot, 0 - target - 1, t, plan, link_table, poses, strains
                         )
+                        receive_sizes(ms, asc, k, lane, robot, 0 - target - 1, t, edge, plan, sizes)
                 else:
                     upcoming = event[e - 1, 0]
         lanes[block, lane, LANE_EVENT] = e
@@ -211,9 +291,11 @@ def reverse_kernel(real: Real, fluid: bool) -> Any:
         lanes: ints3,
         info: ints1,
         event: ints2,
+        event_given: scalars2,
         event_value: scalars2,
         poses: scalars4,
         strains: scalars3,
+        sizes: scalars4,
         finals: scalars3,
     ):
         for i in range(GRAIN * blocks):
@@ -264,13 +346,16 @@ def reverse_kernel(real: Real, fluid: bool) -> Any:
                                 base,
                                 t,
                                 slots,
+                                edge,
                                 plan,
                                 link_table,
                                 lanes,
                                 event,
+                                event_given,
                                 event_value,
                                 poses,
                                 strains,
+                                sizes,
                                 finals,
                             )
                             upcoming = ti.max(upcoming, mark)

@@ -118,6 +118,7 @@ class SteppedRun:
         slots, links = max(program.slots, 1), max(len(t.link_ends), 1)
         self.poses = self._put(np.full((driver.batch, slots, len(t.group), 7), np.nan, driver.real.numpy))
         self.strains = self._put(np.full((driver.batch, slots, links), np.nan, driver.real.numpy))
+        self.sizes = self._put(np.full((driver.batch, slots, len(t.group_region), 3), np.nan, driver.real.numpy))
         self._kernels, self.program = stepped_kernels(driver.real, t.fluid), program
         self.constants = dt, edge, gravity
         self._link, self._voxel, self._rest = self._put(t.link), self._put(t.voxel), self._put(t.rest)
@@ -127,7 +128,7 @@ class SteppedRun:
             self._put(t.excluded),
             self._put(driver._start),
         )
-        self._marks, self._values = self._put(program.marks), self._put(program.values.astype(driver.real.numpy))
+        self._marks, self.values = self._put(program.marks), self._put(program.values.astype(driver.real.numpy))
         self._full = self._put(np.zeros(1, np.int32))
         self.memory, self.lanes = self._put(driver._memory), self._put(lanes)
         self.at, self.total = 0, int(program.lengths.max())
@@ -190,19 +191,20 @@ class SteppedRun:
         """Bytes that reversing takes besides."""
         return 3 * self.driver._memory.nbytes
 
-    def reverse(self, poses: np.ndarray, strains: np.ndarray, finals: np.ndarray) -> "SteppedReverse":
+    def reverse(self, recorded: tuple[np.ndarray, np.ndarray, np.ndarray], finals: np.ndarray) -> "SteppedReverse":
         """Cotangents at the end of the run, ready to go back."""
         from taichi_sim.lattice.drivers.stepped_reverse import SteppedReverse
 
-        return SteppedReverse(self, poses, strains, finals)
+        return SteppedReverse(self, recorded, finals)
 
-    def finish(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """After the last step: (steps done, diverged, poses, strains), robots first."""
+    def finish(self) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """After the last step: (steps done, diverged, (poses, strains, rest sizes of groups)), robots first."""
         host, slots = self.driver._host, self.program.slots
         self.driver._memory = host(self.memory)
         lanes = host(self.lanes)
         diverged = lanes[:, kernel.LANE_STATE] == kernel.LANE_DIVERGED
-        return lanes[:, kernel.LANE_STEP].copy(), diverged, host(self.poses)[:, :slots], host(self.strains)[:, :slots]
+        poses, strains, sizes = (host(array)[:, :slots] for array in (self.poses, self.strains, self.sizes))
+        return lanes[:, kernel.LANE_STEP].copy(), diverged, (poses, strains, sizes)
 
     def _reserve(self) -> None:
         surface, batch = max(len(self.driver.tables.surface_voxels), 1), self.driver.batch
@@ -227,9 +229,10 @@ class SteppedRun:
             self._rest,
             lanes,
             self._marks,
-            self._values,
+            self.values,
             self.poses,
             self.strains,
+            self.sizes,
         )
         if self.driver._plan[memory.CONTACT_ON]:
             self._watch(from_watch=0)

@@ -190,6 +190,7 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
         event_value: memory,
         poses: scalars4,
         strains: scalars3,
+        sizes: scalars4,
     ):
         """Events due at step t, ends and divergence; then this step's channels and rest lengths."""
         for r in range(m.shape[1]):
@@ -203,7 +204,9 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
                     due = 0
                     if e < lanes[r, LANE_LAST_EVENT]:
                         if event[e, 0] <= t:
-                            apply_event(m, 0, r, e, r, plan, link_table, event, event_value, poses, strains)
+                            apply_event(
+                                m, 0, r, e, r, plan, link_table, event, event_value, edge, poses, strains, sizes
+                            )
                             e += 1
                             due = 1
                 lanes[r, LANE_EVENT] = e

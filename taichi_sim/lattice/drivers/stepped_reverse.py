@@ -15,6 +15,7 @@ from taichi_sim.lattice.drivers import fused_reverse_kernel as kernel
 from taichi_sim.lattice.drivers.fused import CONTACTS_PER_STEP
 from taichi_sim.lattice.drivers.fused_kernel import LANE_DIVERGED
 from taichi_sim.lattice.drivers.fused_kernel import LANE_STATE as RUN_STATE
+from taichi_sim.lattice.drivers.fused_reverse import filled
 from taichi_sim.lattice.drivers.stepped import SteppedRecord, SteppedRun
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages import forcing_adjoint as adjoint
@@ -132,6 +133,7 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
         n: ti.i32,
         t: ti.i32,
         slots: ti.i32,
+        edge: real.scalar,
         m: reals,
         rec: reals,
         a: reals,
@@ -139,9 +141,11 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
         link_table: ints1,
         lanes: ints3,
         event: ints2,
+        event_given: reals,
         event_value: reals,
         poses: scalars4,
         strains: scalars3,
+        sizes: scalars4,
         finals: scalars3,
     ):
         """Ends of runs, events and recorded poses of step t."""
@@ -157,13 +161,16 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
                 n * plan[STATE_SLOTS],
                 t,
                 slots,
+                edge,
                 plan,
                 link_table,
                 lanes,
                 event,
+                event_given,
                 event_value,
                 poses,
                 strains,
+                sizes,
                 finals,
             )
 
@@ -173,7 +180,9 @@ def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
 class SteppedReverse:
     """Cotangents of a batch on their way back through a run."""
 
-    def __init__(self, run: SteppedRun, poses: np.ndarray, strains: np.ndarray, finals: np.ndarray) -> None:
+    def __init__(
+        self, run: SteppedRun, recorded: tuple[np.ndarray, np.ndarray, np.ndarray], finals: np.ndarray
+    ) -> None:
         """Start at the end of a run; arguments as for ``FusedReverse``."""
         driver, program = run.driver, run.program
         self.run, self.driver, put, real = run, driver, driver._device, driver.real
@@ -192,8 +201,7 @@ class SteppedReverse:
         self._lanes = put(lanes)
         self._marks = {int(program.lengths.max()), *program.lengths.tolist(), *program.marks[:, 0].tolist()}
         self._events = put(np.zeros(program.values.shape, real.numpy))
-        given: list[np.ndarray] = [np.ascontiguousarray(x, real.numpy) for x in (poses, strains, finals)]
-        self._seeds = [put(x if x.size else np.zeros((1,) * x.ndim, x.dtype)) for x in given]
+        self._seeds = [put(filled(np.ascontiguousarray(x, real.numpy))) for x in (*recorded, finals)]
         self._contacts = CONTACTS_PER_STEP
         self._kernels = reverse_kernels(real, driver.tables.fluid)
 
@@ -246,6 +254,7 @@ class SteppedReverse:
             n,
             t,
             self.layout.slots,
+            edge,
             self._values,
             record.states,
             self._cotangents,
@@ -253,6 +262,7 @@ class SteppedReverse:
             run._link,
             self._lanes,
             run._marks,
+            run.values,
             self._events,
             *self._seeds,
         )

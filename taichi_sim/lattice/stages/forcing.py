@@ -129,6 +129,13 @@ def group_slots(g, plan: ti.template()):
 
 
 @law
+def grown_scales(expansion, temperature, scale_x, scale_y, scale_z):
+    """Rest sizes in voxel edges of a material that its temperature swells."""
+    warmth = 1.0 + expansion * temperature
+    return scale_x * warmth, scale_y * warmth, scale_z * warmth
+
+
+@law
 def group_state(
     expansion,
     temperature,
@@ -149,10 +156,7 @@ def group_state(
     gravity,
 ):
     """Rest sizes and their mean, external force on a voxel, damping coefficients."""
-    warmth = 1.0 + expansion * temperature
-    sx = scale_x * warmth
-    sy = scale_y * warmth
-    sz = scale_z * warmth
+    sx, sy, sz = grown_scales(expansion, temperature, scale_x, scale_y, scale_z)
     # Exactly h for unit scales: a voxel that starts on the floor must touch it, or it would not stick.
     mean = edge * ((sx + sy + sz) / 3.0)
     return (

@@ -7,17 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.inflatable import ROLLING, InflatableActuation, InflatableDesign, InflatableGeometry, simulate
-from robots.inflatable.body import FIRST_BLADDER
+from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
 from robots.inflatable.gradient import differentiate, distance_cotangents, simulate_relaxed
-from robots.inflatable.program import build_program
-from robots.inflatable.relaxed_program import build_relaxed_program
 from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
-from robots.inflatable.rest_sizes import pull_back_rest_sizes, rest_sizes
 from robots.inflatable.robot import summarise
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
-from taichi_sim.lattice import LatticeProgram, LatticeResult, Quantity
+from taichi_sim.lattice import LatticeResult
 
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
 QUICK = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=200, settle_steps=100)
@@ -60,94 +56,52 @@ def test_binary_gaits_of_full_strokes_travel_as_far_to_the_bit(precision):
         assert np.array_equal(getattr(relaxed, field), getattr(binary, field))
 
 
-@pytest.mark.parametrize("core", [False, True])
-def test_rest_sizes_are_what_the_program_says(core):
-    program = build_relaxed_program([random_design(i, core=core) for i in range(3)], HILL, QUICK).program
-    marks = np.sort(np.random.default_rng(0).integers(-1, program.lengths.min(), (3, 4)))
-    program = LatticeProgram(program.lengths, program.events, marks)
-    body = TINY.body
-    found = rest_sizes(body, program) / body.voxel_size
-
-    for robot, region, axis in np.ndindex(3, body.region_count, 3):
-        said = program.values_after(robot, region, Quantity.SCALE + axis, marks[robot])
-        of_material = body.materials[body.material_index[body.regions == region][0]].scale[axis]
-        assert np.ptp(found[robot][:, body.regions == region, axis], axis=1).max() == 0.0
-        sizes = found[robot][:, body.regions == region, axis][:, 0]
-        assert sizes == pytest.approx(of_material if said is None else np.where(np.isnan(said), of_material, said))
-
-
-def test_bladders_have_the_size_of_their_material_until_they_first_move():
-    """Rolling inflates bladder 1 in its last column: until then its width and length are those at rest."""
-    body, marks = TINY.body, np.array([[0, 500, 1000]])
-    program = build_program([ROLLING], HILL, QUICK)
-    found = rest_sizes(body, LatticeProgram(program.lengths, program.events, marks)) / body.voxel_size
-    bladder = found[0][:, body.regions == FIRST_BLADDER]
-    np.testing.assert_array_equal(bladder, np.broadcast_to([1.0, 1.0, QUICK.deflated], bladder.shape))
-
-
 WHOLE = np.array([[-1.0, 1.0]] * 3)  # from the first snapshot to the last
 
 
 def fake_run(seed: int):
-    """A program, and a run of it that never was: random poses and strains."""
+    """A run that never was: random poses, strains and sizes."""
     generator, body = np.random.default_rng(seed), TINY.body
-    program = build_relaxed_program([random_design(seed + i) for i in range(3)], HILL, QUICK).program
-    shapes = [(3, 2, body.voxel_count, 3), (3, 2, body.voxel_count, 4), (3, 2, len(body.topology.links))]
+    voxels = (3, 2, body.voxel_count)
+    shapes = [(*voxels, 3), (*voxels, 4), (3, 2, len(body.topology.links)), (*voxels, 3)]
     arrays = [generator.normal(size=shape) for shape in shapes]
-    return generator, program, LatticeResult(np.array(["ok"] * 3), program.lengths, *arrays)
+    return generator, LatticeResult(np.array(["ok"] * 3), np.full(3, 100), *arrays)
 
 
-def distances(program: LatticeProgram, run: LatticeResult, headings: np.ndarray) -> np.ndarray:
-    sizes = rest_sizes(TINY.body, program)
-    return summarise(run, program.snapshots, sizes, headings, np.full(3, 1), TINY).distance
+def distances(run: LatticeResult, headings: np.ndarray) -> np.ndarray:
+    return summarise(run, np.array([[50, 100]] * 3), headings, np.full(3, 1), TINY).distance
 
 
 @given(st.integers(0, 1000))
 @settings(max_examples=10)
 def test_cotangents_of_distances_agree_with_differences(seed):
-    """In every argument in turn; those of rest sizes by way of the events."""
-    generator, program, run = fake_run(seed)
+    """In every argument in turn."""
+    generator, run = fake_run(seed)
     headings = generator.uniform(0, 90, 3)
-    found, h = distance_cotangents(TINY.body, run, program, headings, WHOLE), 1e-5
-    for name in ("positions", "orientations", "strains", "values", "rates", "headings"):
+    found, h = distance_cotangents(TINY.body, run, headings, WHOLE), 1e-5
+    for name in ("positions", "orientations", "strains", "sizes", "headings"):
         gradient = getattr(found, name)
         direction = generator.normal(size=gradient.shape)
         sides = []
         for step in (h * direction, -h * direction):
-            if name in ("values", "rates"):
-                events = program.events.copy()
-                events[name.removesuffix("s")] += step
-                sides.append(distances(LatticeProgram(program.lengths, events, program.snapshots), run, headings))
-            elif name == "headings":
-                sides.append(distances(program, run, headings + step))
+            if name == "headings":
+                sides.append(distances(run, headings + step))
             else:
-                there = dataclasses.replace(run, **{name: getattr(run, name) + step})
-                sides.append(distances(program, there, headings))
+                sides.append(distances(dataclasses.replace(run, **{name: getattr(run, name) + step}), headings))
         change = (sides[0] - sides[1]).sum() / (2 * h)
         assert (gradient * direction).sum() == pytest.approx(change, rel=1e-6, abs=1e-8)
 
 
 def test_a_diverged_robot_has_no_cotangents():
-    _, program, run = fake_run(0)
-    whole = distance_cotangents(TINY.body, run, program, np.zeros(3), WHOLE)
+    _, run = fake_run(0)
+    whole = distance_cotangents(TINY.body, run, np.zeros(3), WHOLE)
     lost = dataclasses.replace(run, status=np.array(["ok", "diverged", "ok"]))
-    for name in ("positions", "orientations", "strains"):
+    for name in ("positions", "orientations", "strains", "sizes"):
         getattr(lost, name)[1, 1] = np.nan
-    found = distance_cotangents(TINY.body, lost, program, np.zeros(3), WHOLE)
-    for name in ("positions", "orientations", "strains", "headings"):
+    found = distance_cotangents(TINY.body, lost, np.zeros(3), WHOLE)
+    for name in ("positions", "orientations", "strains", "sizes", "headings"):
         assert (getattr(found, name)[1] == 0).all()
         assert np.array_equal(getattr(found, name)[[0, 2]], getattr(whole, name)[[0, 2]])
-    other = program.events["robot"] != 1
-    assert (found.values[~other] == 0).all() and np.array_equal(found.values[other], whole.values[other])
-
-
-def test_rest_sizes_pull_back_to_the_last_events_only():
-    program = build_relaxed_program([random_design(0)], HILL, QUICK).program
-    values, rates = pull_back_rest_sizes(TINY.body, program, np.ones((1, 2, TINY.body.voxel_count, 3)))
-    touched = program.events[(values != 0) | (rates != 0)]
-    assert (touched["quantity"] < 3).all()
-    at_marks = [touched["step"] < mark for mark in program.snapshots[0]]
-    assert at_marks[1].all() and at_marks[0].sum() == 8  # thickness at the start, of every bladder
 
 
 @pytest.mark.parametrize("core", [False, True])

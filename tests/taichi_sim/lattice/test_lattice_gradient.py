@@ -39,7 +39,7 @@ def scene(request):
     single.set_state(repeated(start(shape), 1))
     tape = single.record(program())
     assert single._driver._info[0, REBUILDS] > 1  # the watch list was built again
-    cost = Cost(shape, 3)
+    cost = Cost(shape, 3, sizes=True)
     assert cost.of(single, tape.result).shape == (1,)
     return shape, cost, tape, cost.pull_back(tape)
 
@@ -258,7 +258,7 @@ def test_rest_scales_of_single_voxels():
 def gradients(lab: LatticeEngine, **options):
     """Gradient of the scene's cost from a fresh engine."""
     lab.set_state(repeated(start(lab.body), lab.batch))
-    return Cost(lab.body, 3).pull_back(lab.record(program(lab.batch), **options))
+    return Cost(lab.body, 3, sizes=True).pull_back(lab.record(program(lab.batch), **options))
 
 
 def arrays(gradient) -> list[np.ndarray]:
@@ -274,7 +274,7 @@ def test_memory_changes_nothing():
         lab.set_state(repeated(start(lab.body), 1))
         tape = lab.record(program(), memory=memory_bound)
         assert tape.memory <= memory_bound
-        for a, b in zip(arrays(whole), arrays(Cost(lab.body, 3).pull_back(tape)), strict=True):
+        for a, b in zip(arrays(whole), arrays(Cost(lab.body, 3, sizes=True).pull_back(tape)), strict=True):
             assert np.array_equal(a, b)
 
 
