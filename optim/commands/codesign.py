@@ -47,7 +47,12 @@ def add_parser(commands: Any) -> None:
 
 
 def _add_search(search: Any) -> None:
-    search.add_argument("--method", choices=tuple(METHODS), help="(default: hill-climb)")
+    search.add_argument(
+        "--method",
+        type=options.checked(METHODS.check),
+        metavar="METHOD",
+        help=f"one of {', '.join(METHODS.builtin)}, or of an installed package (default: hill-climb)",
+    )
     search.add_argument("--climbers", type=options.whole(1), metavar="N", help="independent searches (default: 60)")
     search.add_argument(
         "--population",

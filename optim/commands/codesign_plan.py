@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
-from optim.search import METHODS, check_settings, default_settings
+from optim.search import check_settings, default_settings, takes_several
 
 if TYPE_CHECKING:
     from optim.problems.inflatable.problem import GaitProblem
@@ -137,7 +137,7 @@ def _choose_objectives(
     settings: dict[str, Any], args: argparse.Namespace, known: "GaitProblem | None", method: str
 ) -> None:
     """The mean over the terrains, or each of them where the method looks for a front."""
-    several = METHODS[method].several_objectives if method in METHODS else False
+    several = takes_several(method)
     if known:
         _same("problem.objectives", args.objective, known.objectives, args.out)
     settings.setdefault("objectives", args.objective or ("terrains" if several else "mean"))

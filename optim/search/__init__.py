@@ -1,82 +1,68 @@
-"""Search methods, one a file, all ask and tell over arrays. Knows neither robots nor physics."""
+"""Search methods, one a file, all with ask and tell over arrays. They know neither robots nor physics.
+
+Importing this package imports no method: each is imported when it is first used.
+"""
 
 from collections.abc import Mapping
+from importlib import import_module
 from inspect import signature
 from typing import Any
 
 from optim.hints import nearest
-from optim.search.borg import Borg
-from optim.search.cma import CMAESWithMargin
-from optim.search.cma_gradient import CMAGradient
-from optim.search.differential_evolution import DifferentialEvolution
-from optim.search.generating_set import GeneratingSetSearch
-from optim.search.genetic import GeneticSearch
-from optim.search.gradient import GradientAscent
-from optim.search.hill_climb import HillClimb
-from optim.search.independent import IndependentSearches
-from optim.search.map_elites import MapElites
-from optim.search.memetic import MemeticSearch
 from optim.search.method import Method, SearchResult, check_table
-from optim.search.nes import SeparableNES
-from optim.search.nsga2 import NSGA2
-from optim.search.population import PopulationSearch
-from optim.search.random_search import RandomSearch
 from optim.space import Space
+from taichi_sim.base.registry import Registry
 
-__all__ = [
-    "METHODS",
-    "NSGA2",
-    "Borg",
-    "CMAESWithMargin",
-    "CMAGradient",
-    "DifferentialEvolution",
-    "GeneratingSetSearch",
-    "GeneticSearch",
-    "GradientAscent",
-    "HillClimb",
-    "MapElites",
-    "MemeticSearch",
-    "Method",
-    "RandomSearch",
-    "SearchResult",
-    "SeparableNES",
-    "build_method",
-    "check_settings",
-    "default_settings",
-]
+METHODS: Registry[type[Method]] = Registry(
+    "morpholab.methods",
+    "method",
+    {
+        "borg": "optim.search.borg:Borg",
+        "cma": "optim.search.cma:CMAESWithMargin",
+        "cma-gradient": "optim.search.cma_gradient:CMAGradient",
+        "de": "optim.search.differential_evolution:DifferentialEvolution",
+        "generating-set": "optim.search.generating_set:GeneratingSetSearch",
+        "genetic": "optim.search.genetic:GeneticSearch",
+        "gradient": "optim.search.gradient:GradientAscent",
+        "hill-climb": "optim.search.hill_climb:HillClimb",
+        "map-elites": "optim.search.map_elites:MapElites",
+        "memetic": "optim.search.memetic:MemeticSearch",
+        "nes": "optim.search.nes:SeparableNES",
+        "nsga2": "optim.search.nsga2:NSGA2",
+        "random": "optim.search.random_search:RandomSearch",
+    },
+)
+_CLASSES = {place.partition(":")[2]: place.partition(":")[0] for place in METHODS.builtin.values()}
 
-METHODS: dict[str, type[IndependentSearches | PopulationSearch]] = {
-    "borg": Borg,
-    "cma": CMAESWithMargin,
-    "cma-gradient": CMAGradient,
-    "de": DifferentialEvolution,
-    "generating-set": GeneratingSetSearch,
-    "genetic": GeneticSearch,
-    "gradient": GradientAscent,
-    "hill-climb": HillClimb,
-    "map-elites": MapElites,
-    "memetic": MemeticSearch,
-    "nes": SeparableNES,
-    "nsga2": NSGA2,
-    "random": RandomSearch,
-}
+__all__ = ["METHODS", "Method", "SearchResult", "build_method", "check_settings", "default_settings", "takes_several"]
+
+
+def __getattr__(name: str) -> Any:
+    """The classes of the built-in methods, such as ``optim.search.HillClimb``."""
+    if name not in _CLASSES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_CLASSES[name]), name)
 
 
 def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method:
-    """The method of a name in ``METHODS``, with settings by name such as climbers and seed.
+    """Build the search method of a name in ``METHODS``, with settings by name such as ``climbers`` and ``seed``.
 
     Raises:
-        ValueError: in one line, for an unknown name, or a setting that the method does not take or allow.
+        ValueError: if the name is unknown, or the method does not take or allow a setting.
     """
     check_settings(name, settings)
-    return METHODS[name](space, **settings)
+    build: Any = METHODS[name]
+    method: Method = build(space, **settings)
+    return method
 
 
 def check_settings(name: str, settings: Mapping[str, Any]) -> None:
-    """Raise a one-line ValueError for an unknown method, or a setting that it does not take."""
-    if name not in METHODS:
-        raise ValueError(f"method: {name!r} is unknown; choose one of {', '.join(METHODS)}")
-    allowed = list(signature(METHODS[name]).parameters)[1:]
+    """Check names of settings without building the method.
+
+    Raises:
+        ValueError: if the method is unknown or does not take a setting.
+    """
+    allowed = list(_parameters(name))[1:]
     for setting, value in settings.items():
         if setting not in allowed:
             settings_of = f"its settings are {', '.join(allowed)}"
@@ -88,6 +74,15 @@ def check_settings(name: str, settings: Mapping[str, Any]) -> None:
 
 
 def default_settings(name: str) -> dict[str, Any]:
-    """What a method in ``METHODS`` does where nothing else is set, by the names of its settings."""
-    parameters = signature(METHODS[name]).parameters.values()
+    """Default settings of a method, by name; without those that have none."""
+    parameters = _parameters(name).values()
     return {p.name: p.default for p in parameters if p.default is not p.empty and p.default is not None}
+
+
+def takes_several(name: str) -> bool:
+    """Whether a method searches for a front of several objectives; others take a single one."""
+    return bool(getattr(METHODS.find(name), "several_objectives", False))
+
+
+def _parameters(name: str) -> Mapping[str, Any]:
+    return signature(METHODS.find(name)).parameters

@@ -107,7 +107,7 @@ BAD_CODESIGN = [
     ("--free ''", "free: '' is unknown"),
     ("--free control,control", "free: control,control is not allowed; give none twice"),
     ("--free orientation --encoding bits", "encoding: 'bits' is not used; the control is fixed"),
-    ("--method best", "argument --method: invalid choice: 'best'"),
+    ("--method best", "argument --method: 'best' is unknown; choose one of borg, cma"),
     ("--climbers 0", "argument --climbers: 0 is not allowed"),
     ("--generations -1", "argument --generations: -1 is not allowed"),
     ("--pressure 5", "pressure: 5 would fix what is free; take shape out of --free"),

@@ -3,21 +3,11 @@
 import sys
 
 import pytest
+from plug_in import install
 
 from taichi_sim.base.registry import Registry
 
 GROUP = "morpholab.shapes"
-
-
-def install(folder, name, points, module=""):
-    """A package on a path: its metadata and, with a source, its module."""
-    info = folder / f"{name}-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    lines = "\n".join(f"{key} = {value}" for key, value in points.items())
-    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{lines}\n")
-    if module:
-        (folder / f"{name.replace('-', '_')}.py").write_text(module)
 
 
 @pytest.fixture
@@ -40,7 +30,7 @@ def test_builtin_things_are_imported_when_asked_for(shapes):
 
 def test_packages_add_things_and_cannot_replace_any(shapes, path):
     module = "class Star: pass\n"
-    install(path, "starry", {"star": "starry:Star", "square": "starry:Star"}, module)
+    install(path, "starry", GROUP, {"star": "starry:Star", "square": "starry:Star"}, module)
     assert list(shapes) == ["square", "circle", "star"] and shapes.check("star") == "star"
     assert "starry" not in sys.modules
     assert shapes["star"].__name__ == "Star" and shapes["square"].__name__ == "Fraction"
@@ -58,7 +48,9 @@ def test_unknown_names_are_told_the_nearest(shapes):
 
 
 def test_what_cannot_be_imported_is_told_in_one_line(shapes, path):
-    install(path, "broken", {"blob": "broken:Blob", "drop": "missing_module:Drop"}, "raise RuntimeError('no\\nway')")
+    install(
+        path, "broken", GROUP, {"blob": "broken:Blob", "drop": "missing_module:Drop"}, "raise RuntimeError('no\\nway')"
+    )
     with pytest.raises(ValueError, match=r"shape: 'blob' of the package broken cannot be imported \(no way\)"):
         shapes.find("blob")
     with pytest.raises(ValueError, match="'drop' of the package broken cannot be imported"):
@@ -66,7 +58,7 @@ def test_what_cannot_be_imported_is_told_in_one_line(shapes, path):
 
 
 def test_one_name_of_two_packages_is_refused(shapes, path):
-    install(path, "one", {"star": "fractions:Fraction"})
-    install(path, "two", {"star": "decimal:Decimal"})
+    install(path, "one", GROUP, {"star": "fractions:Fraction"})
+    install(path, "two", GROUP, {"star": "decimal:Decimal"})
     with pytest.raises(ValueError, match=r"'star' is defined by several packages \(one, two\)"):
         shapes.find("star")

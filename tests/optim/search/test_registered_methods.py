@@ -1,0 +1,89 @@
+"""Search methods by name: built-in ones are imported when they are used, others come with installed packages."""
+
+import subprocess
+import sys
+
+import pytest
+from plug_in import install
+
+from optim.search import METHODS, build_method, default_settings, takes_several
+from optim.space import Space, Variable
+
+SPACE = Space((Variable("x", -5.0, 5.0, step=0.5),))
+METHOD = '''
+import numpy as np
+
+from optim.search.population import PopulationSearch
+
+
+class Annealing(PopulationSearch):
+    """Children of the population, taken with a chance that falls."""
+
+    def __init__(self, space, *, population=60, seed=0, start=None, cooling=0.5):
+        super().__init__(space, population=population, seed=seed, start=start)
+        self.cooling = cooling
+
+    def ask(self):
+        if self.generation == 0:
+            return self._starts()
+        steps = self._generator(1).normal(0, 0.5, self.points.shape)
+        return self.space.reflect(self.space.round(self.points + steps))
+
+    def _take(self, points, evaluation):
+        scores, before = evaluation.objectives[:, 0], self.objectives[:, 0]
+        luck = self._generator(2).random(len(points)) < self.cooling ** self.generation
+        taken = ~(scores < before) | luck
+        self.points = np.where(taken[:, None], points, self.points)
+        self.objectives = np.where(taken[:, None], evaluation.objectives, self.objectives)
+'''
+
+
+@pytest.fixture
+def annealing(tmp_path, monkeypatch):
+    """A package with a method, installed."""
+    install(tmp_path / "site", "annealing-kit", METHODS.group, {"annealing": "annealing_kit:Annealing"}, METHOD)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    yield
+    METHODS._loaded.pop("annealing", None)
+    sys.modules.pop("annealing_kit", None)
+
+
+def test_importing_the_package_imports_no_method():
+    program = "import sys, optim.search; print(*(n for n in sys.modules if n.startswith(('optim.search.', 'cmaes'))))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {"optim.search.method"}
+
+
+def test_classes_are_found_in_the_package():
+    import optim.search
+    from optim.search import CMAESWithMargin
+
+    assert CMAESWithMargin is METHODS["cma"]
+    with pytest.raises(AttributeError, match="no attribute 'Annealing'"):
+        optim.search.Annealing  # noqa: B018
+
+
+def test_a_name_that_is_nearly_right(annealing):
+    with pytest.raises(ValueError, match=r"method: 'cmaes' is unknown; did you mean cma\? all of them: borg, .*anneal"):
+        build_method("cmaes", SPACE, {})
+
+
+def test_methods_of_packages_are_as_good_as_built_in_ones(annealing):
+    method = build_method("annealing", SPACE, {"population": 5, "cooling": 0.25})
+    assert method.ask().shape == (5, 1) and not takes_several("annealing")
+    assert default_settings("annealing") == {"population": 60, "seed": 0, "cooling": 0.5}
+    with pytest.raises(ValueError, match=r"colling: method annealing does not take it; .*; did you mean cooling"):
+        build_method("annealing", SPACE, {"colling": 1})
+
+
+def test_runs_by_methods_of_packages_go_on_to_the_same_bits(annealing, morpholab, simulator, tmp_path):
+    search = "codesign --terrain flat --geometry small --method annealing --population 4 --set cooling=0.3 --quiet"
+    assert morpholab(f"{search} --generations 4 --out whole")[::2] == (0, "")
+    assert morpholab(f"{search} --generations 2 --out parts")[0] == 0
+    assert morpholab("codesign --resume --generations 4 --quiet --out parts")[0] == 0
+    assert (tmp_path / "whole/log.jsonl").read_bytes() == (tmp_path / "parts/log.jsonl").read_bytes()
+    assert "annealing" in morpholab("status whole")[1]
+    METHODS._loaded.pop("annealing")
+    sys.path.remove(str(tmp_path / "site"))
+    code, _, error = morpholab("codesign --resume --generations 5 --quiet --out parts")
+    assert code == 2 and error.startswith("morpholab codesign: error: method: 'annealing' is unknown; ")
