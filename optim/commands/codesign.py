@@ -228,7 +228,7 @@ def run(args: argparse.Namespace) -> Report:
         if planned.note and not args.quiet:
             print(planned.note, file=sys.stderr)
         if isinstance(problem, GaitProblem):
-            with folder.kept():
+            with folder.writing():
                 problem.save_rig(folder.path)
         search = _Search(planned, folder, args)
         try:

@@ -117,7 +117,7 @@ class RunFolder:
         """
         finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         timing = {"generation": self._lines, "seconds": round(seconds, 3), "finished": finished}
-        with self.kept():
+        with self.writing():
             for name, hasher, text in ((LOG, self._log, line), (TIMING, self._timing, json.dumps(timing))):
                 files.append_line(self.path / name, text)
                 hasher.update(text.encode() + b"\n")
@@ -132,7 +132,7 @@ class RunFolder:
         Raises:
             RuntimeError: in one line, if the disk takes no more.
         """
-        with self.kept(), files.replacing(self.path / name, if_changed=True) as aside:
+        with self.writing(), files.replacing(self.path / name, if_changed=True) as aside:
             write(aside)
 
     def update_text(self, name: str, text: str) -> None:
@@ -144,11 +144,15 @@ class RunFolder:
         self.update(name, write)
 
     @contextlib.contextmanager
-    def kept(self) -> Iterator[None]:
-        """While a file of the folder is written: what goes wrong is a RuntimeError in one line."""
+    def writing(self) -> Iterator[None]:
+        """While a file of the folder is written: say in one line what went wrong, and what is kept.
+
+        Raises:
+            RuntimeError: instead of errors of the disk.
+        """
         try:
             yield
-        except (OSError, ValueError) as error:  # all that can be wrong with a design's file is the disk
+        except (OSError, ValueError, RuntimeError) as error:  # all that can be wrong with a design's file is the disk
             reason = error.strerror if isinstance(error, OSError) else str(error)
             kept = f"its {self._lines} complete generations are kept, go on with --resume"
             raise RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}") from None

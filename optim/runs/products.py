@@ -28,7 +28,7 @@ class Products:
         Raises:
             RuntimeError: in one line, if it cannot be written.
         """
-        with self._run.kept():
+        with self._run.writing():
             self._make(name, write)
 
     def _make(self, name: str, write: Callable[[Path], object]) -> None:
