@@ -95,7 +95,7 @@ def imports(folder: str) -> list[tuple[str, str]]:
             else:
                 continue
             place = f"{path.relative_to(ROOT).as_posix()}:{node.lineno}"
-            found += [(place, module.partition(".")[0]) for module in modules if not module.startswith(GROUND)]
+            found += [(place, module.partition(".")[0]) for module in modules if not f"{module}.".startswith(GROUND)]
     return found
 
 

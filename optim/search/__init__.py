@@ -9,8 +9,9 @@ from inspect import signature
 from typing import Any
 
 from optim.hints import nearest
-from optim.search.method import Method, SearchResult, check_table
+from optim.search.method import Method, SearchResult
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.registry import Registry
 
 METHODS: Registry[type[Method]] = Registry(
@@ -70,7 +71,7 @@ def check_settings(name: str, settings: Mapping[str, Any]) -> None:
         if value is None:
             raise ValueError(f"{setting}: nothing is not allowed; give a value, or leave it out")
         if setting == "start":
-            check_table(setting, value)
+            checks.table(setting, value)
 
 
 def default_settings(name: str) -> dict[str, Any]:

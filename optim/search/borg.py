@@ -14,9 +14,10 @@ from optim.measures.pareto import dominates
 from optim.problem import Evaluation
 from optim.search.borg_operators import OPERATORS, OperatorParameters, breed, uniform_mutation
 from optim.search.epsilon_archive import EpsilonArchive
-from optim.search.method import Kept, check_number, check_table, check_whole
+from optim.search.method import Kept
 from optim.search.population import PopulationSearch
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats, Ints
 
 RATIO = 4.0  # gamma: members of the population for each of the archive
@@ -77,12 +78,12 @@ class Borg(PopulationSearch):
             children: points asked for at a time after the starts; N if None. The paper breeds one at a time.
             operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published.
         """
-        check_whole("window", window, 1)
+        checks.integer("window", window, 1)
         if children is not None:
-            check_whole("children", children, 1)
+            checks.integer("children", children, 1)
         for epsilon in epsilons if isinstance(epsilons, Sequence) else [epsilons]:
-            check_number("epsilons", epsilon, 1e-12, 1e12)
-        check_table("operators", {} if operators is None else operators)
+            checks.number("epsilons", epsilon, 1e-12, 1e12)
+        checks.table("operators", {} if operators is None else operators)
         known = OperatorParameters.__dataclass_fields__
         for name in operators or {}:
             if name not in known:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from optim.search.method import check_number, check_whole
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 OPERATORS = ("sbx", "de", "pcx", "spx", "undx", "um")
@@ -47,9 +47,9 @@ class OperatorParameters:
     mutation_index: float = 20.0
 
     def __post_init__(self) -> None:
-        check_whole("parents", self.parents, 3, 1000)
+        checks.integer("parents", self.parents, 3, 1000)
         for field in fields(self)[1:]:
-            check_number(field.name, getattr(self, field.name), 0, 1 if field.name == "de_rate" else 1000)
+            checks.number(field.name, getattr(self, field.name), 0, 1 if field.name == "de_rate" else 1000)
 
     def count(self, operator: str) -> int:
         """How many parents a child of an operator has."""

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
-from optim.search.method import check_flag, check_number, check_whole
 from optim.search.population import PopulationSearch, below_all
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ class CMAESWithMargin(PopulationSearch):
             random_mean: whether the mean is first at random where ``start`` says nothing, as after a restart: for
                 problems whose middle is no good place, such as a plateau.
         """
-        check_number("sigma", sigma, 1e-3, 1.0)
-        check_whole("patience", patience, 1)
-        check_flag("random_mean", random_mean)
+        checks.number("sigma", sigma, 1e-3, 1.0)
+        checks.integer("patience", patience, 1)
+        checks.flag("random_mean", random_mean)
         super().__init__(space, population=population, seed=seed, start=start)
         self.sigma, self.patience = sigma, patience
         self.discrete = space.integers

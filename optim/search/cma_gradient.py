@@ -7,19 +7,11 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.search.cma import CMAESWithMargin
-from optim.search.method import (
-    LARGEST,
-    MOST_POINTS,
-    Wants,
-    check_number,
-    check_slopes,
-    check_whole,
-    single_objective,
-    slopes_per_range,
-)
+from optim.search.method import LARGEST, MOST_POINTS, Wants, check_slopes, single_objective, slopes_per_range
 from optim.search.population import below_all
 from optim.search.step_rules import LBFGS
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 LENGTHS = (0.25, 1.0, 2.0)  # of the step: the points that are tried along it
@@ -75,9 +67,9 @@ class CMAGradient(CMAESWithMargin):
         """
         super().__init__(space, population=population, seed=seed, start=start, sigma=sigma, patience=patience)
         check_slopes(space)
-        check_whole("every", every, 1)
-        check_whole("samples", samples, 0, MOST_POINTS // 2)
-        check_number("rate", rate, 1e-3, UNIT / 4)
+        checks.integer("every", every, 1)
+        checks.integer("samples", samples, 0, MOST_POINTS // 2)
+        checks.number("rate", rate, 1e-3, UNIT / 4)
         self.every, self.samples, self.rate = every, samples, rate
         self.relaxed = space.relaxed()
         self.sloped = np.array([variable.kind != "integer" for variable in space.variables])

@@ -12,10 +12,11 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.method import MOST_POINTS, check_choice, check_number, check_whole
+from optim.search.method import MOST_POINTS
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, around_start, draw_inside, ranking
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Bools, Floats, Indices
 
 Strategy = Literal["rand/1/bin", "rand/2/bin", "best/1/bin", "current-to-pbest/1/bin"]
@@ -69,13 +70,13 @@ class DifferentialEvolution(PopulationSearch):
             trials: T, of a generation, at most N; 0: generation 0 judges the starts, then all members get one.
             bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between member and bound.
         """
-        check_choice("strategy", strategy, get_args(Strategy))
-        check_choice("bounds", bounds, get_args(Bounds))
-        check_whole("population", population, OTHERS[strategy] + 1, MOST_POINTS)
-        check_number("weight", weight, 0.0, 2.0)
-        check_number("dither", dither, 0.0, weight)
-        check_number("crossover", crossover, 0.0, 1.0)
-        check_whole("trials", trials, 0)
+        checks.choice("strategy", strategy, get_args(Strategy))
+        checks.choice("bounds", bounds, get_args(Bounds))
+        checks.integer("population", population, OTHERS[strategy] + 1, MOST_POINTS)
+        checks.number("weight", weight, 0.0, 2.0)
+        checks.number("dither", dither, 0.0, weight)
+        checks.number("crossover", crossover, 0.0, 1.0)
+        checks.integer("trials", trials, 0)
         if trials > population:
             raise ValueError(f"trials: {trials} is not allowed; give a whole number from 0 to {population}")
         self.strategy, self.weight, self.dither, self.crossover = strategy, weight, dither, crossover

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import check_choice, check_number, check_whole, generator, single_objective
+from optim.search.method import generator, single_objective
 from optim.search.population import below_all
 from optim.search.variation import draw_inside
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
 
 Directions = Literal["axes", "rotated"]
@@ -72,13 +73,13 @@ class GeneratingSetSearch(IndependentSearches):
                 lines through the centre; a search may then take long to contract.
             polled: points of a poll that are judged at once; 2 D is all of them.
         """
-        check_choice("directions", directions, get_args(Directions))
-        check_number("step", step, 1e-12, 1.0)
-        check_number("expansion", expansion, 1.0, 10.0)
-        check_number("contraction", contraction, 0.01, 0.99)
-        check_number("tolerance", tolerance, 1e-15, step)
-        check_number("max_step", max_step, step, LONGEST)
-        check_whole("polled", polled, 1)
+        checks.choice("directions", directions, get_args(Directions))
+        checks.number("step", step, 1e-12, 1.0)
+        checks.number("expansion", expansion, 1.0, 10.0)
+        checks.number("contraction", contraction, 0.01, 0.99)
+        checks.number("tolerance", tolerance, 1e-15, step)
+        checks.number("max_step", max_step, step, LONGEST)
+        checks.integer("polled", polled, 1)
         super().__init__(space, climbers=climbers, seed=seed)
         self.start, self.directions, self.polled = dict(start or {}), directions, polled
         self.step, self.expansion, self.contraction = step, expansion, contraction

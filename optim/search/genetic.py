@@ -10,10 +10,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.method import MOST_POINTS, check_number, check_whole
+from optim.search.method import MOST_POINTS
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import around_start, mutation_steps, ranking
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Indices
 
 ALPHA = 0.5  # of BLX: how far beyond its parents a child may lie, of their distance
@@ -59,17 +60,17 @@ class GeneticSearch(PopulationSearch):
                 of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
             starts: points of generation 0, at least N, which is meant by None. Many find what is rare.
         """
-        check_number("crossover", crossover, 0.0, 1.0)
-        check_number("resetting", resetting, 0.0, 1.0)
-        check_whole("tournament", tournament, 1, 1000)
+        checks.number("crossover", crossover, 0.0, 1.0)
+        checks.number("resetting", resetting, 0.0, 1.0)
+        checks.integer("tournament", tournament, 1, 1000)
         if mutation is not None:
-            check_number("mutation", mutation, 0.0, 1.0)
+            checks.number("mutation", mutation, 0.0, 1.0)
         if starts is not None:
-            check_whole("starts", starts, population, MOST_POINTS)
+            checks.integer("starts", starts, population, MOST_POINTS)
         self.starts = population if starts is None else starts
         super().__init__(space, population=population, seed=seed, start=start)
         if elites is not None:
-            check_whole("elites", elites, 0)
+            checks.integer("elites", elites, 0)
         self.tournament, self.crossover, self.resetting = tournament, crossover, resetting
         self.mutation = 1 / space.size if mutation is None else mutation
         self.elites = max(1, population // 10) if elites is None else min(elites, population)

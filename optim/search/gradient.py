@@ -8,22 +8,10 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import (
-    LARGEST,
-    MOST_POINTS,
-    Wants,
-    check_choice,
-    check_flag,
-    check_number,
-    check_positive,
-    check_whole,
-    generator,
-    single_objective,
-    slopes_per_range,
-    with_values,
-)
+from optim.search.method import LARGEST, MOST_POINTS, Wants, generator, single_objective, slopes_per_range, with_values
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 
 PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
@@ -92,15 +80,15 @@ class GradientAscent(IndependentSearches):
             if variable.kind == "integer":
                 raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
         for name, value, allowed in (("rule", rule, ("adam", "l-bfgs")), ("gradient", gradient, ("exact", "smoothed"))):
-            check_choice(name, value, allowed)
+            checks.choice(name, value, allowed)
         for name, number in (("learning_rate", learning_rate), ("clip", clip), ("smoothing", smoothing)):
-            check_positive(name, number, MOST)
-        check_number("sharpest", sharpest, 1.0, MOST)
-        check_flag("verify", verify)
-        check_whole("samples", samples, 1, MOST_POINTS // (2 * climbers) if gradient == "smoothed" else MOST_POINTS)
-        check_whole("candidates", candidates, 1, MOST_POINTS // climbers)
+            checks.positive(name, number, MOST)
+        checks.number("sharpest", sharpest, 1.0, MOST)
+        checks.flag("verify", verify)
+        checks.integer("samples", samples, 1, MOST_POINTS // (2 * climbers) if gradient == "smoothed" else MOST_POINTS)
+        checks.integer("candidates", candidates, 1, MOST_POINTS // climbers)
         for name, whole in (("stage", stage), ("patience", patience)):
-            check_whole(name, whole, 1)
+            checks.integer(name, whole, 1)
         if rule == "l-bfgs" and gradient == "smoothed":
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
         self.start, self.exact = dict(start or {}), gradient == "exact"

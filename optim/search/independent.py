@@ -8,16 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import (
-    MOST_POINTS,
-    SearchResult,
-    Wants,
-    check_whole,
-    generator,
-    single_objective,
-    with_values,
-)
+from optim.search.method import MOST_POINTS, SearchResult, Wants, generator, single_objective, with_values
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 
 
@@ -38,8 +31,8 @@ class IndependentSearches(ABC):
             climbers: C, the number of searches.
             seed: of all random numbers.
         """
-        check_whole("climbers", climbers, 1, MOST_POINTS)
-        check_whole("seed", seed, 0, 2**63 - 1)
+        checks.integer("climbers", climbers, 1, MOST_POINTS)
+        checks.integer("seed", seed, 0, 2**63 - 1)
         self.space, self.climbers, self.seed = space, climbers, seed
         self.generation = 0
         self.points = np.full((climbers, space.size), np.nan)

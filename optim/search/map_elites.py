@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import LARGEST, Kept, check_choice, check_number, check_table, check_whole
+from optim.search.method import LARGEST, Kept
 from optim.search.population import PopulationSearch
 from optim.search.variation import mutation_steps
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
 
 Variation = Literal["gaussian", "line"]
@@ -62,11 +63,11 @@ class MapElites(PopulationSearch):
                 the line to another elite, of 20 % of its length.
             offset: score from which the QD score counts.
         """
-        check_whole("bins", bins, 1)
-        check_number("offset", offset, -LARGEST, LARGEST)
-        check_choice("variation", variation, get_args(Variation))
+        checks.integer("bins", bins, 1)
+        checks.number("offset", offset, -LARGEST, LARGEST)
+        checks.choice("variation", variation, get_args(Variation))
         ranges = {} if ranges is None else ranges
-        check_table("ranges", ranges)
+        checks.table("ranges", ranges)
         super().__init__(space, population=population, seed=seed, start=start)
         self.variation, self.bins, self.offset = variation, bins, offset
         self.descriptors = self._names(descriptors)

@@ -13,18 +13,11 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.differential_evolution import DifferentialEvolution, Strategy
-from optim.search.method import (
-    LARGEST,
-    Wants,
-    check_number,
-    check_slopes,
-    check_whole,
-    single_objective,
-    slopes_per_range,
-)
+from optim.search.method import LARGEST, Wants, check_slopes, single_objective, slopes_per_range
 from optim.search.step_rules import LBFGS, free_variables
 from optim.search.variation import ranking
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
 
 
@@ -74,9 +67,9 @@ class MemeticSearch(DifferentialEvolution):
             learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
         """
         check_slopes(space)
-        check_whole("every", every, 2)
-        check_whole("refine", refine, 1)
-        check_number("learning_rate", learning_rate, 1e-6, 1.0)
+        checks.integer("every", every, 2)
+        checks.integer("refine", refine, 1)
+        checks.number("learning_rate", learning_rate, 1e-6, 1.0)
         super().__init__(
             space,
             population=population,

@@ -1,6 +1,6 @@
 """What every search method offers, and where its random numbers come from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
@@ -97,44 +98,6 @@ def generator(seed: int, *stream: int) -> np.random.Generator:
     return np.random.default_rng((seed, *stream))
 
 
-def check_whole(name: str, value: object, low: int, high: int = 2**31 - 1) -> None:
-    """Raise a one-line ValueError if a setting is no whole number from ``low`` to ``high``, both included."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < low:
-        raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least {low}")
-    if value > high:
-        raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at most {high}")
-
-
-def check_number(name: str, value: object, low: float, high: float) -> None:
-    """Raise a one-line ValueError if a setting is no number from ``low`` to ``high``, both included."""
-    if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
-        raise ValueError(f"{name}: {value!r} is not allowed; give a number from {low:g} to {high:g}")
-
-
-def check_positive(name: str, value: object, high: float) -> None:
-    """Raise a one-line ValueError if a setting is no number above 0, up to ``high``."""
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value <= high:
-        raise ValueError(f"{name}: {value!r} is not allowed; give a positive number, at most {high:g}")
-
-
-def check_flag(name: str, value: object) -> None:
-    """Raise a one-line ValueError if a setting is neither true nor false."""
-    if not isinstance(value, bool):
-        raise ValueError(f"{name}: {value!r} is not allowed; give true or false")
-
-
-def check_table(name: str, value: object) -> None:
-    """Raise a one-line ValueError if a setting is no table of values by name."""
-    if not isinstance(value, Mapping):
-        raise ValueError(f"{name}: {value!r} is not allowed; give values by name")
-
-
-def check_choice(name: str, value: object, allowed: Sequence[str]) -> None:
-    """Raise a one-line ValueError if a setting is none of the names allowed."""
-    if value not in allowed:
-        raise ValueError(f"{name}: {value!r} is not allowed; choose one of {', '.join(allowed)}")
-
-
 def check_slopes(space: Space) -> None:
     """Raise a one-line ValueError if no variable has a gradient."""
     if all(variable.kind == "integer" for variable in space.variables):
@@ -160,7 +123,7 @@ def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Floats
 
 def with_values(space: Space, points: Floats, values: Mapping[str, float]) -> Floats:
     """The points, shape (N, D), with the values of some variables given by name."""
-    check_table("start", values)
+    checks.table("start", values)
     space.check_names("start", values)
     points = points.copy()
     for name, value in values.items():

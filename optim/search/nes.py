@@ -8,10 +8,10 @@ from typing import ClassVar, get_args
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.method import check_choice, check_flag, check_number
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, draw_inside
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 OFF = 0.2  # share of the points in which some integer at rest still differs from its mean
@@ -58,11 +58,11 @@ class SeparableNES(PopulationSearch):
             max_sigma: the largest standard deviation [ranges]; wider than its range says no more.
             bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between mean and bound.
         """
-        check_number("sigma", sigma, 1e-3, 1.0)
-        check_number("max_sigma", max_sigma, sigma, 1e300)
-        check_choice("bounds", bounds, get_args(Bounds))
+        checks.number("sigma", sigma, 1e-3, 1.0)
+        checks.number("max_sigma", max_sigma, sigma, 1e300)
+        checks.choice("bounds", bounds, get_args(Bounds))
         for name, value in (("mirrored", mirrored), ("random_mean", random_mean)):
-            check_flag(name, value)
+            checks.flag(name, value)
         super().__init__(space, population=population, seed=seed, start=start)
         self.mirrored, self.bounds = mirrored, bounds
         given = np.array([random_mean or name in self.start for name in space.names])

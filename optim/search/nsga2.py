@@ -12,10 +12,11 @@ import numpy as np
 
 from optim.measures.pareto import non_dominated
 from optim.problem import Evaluation
-from optim.search.method import Kept, check_number
+from optim.search.method import Kept
 from optim.search.population import PopulationSearch
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 LAST = 1_000_000  # rank of a failure
@@ -57,13 +58,13 @@ class NSGA2(PopulationSearch):
             crossover_index: distribution index of the crossover; the larger, the closer children are to parents.
             mutation_index: distribution index of the mutation, which changes one variable in D on average.
         """
-        check_number("crossover_probability", crossover_probability, 0, 1)
-        check_number("crossover_index", crossover_index, 0, 1000)
-        check_number("mutation_index", mutation_index, 0, 1000)
+        checks.number("crossover_probability", crossover_probability, 0, 1)
+        checks.number("crossover_index", crossover_index, 0, 1000)
+        checks.number("mutation_index", mutation_index, 0, 1000)
         try:
             from pymoo.util import default_random_state  # noqa: F401  older ones take no generators
         except ImportError:
-            install = "install the extra moo (pip install -e '.[moo]' in a clone)"  # as base.checks.install_extra
+            install = checks.install_extra("moo")
             raise ValueError(f"method: pymoo, which nsga2 needs, is missing; {install}") from None
         self.crossover_probability, self.crossover_index = crossover_probability, crossover_index
         self.mutation_index = mutation_index

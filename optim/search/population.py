@@ -8,17 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import (
-    MOST_POINTS,
-    Kept,
-    SearchResult,
-    Wants,
-    check_whole,
-    generator,
-    single_objective,
-    with_values,
-)
+from optim.search.method import MOST_POINTS, Kept, SearchResult, Wants, generator, single_objective, with_values
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
 
 
@@ -43,8 +35,8 @@ class PopulationSearch(ABC):
             seed: of all random numbers.
             start: values by name with which the search begins; the other variables start at random.
         """
-        check_whole("population", population, self._smallest(), MOST_POINTS)
-        check_whole("seed", seed, 0, 2**63 - 1)
+        checks.integer("population", population, self._smallest(), MOST_POINTS)
+        checks.integer("seed", seed, 0, 2**63 - 1)
         self.space, self.population, self.seed = space, population, seed
         self.start = dict(start or {})
         self.generation = 0

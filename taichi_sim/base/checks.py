@@ -1,8 +1,9 @@
-"""Checks of what comes from outside: one line that names field, value and what is allowed, or what to install."""
+"""Checks of values that come from outside. A refusal is a ValueError of one line: field, value, what is allowed."""
 
 import contextlib
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,23 +14,24 @@ def number(field: str, value: object, low: float = -math.inf, high: float = math
     """The value as a finite float between ``low`` and ``high``, both included.
 
     Raises:
-        ValueError: in one line, for anything else (text, truth values and NaN included).
+        ValueError: if it is anything else; texts, truth values and NaN are.
     """
     if (finite := _finite(value)) is not None and low <= finite <= high:
         return finite
-    allowed = "a finite number"
-    if low > -math.inf:
-        allowed += f", at least {low:g}" if high == math.inf else f" from {low:g} to {high:g}"
-    elif unit:
-        allowed += " of"
+    if -math.inf < low <= high < math.inf:
+        allowed = f"a number from {low:g} to {high:g}"
+    elif low > -math.inf:
+        allowed = f"a finite number, at least {low:g}"
+    else:
+        allowed = "a finite number of" if unit else "a finite number"
     raise ValueError(f"{field}: {_shown(value)} is not allowed; give {allowed} {unit}".rstrip())
 
 
 def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> int:
-    """The value as an int from ``low`` to ``high``, both included; a float must be whole.
+    """The value as an int from ``low`` to ``high``, both included; floats such as 2.0 are allowed.
 
     Raises:
-        ValueError: in one line, for anything else.
+        ValueError: if it is anything else.
     """
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         found: int | None = int(value)  # as a float it would lose digits
@@ -43,11 +45,55 @@ def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> 
     return found
 
 
+def integer(field: str, value: object, low: int, high: int = 2**31 - 1) -> int:
+    """The value as an int from ``low`` to ``high``, both included; no float is allowed.
+
+    Raises:
+        ValueError: if it is anything else.
+    """
+    if isinstance(value, float | np.floating):
+        raise ValueError(f"{field}: {_shown(value)} is not allowed; give a whole number, at least {low}")
+    return whole_number(field, value, low, high)
+
+
+def positive(field: str, value: object, high: float) -> float:
+    """The value as a float above 0, up to ``high``.
+
+    Raises:
+        ValueError: if it is anything else.
+    """
+    if (finite := _finite(value)) is not None and 0 < finite <= high:
+        return finite
+    raise ValueError(f"{field}: {_shown(value)} is not allowed; give a positive number, at most {high:g}")
+
+
+def flag(field: str, value: object) -> bool:
+    """The value, which must be true or false.
+
+    Raises:
+        ValueError: if it is anything else.
+    """
+    if isinstance(value, bool):
+        return value
+    raise ValueError(f"{field}: {_shown(value)} is not allowed; give true or false")
+
+
+def table(field: str, value: object) -> Mapping[Any, Any]:
+    """The value, which must be a mapping such as a table of TOML.
+
+    Raises:
+        ValueError: if it is anything else.
+    """
+    if isinstance(value, Mapping):
+        return value
+    raise ValueError(f"{field}: {_shown(value)} is not allowed; give values by name")
+
+
 def choice(field: str, value: object, names: Collection[str]) -> str:
     """The value, which must be one of some names.
 
     Raises:
-        ValueError: in one line, for anything else.
+        ValueError: if it is anything else.
     """
     if isinstance(value, str) and value in names:
         return value
@@ -55,21 +101,21 @@ def choice(field: str, value: object, names: Collection[str]) -> str:
 
 
 def install_extra(name: str) -> str:
-    """What to do where something is missing that an extra of morpholab brings."""
+    """How to install an optional dependency group of morpholab, for messages."""
     return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"
 
 
 def _finite(value: object) -> float | None:
     if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
-        with contextlib.suppress(OverflowError):  # of whole numbers that no float can be
+        with contextlib.suppress(OverflowError):  # an int beyond the range of floats
             return float(value) if math.isfinite(value) else None
     return None
 
 
 def _shown(value: object) -> str:
-    """A value as messages show it: its beginning if it is long."""
+    """The value as text, cut off if it is long."""
     try:
         text = repr(value)
-    except ValueError:  # Python writes out no number of that many digits
+    except ValueError:  # more digits than Python writes out
         return "a number of thousands of digits"
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."

@@ -4,6 +4,8 @@ import os
 from dataclasses import dataclass
 from typing import Any, Literal, Self, TypedDict
 
+from taichi_sim.base import checks
+
 Device = Literal["cpu", "cuda", "vulkan", "metal"]
 Precision = Literal["f32", "f64"]
 
@@ -41,10 +43,8 @@ class Compute:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        if self.device not in DEVICES:
-            raise ValueError(f"device: {self.device!r} is unknown; choose one of {', '.join(DEVICES)}")
-        if self.precision not in PRECISIONS:
-            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of {', '.join(PRECISIONS)}")
+        checks.choice("device", self.device, DEVICES)
+        checks.choice("precision", self.precision, PRECISIONS)
         if self.threads is not None and not _is_thread_count(self.threads):
             raise ValueError(f"threads: {self.threads!r} is not allowed; give a whole number from 1 to {MOST_THREADS}")
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 from optim.problem import Problem
 from optim.runs.requests import Evaluate
 from optim.runs.workers.pool import Backend, Pool
-from optim.search.method import check_whole
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 __all__ = ["open_workers"]
@@ -56,7 +56,7 @@ def open_workers(
             that does not answer, or one with other versions of what results depend on.
     """
     for name, value in {"count": 1 if count is None else count, "threads": threads, "part": part}.items():
-        check_whole(name, value, 1)
+        checks.integer(name, value, 1)
     if backend not in get_args(BackendName):
         allowed = ", ".join(get_args(BackendName))
         raise ValueError(f"backend: {backend!r} is unknown; choose one of {allowed}")

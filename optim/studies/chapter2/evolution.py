@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from optim.experiments.results import Progress
-from optim.search.method import check_whole
 from optim.studies.chapter2.climbers import Climbers
 from optim.studies.chapter2.settings import Interference, Treatment
 from optim.studies.chapter2.trainers import TRAINERS
 from taichi_sim import runtime
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -53,7 +53,7 @@ def evolve(
             settings, or of runs that went further.
     """
     for name, value, low in (("runs", runs, 1), ("generations", generations, 0)):
-        check_whole(name, value, low)
+        checks.integer(name, value, low)
     runtime.start(settings.device, settings.precision, threads)  # refuses what is not there before a folder is made
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
     members = {

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from optim.search.method import MOST_POINTS, check_choice, check_whole
+from optim.search.method import MOST_POINTS
 from robots.quadruped.robot import (
     ENVIRONMENTS,
     LEGGED,
@@ -16,6 +16,7 @@ from robots.quadruped.robot import (
     QuadrupedResult,
     simulate,
 )
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 Lights = tuple[tuple[float, float], ...]
@@ -97,11 +98,11 @@ class Interference:
     device: str = "cpu"
 
     def __post_init__(self) -> None:
-        check_whole("population", self.population, 1, MOST_POINTS)
-        check_whole("steps", self.steps, 1)
-        check_choice("variant", self.variant, tuple(VARIANTS))
-        check_choice("precision", self.precision, ("f64", "f32"))
-        check_choice("device", self.device, ("cpu", "cuda", "vulkan", "metal"))
+        checks.integer("population", self.population, 1, MOST_POINTS)
+        checks.integer("steps", self.steps, 1)
+        checks.choice("variant", self.variant, tuple(VARIANTS))
+        checks.choice("precision", self.precision, ("f64", "f32"))
+        checks.choice("device", self.device, ("cpu", "cuda", "vulkan", "metal"))
 
     def simulate(
         self, robot: str, weights: Floats, threads: int | None = None, record_every: int | None = None

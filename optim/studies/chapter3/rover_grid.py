@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import kept
-from optim.search.method import check_choice, check_whole
 from robots.braitenberg import weight_grid
 from robots.rover.robot import STEPS, Rover, simulate
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -38,9 +38,9 @@ class RoverGrid:
     precision: str = "f32"
 
     def __post_init__(self) -> None:
-        check_whole("weights", self.weights, 2)
-        check_whole("steps", self.steps, 1)
-        check_choice("precision", self.precision, ("f32", "f64"))
+        checks.integer("weights", self.weights, 2)
+        checks.integer("steps", self.steps, 1)
+        checks.choice("precision", self.precision, ("f32", "f64"))
 
     @property
     def pairs(self) -> Floats:

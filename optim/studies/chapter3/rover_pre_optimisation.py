@@ -21,7 +21,6 @@ from optim.experiments.trials import Trials, kept_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
-from optim.search.method import check_whole
 from optim.studies.chapter3.rover_grid import RoverGrid
 from optim.studies.chapter3.rover_problem import (
     CONTROLLERS,
@@ -34,6 +33,7 @@ from optim.studies.chapter3.rover_problem import (
     effort,
 )
 from robots.rover.robot import BEST, CANONICAL, STEPS, Rover, simulate
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -64,7 +64,7 @@ class PreOptimisation:
 
     def __post_init__(self) -> None:
         for name, low in {"runs": 1, "budget": 1, "seed": 0, "weights": 2, "steps": 1}.items():
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
 
     def problem(self, controller: str) -> RoverProblem:
         """What is searched."""

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
-from optim.search.method import check_choice
 from optim.space import Space, Variable
 from robots.rover.robot import CANONICAL, STEPS, Rover, simulate
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 MASSES = ("body_mass", "wheel_mass", "castor_mass")
@@ -53,7 +53,7 @@ class RoverProblem:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        check_choice("controller", self.controller, CONTROLLERS)
+        checks.choice("controller", self.controller, CONTROLLERS)
 
     @property
     def objective_names(self) -> tuple[str, ...]:

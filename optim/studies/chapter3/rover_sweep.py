@@ -15,12 +15,12 @@ from optim.experiments.results import Budget, Progress, check_folder, part_of, w
 from optim.experiments.tables import write_table
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
-from optim.search.method import check_whole
 from optim.studies.chapter3.rover_grid import RoverGrid, successes
 from optim.studies.chapter3.rover_success import BODIES, MODELS
 from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.training import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 METRICS = {"M_L": learnability, "M_CF": interference}
@@ -50,8 +50,8 @@ class RoverSweep:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        check_whole("bodies", self.bodies, 2, DESIGNS)
-        check_whole("seed", self.seed, 0)
+        checks.integer("bodies", self.bodies, 2, DESIGNS)
+        checks.integer("seed", self.seed, 0)
         if self.grid.weights != self.theory.weights:
             raise ValueError(f"theory: {self.theory.weights} weights are not allowed beside {self.grid.weights}")
 

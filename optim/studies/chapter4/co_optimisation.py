@@ -21,8 +21,8 @@ from optim.experiments.tables import write_table
 from optim.experiments.trials import Trials, first_time, kept_trials
 from optim.measures.statistics import mean_band
 from optim.problems.braitenberg import VehicleProblem
-from optim.search.method import check_whole
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
+from taichi_sim.base import checks
 from taichi_sim.base.results_folder import ResultsFolder
 
 BORG: dict[str, Any] = {"population": 50, "children": 1, "epsilons": 0.1, "window": 1000}
@@ -54,7 +54,7 @@ class CoOptimisation:
 
     def __post_init__(self) -> None:
         for name, low in {"runs": 2, "budget": 1, "seed": 0}.items():
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
 
     @property
     def seeds(self) -> range:

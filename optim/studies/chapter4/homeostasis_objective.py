@@ -21,12 +21,12 @@ from optim.experiments.results import Budget, Progress, kept, part_of, write_jso
 from optim.experiments.tables import write_table
 from optim.experiments.trials import NOTHING, Trials, kept_trials
 from optim.measures import interference, learnability
-from optim.search.method import check_whole
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import VehicleBody, sweep
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -60,7 +60,7 @@ class HomeostasisObjective:
 
     def __post_init__(self) -> None:
         for name, low in {"samples": 1, "weights": 2, "draws": 1}.items():
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""

@@ -18,12 +18,12 @@ from optim.experiments.results import Budget, Progress, kept, part_of, write_jso
 from optim.experiments.tables import read_table, write_table
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
-from optim.search.method import check_whole
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, contralateral
 from robots.braitenberg.sweeps import Overlap
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -55,7 +55,7 @@ class BodyHomeostasis:
 
     def __post_init__(self) -> None:
         for name, low in {"bodies": 3, "controllers": 1, "seed": 0, "samples": 1}.items():
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""

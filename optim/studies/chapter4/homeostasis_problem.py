@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
-from optim.search.method import check_whole
 from optim.space import Space
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+from taichi_sim.base import checks
 
 UNSOLVED = -1.0  # below every similarity
 
@@ -35,7 +35,7 @@ class HomeostasisProblem:
     samples: int = 1000
 
     def __post_init__(self) -> None:
-        check_whole("samples", self.samples, 1)
+        checks.integer("samples", self.samples, 1)
 
     @property
     def space(self) -> Space:

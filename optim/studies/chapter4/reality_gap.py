@@ -17,11 +17,11 @@ from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Budget, Progress, kept, write_json
 from optim.experiments.tables import read_table, write_table
 from optim.measures.statistics import mean_band
-from optim.search.method import check_whole
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -49,7 +49,7 @@ class RealityGap:
 
     def __post_init__(self) -> None:
         for name, low in {"controllers": 2, "draws": 1, "seed": 0}.items():
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""

@@ -18,10 +18,10 @@ from optim.experiments.results import Progress, part_of
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.search import build_method
-from optim.search.method import check_whole
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter4.training_table import TrainingTable
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Bools, Floats, Indices, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -50,7 +50,7 @@ class Training:
 
     def __post_init__(self) -> None:
         for name, low in {"repetitions": 1, "budget": 1, "seed": 0}.items():
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
         if self.precision not in ("f32", "f64"):
             raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
 
@@ -71,7 +71,7 @@ def sample_designs(count: int, seed: int = 1) -> list[int]:
     Raises:
         ValueError: in one line, for less than 1 or more than there are.
     """
-    check_whole("sample", count, 1)
+    checks.integer("sample", count, 1)
     if count > DESIGNS:
         raise ValueError(f"sample: {count} is not allowed; give at most {DESIGNS}")
     return sorted((np.random.default_rng(seed).permutation(DESIGNS)[:count] + 1).tolist())

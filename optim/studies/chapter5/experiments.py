@@ -18,13 +18,12 @@ from optim.runs import open_run, run_search
 from optim.runs.environment import environment
 from optim.runs.history import read_history, read_result
 from optim.search import HillClimb
-from optim.search.method import check_whole
 from optim.studies.chapter5.costs import Costs
 from robots.inflatable.cores import highest_pressure
 from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign
 from robots.world import STEEPEST, Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import choice, number
 
 PARTS = ("orientation", "shape", "control")
 FLAT, HILL = "flat", "hill"
@@ -107,9 +106,9 @@ class ShapeChange:
             ("copies", 1),
             ("others", 1),
         ):
-            check_whole(name, getattr(self, name), low)
-        object.__setattr__(self, "slope", number("slope", self.slope, 0.1, STEEPEST, "degrees"))
-        choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
+            checks.integer(name, getattr(self, name), low)
+        object.__setattr__(self, "slope", checks.number("slope", self.slope, 0.1, STEEPEST, "degrees"))
+        checks.choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
 
     def terrain(self, place: str) -> Terrain:
         """Of a place, ``"flat"`` or ``"hill"``."""

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.results import Progress, kept_in_turn
-from optim.search.method import check_whole
 from robots.inflatable import robot as inflatable
 from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
 from robots.inflatable.robustness import NOISE
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import number
 from taichi_sim.base.results_folder import ResultsFolder
 
 MOST_COPIES = 1000
@@ -67,9 +66,9 @@ class Robot:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_whole("copies", self.copies, 1, MOST_COPIES)
-        check_whole("seed", self.seed, 0)
-        number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
+        checks.integer("copies", self.copies, 1, MOST_COPIES)
+        checks.integer("seed", self.seed, 0)
+        checks.number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
 
     def describe(self) -> dict[str, Any]:
         """All of it; fits JSON."""

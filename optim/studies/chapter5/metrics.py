@@ -16,15 +16,14 @@ import numpy as np
 from optim.experiments.results import Budget, Progress, kept_in_turn, write_summary
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman, wilson
-from optim.search.method import check_whole
 from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.metrics_figure import draw
 from robots.inflatable.actuation import nominal_steps
 from robots.inflatable.robot import InflatableDesign, travel_directions
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.world import Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Bools, Floats
-from taichi_sim.base.checks import number
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "soft-robot-metrics"
@@ -75,14 +74,14 @@ class SoftRobotMetrics:
     robot: Robot = ONE_RUN
 
     def __post_init__(self) -> None:
-        check_whole("gaits", self.gaits, 1, 100_000)
-        check_whole("seed", self.seed, 0)
+        checks.integer("gaits", self.gaits, 1, 100_000)
+        checks.integer("seed", self.seed, 0)
         if self.robot.copies != 1 or self.robot.noise:
             raise ValueError(
                 f"robot: {self.robot.copies} copies with noise of {self.robot.noise:g} m are not allowed; "
                 "give 1 without noise"
             )
-        object.__setattr__(self, "slope", number("slope", Terrain(self.slope).slope, 0.1, 45.0, "degrees"))
+        object.__setattr__(self, "slope", checks.number("slope", Terrain(self.slope).slope, 0.1, 45.0, "degrees"))
         for name in ("pressures", "orientations"):
             values = getattr(self, name)
             if not values or np.any(np.diff(values) <= 0):

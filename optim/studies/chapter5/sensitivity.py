@@ -16,14 +16,13 @@ import numpy as np
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Budget, Progress, kept_in_turn, write_summary
 from optim.hints import nearest
-from optim.search.method import check_whole
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
 from robots.inflatable.actuation import nominal_steps
 from robots.inflatable.robot import ACTUATION, INCHING, PUBLISHED, ROLLING
 from robots.world import Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import number
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "hand-gait-sensitivity"
@@ -77,7 +76,7 @@ class Sensitivity:
     slope: float = 15.0
 
     def __post_init__(self) -> None:
-        check_whole("repeats", self.repeats, 1)
+        checks.integer("repeats", self.repeats, 1)
         object.__setattr__(self, "slope", Terrain(self.slope).slope)
         if (self.robot.geometry, self.robot.actuation) != (PUBLISHED, ACTUATION):
             raise ValueError("robot: another geometry or actuation is not allowed; what varies are the published ones")
@@ -86,7 +85,7 @@ class Sensitivity:
                 known = ", ".join(VARIATIONS)
                 raise ValueError(f"factors: {name!r} is unknown; choose of {known}{nearest(name, VARIATIONS)}")
             for factor in factors:
-                VARIATIONS[name](number(name, factor, 1e-3, 1e3))  # refused now rather than in the middle
+                VARIATIONS[name](checks.number(name, factor, 1e-3, 1e3))  # refused now rather than in the middle
 
     @property
     def behaviours(self) -> dict[str, Case]:

@@ -152,7 +152,7 @@ BAD_INPUT = {
     "rolling --out a.html --colour strain": "colour: strain is of pictures and films; give --picture file.png",
     "rolling --strip a.png --seconds 5": "seconds: there is no film; give --gif file.gif or --mp4 file.mp4",
     "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
-    "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a finite number from 0 to ",
+    "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a number from 0 to ",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
     "nothing --out a.html": f"source: 'nothing' {NO_ROBOT}",
     "there.html --out a.html": "there.html: ",

@@ -208,14 +208,14 @@ def test_given_starts_belong_to_the_first_and_vary_around():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"strategy": "rand/3/exp"}, "strategy: 'rand/3/exp' is not allowed; choose one of rand/1/bin"),
+        ({"strategy": "rand/3/exp"}, "strategy: 'rand/3/exp' is unknown; choose one of rand/1/bin"),
         ({"population": 3, "strategy": "rand/1/bin"}, "population: 3 is not allowed; give a whole number, at least 4"),
         ({"population": 5, "strategy": "rand/2/bin"}, "population: 5 is not allowed; give a whole number, at least 6"),
         ({"weight": 2.5}, "weight: 2.5 is not allowed; give a number from 0 to 2"),
         ({"dither": 0.6}, "dither: 0.6 is not allowed; give a number from 0 to 0.5"),
         ({"crossover": np.nan}, "crossover: nan is not allowed"),
         ({"trials": 61}, "trials: 61 is not allowed; give a whole number from 0 to 60"),
-        ({"bounds": "clip"}, "bounds: 'clip' is not allowed; choose one of reflect, random"),
+        ({"bounds": "clip"}, "bounds: 'clip' is unknown; choose one of reflect, random"),
         ({"start": {"z": 1.0}}, "start: z not free to change"),
         ({"start": {"x3": 0.5}}, "x3: 0.5 is not allowed; give a whole number"),
     ],

@@ -223,7 +223,7 @@ def test_resumes_exactly_at_every_generation(settings):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"directions": "simplex"}, "directions: 'simplex' is not allowed; choose one of axes, rotated"),
+        ({"directions": "simplex"}, "directions: 'simplex' is unknown; choose one of axes, rotated"),
         ({"step": 0.0}, "step: 0.0 is not allowed; give a number from 1e-12 to 1"),
         ({"expansion": 0.9}, "expansion: 0.9 is not allowed; give a number from 1 to 10"),
         ({"contraction": 1.0}, "contraction: 1.0 is not allowed; give a number from 0.01 to 0.99"),

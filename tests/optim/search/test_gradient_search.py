@@ -311,8 +311,8 @@ def test_no_number_leads_out_of_the_bounds(numbers, rule):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"rule": "newton"}, "rule: 'newton' is not allowed; choose one of adam, l-bfgs"),
-        ({"gradient": "none"}, "gradient: 'none' is not allowed; choose one of exact, smoothed"),
+        ({"rule": "newton"}, "rule: 'newton' is unknown; choose one of adam, l-bfgs"),
+        ({"gradient": "none"}, "gradient: 'none' is unknown; choose one of exact, smoothed"),
         ({"rule": "l-bfgs", "gradient": "smoothed"}, "rule: 'l-bfgs' is not allowed with smoothed gradients"),
         ({"learning_rate": 0.0}, "learning_rate: 0.0 is not allowed; give a positive number"),
         ({"clip": np.nan}, "clip: nan is not allowed"),

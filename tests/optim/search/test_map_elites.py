@@ -139,7 +139,7 @@ def test_variables_without_steps_move_by_a_tenth_of_their_range():
     [
         ({"bins": 0}, "bins: 0 is not allowed; give a whole number, at least 1"),
         ({"bins": 1001}, "bins: 1001 is not allowed for 2 descriptors; give at most 1000000 cells"),
-        ({"variation": "pcx"}, "variation: 'pcx' is not allowed; choose one of gaussian, line"),
+        ({"variation": "pcx"}, "variation: 'pcx' is unknown; choose one of gaussian, line"),
         ({"descriptors": []}, r"descriptors: \[\] is not allowed; give a list of names that differ, at least one"),
         ({"descriptors": "x"}, "descriptors: 'x' is not allowed"),
         ({"descriptors": ["x", "x"]}, r"descriptors: \['x', 'x'\] is not allowed"),

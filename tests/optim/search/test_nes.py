@@ -180,7 +180,7 @@ def test_resumes_exactly_at_every_generation(more):
         ({"mirrored": 1}, "mirrored: 1 is not allowed; give true or false"),
         ({"random_mean": "yes"}, "random_mean: 'yes' is not allowed; give true or false"),
         ({"max_sigma": 0.1}, r"max_sigma: 0.1 is not allowed; give a number from 0.3 to 1e\+300"),
-        ({"bounds": "clip"}, "bounds: 'clip' is not allowed; choose one of reflect, random"),
+        ({"bounds": "clip"}, "bounds: 'clip' is unknown; choose one of reflect, random"),
         ({"start": {"x": 7.0}}, "x: 7 is not allowed; give a number from -2 to 6"),
     ],
 )

@@ -113,7 +113,7 @@ def test_children_are_parents_and_normal_deviates_which_the_text_bounds():
         (lambda: treatments(["legged", "legged"]), "robots: 'legged' is given twice"),
         (lambda: treatments(fitness=[]), "fitness: none given; give some of sum, product, min"),
         (lambda: Interference(population=0), "population: 0 is not allowed"),
-        (lambda: Interference(variant="as run"), "variant: 'as run' is not allowed; choose one of as-run, text"),
+        (lambda: Interference(variant="as run"), "variant: 'as run' is unknown; choose one of as-run, text"),
         (lambda: Interference(precision="f16"), "precision: 'f16' is not allowed"),
         (lambda: evolve(BRIEF, CHOSEN, 0, 1), "runs: 0 is not allowed"),
         (lambda: evolve(BRIEF, CHOSEN, 1, -1), "generations: -1 is not allowed"),

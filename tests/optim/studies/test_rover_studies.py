@@ -23,8 +23,8 @@ from robots.rover.robot import BEST
     ("make", "message"),
     [
         (lambda: RoverGrid(1), "weights: 1 is not allowed; give a whole number, at least 2"),
-        (lambda: RoverGrid(precision="f16"), "precision: 'f16' is not allowed; choose one of f32, f64"),
-        (lambda: RoverProblem("none"), "controller: 'none' is not allowed; choose one of unit, evolved"),
+        (lambda: RoverGrid(precision="f16"), "precision: 'f16' is unknown; choose one of f32, f64"),
+        (lambda: RoverProblem("none"), "controller: 'none' is unknown; choose one of unit, evolved"),
         (lambda: RoverSweep(theory=Sweep(5)), "theory: 5 weights are not allowed beside 31"),
         (lambda: RoverSweep(1), "bodies: 1 is not allowed; give a whole number, at least 2"),
         (lambda: PreOptimisation(budget=0), "budget: 0 is not allowed; give a whole number, at least 1"),

@@ -162,7 +162,7 @@ def test_a_study_in_which_every_simulation_fails_has_a_table_all_the_same(simula
         ({"climbers": 0}, "climbers: 0 is not allowed; give a whole number, at least 2"),
         ({"generations": -1}, "generations: -1 is not allowed"),
         ({"copies": 0}, "copies: 0 is not allowed"),
-        ({"slope": 50}, "slope: 50 is not allowed; give a finite number from 0.1 to 45 degrees"),
+        ({"slope": 50}, "slope: 50 is not allowed; give a number from 0.1 to 45 degrees"),
         ({"geometry": "round"}, "geometry: 'round' is unknown; choose one of published, small$"),
         ({"geometry": "two-core"}, "geometry: 'two-core' is unknown; choose one of published, small$"),
     ],

@@ -67,7 +67,7 @@ def test_named_bodies():
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: VehicleBody(((0.6, 0.0), (0.0, 0.0))), "sensors: 0.6 is not allowed; give a finite number from"),
+        (lambda: VehicleBody(((0.6, 0.0), (0.0, 0.0))), "sensors: 0.6 is not allowed; give a number from"),
         (lambda: VehicleBody(((np.nan, 0.0),)), "sensors: nan is not allowed"),
         (lambda: VehicleBody(()), "sensors: .. is not allowed; give at least one place"),
         (lambda: VehicleBody((1.0, 2.0)), "sensors: 1.0 is not allowed; give places"),

@@ -112,7 +112,7 @@ def test_bodies_have_the_numbers_of_the_theoretical_model():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Rover(((0.6, 0), (0, 0))), "sensors: 0.6 is not allowed; give a finite number from -0.5 to 0.5"),
+        (lambda: Rover(((0.6, 0), (0, 0))), "sensors: 0.6 is not allowed; give a number from -0.5 to 0.5"),
         (lambda: Rover(((0, 0),)), "sensors: ((0, 0),) is not allowed; give two places"),
         (lambda: Rover((0.5, 0.5)), "sensors: (0.5, 0.5) is not allowed; give two places"),
         (lambda: Rover(castor_mass=0), "castor_mass: 0 is not allowed; give a finite number, at least 1e-06"),

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robots.inflatable import ROLLING, InflatableDesign, simulate
 from robots.world import Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_record
 
@@ -44,6 +45,19 @@ def test_a_name_must_be_known(value):
     assert choice("geometry", "small", ("small", "published")) == "small"
     with pytest.raises(ValueError, match=r"^geometry: .* is unknown; choose one of small, published$"):
         choice("geometry", value, ("small", "published"))
+
+
+def test_settings_are_of_their_very_kind():
+    assert checks.integer("climbers", 3, 1) == 3 and checks.positive("rate", 2, 5.0) == 2.0
+    assert checks.flag("verify", True) and checks.table("start", {"x": 1}) == {"x": 1}
+    for check, message in (
+        (lambda: checks.integer("climbers", 3.0, 1), "climbers: 3.0 is not allowed; give a whole number, at least 1"),
+        (lambda: checks.positive("rate", 0.0, 5.0), "rate: 0.0 is not allowed; give a positive number, at most 5"),
+        (lambda: checks.flag("verify", 1), "verify: 1 is not allowed; give true or false"),
+        (lambda: checks.table("start", [1]), r"start: \[1\] is not allowed; give values by name"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}$"):
+            check()
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"format": "a", "x": 1' + "0" * 400 + "}", '{"format": "a"}', "3"])

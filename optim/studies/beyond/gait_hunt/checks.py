@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
-from optim.search.method import check_whole
 from robots.inflatable.robot import NAMED_GEOMETRIES
 from robots.world import STEEPEST
-from taichi_sim.base.checks import choice, number
+from taichi_sim.base import checks
 
 
 def check_settings(seeds: Sequence[int], slope: float, geometry: str, finalists: int, runs: int) -> None:
@@ -21,8 +20,8 @@ def check_settings(seeds: Sequence[int], slope: float, geometry: str, finalists:
     if not seeds or len(set(seeds)) < len(seeds):
         raise ValueError(f"seeds: {tuple(seeds)} are not allowed; give at least one, and none twice")
     for seed in seeds:
-        check_whole("seeds", seed, 0)
-    number("slope", slope, 0.1, STEEPEST, "degrees")
-    choice("geometry", geometry, NAMED_GEOMETRIES)
-    check_whole("finalists", finalists, 1)
-    check_whole("runs", runs, 1)
+        checks.integer("seeds", seed, 0)
+    checks.number("slope", slope, 0.1, STEEPEST, "degrees")
+    checks.choice("geometry", geometry, NAMED_GEOMETRIES)
+    checks.integer("finalists", finalists, 1)
+    checks.integer("runs", runs, 1)

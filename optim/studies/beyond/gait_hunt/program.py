@@ -33,13 +33,13 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
 from optim.runs.history import History, read_result
 from optim.runs.loop import Generation
-from optim.search.method import check_number, check_whole
 from optim.studies.beyond.gait_hunt.kinds import best_of_kinds
 from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
 from optim.studies.beyond.gait_hunt.spending import read_spent, search_within
 from optim.studies.beyond.gait_hunt.turning import history_of, turned
 from robots.inflatable.gaits import GaitDesign
 from robots.world import Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.results_folder import ResultsFolder
 
 RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
@@ -87,13 +87,13 @@ class Plan:
             ("refined", 2),
             ("generations", 0),
         ):
-            check_whole(name, getattr(self, name), low)
+            checks.integer(name, getattr(self, name), low)
         if not self.rounds:
             raise ValueError("rounds: none given; give the generations of at least one")
         for generations in self.rounds:
-            check_whole("rounds", generations, 0)
+            checks.integer("rounds", generations, 0)
         for part in self.leads:
-            check_number("leads", part, 0.0, 1.0)
+            checks.number("leads", part, 0.0, 1.0)
 
     @property
     def evaluations(self) -> int:
