@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
-from optim.commands.progress import shown_progress
+from optim.progress import shown_progress
 
 if TYPE_CHECKING:
     from robots.inflatable.robot import InflatableDesign

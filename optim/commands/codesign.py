@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import Plan, plan
 from optim.commands.evaluation import add_workers, opened_workers
-from optim.commands.progress import shown_progress
 from optim.commands.task_file import add_task, take_task
+from optim.progress import shown_progress
 from optim.search import METHODS
 from optim.wording import counted, spoken_duration
 

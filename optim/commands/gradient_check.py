@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.commands import Report, options
-from optim.commands.progress import shown_progress
 from optim.commands.robot_options import horizons_of_robot
+from optim.progress import shown_progress
 from optim.wording import counted
 from robots.inflatable.schedule import ROWS
 from robots.world import Terrain

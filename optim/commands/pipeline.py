@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.commands import FAILED, Report, interrupted, options
-from optim.commands.progress import shown_progress
+from optim.progress import shown_progress
 
 
 def add_parser(commands: Any) -> None:

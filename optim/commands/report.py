@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.commands import Report, options
-from optim.commands.progress import shown_progress
+from optim.progress import shown_progress
 from optim.wording import spoken_size
 
 SUFFIXES = (".html", ".htm")

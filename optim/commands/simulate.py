@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.commands import FAILED, Report, options
-from optim.commands.progress import shown_progress
+from optim.progress import shown_progress
 from robots.world import Terrain
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, interrupted, options
-from optim.commands.progress import shown_progress
 from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
+from optim.progress import shown_progress
 from optim.wording import counted
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from functools import partial
 from typing import Any
 
 from optim.commands import Report, options
-from optim.commands.progress import Update, shown_progress
 from optim.commands.view_files import add_outputs, check_outputs, write_outputs
+from optim.progress import Update, shown_progress
 from optim.wording import counted, spoken_size
 
 
