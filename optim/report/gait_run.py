@@ -95,7 +95,7 @@ class GaitRun:
 
     def replay(self, point: Floats, frames: int, progress: Progress) -> Replay:
         """Simulate a design on all terrains."""
-        from robots.view.picture import motion_picture
+        from robots.view.picture import inflatable_title, motion_picture
         from robots.view.soft_motion import inflatable_motion
 
         problem, design = self.problem, self.problem.design(point)
@@ -114,7 +114,7 @@ class GaitRun:
             result = dataclasses.replace(result, speed=problem.speeds(result))
             drive, name = self._robot["actuation"], terrain.spoken
             motion = inflatable_motion(result, design, terrain, actuation=drive, name=name)
-            strip = motion_picture(result, design, terrain, actuation=drive)
+            strip = motion_picture(motion, title=inflatable_title(result, design, terrain))
             alt = f"Six poses of the best gait {name}, above the chart of its actuators"
             motions.append(motion)
             speeds.append(finite(float(result.speed[0])))

@@ -9,15 +9,12 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from robots.inflatable.relaxed_schedule import Schedule
-from robots.inflatable.robot import InflatableResult
-from robots.view import scene, shape
 from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Camera, Polygons
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MARGIN = 0.15  # of ground around a pose, in lengths of the pose
 LINES = 0.05  # between the lines on the ground [m]
 NO_SHIFT = np.zeros(2)
 
@@ -46,38 +43,6 @@ class Stretch:
     def rim(self) -> Floats:
         """Its corners on paper, the first two on the near edge [m], shape (4, 2)."""
         return self.camera.on_ground(self.travel[[0, 1, 1, 0]], self.across[[0, 0, 1, 1]], self.level)
-
-
-def draw_pose(
-    axes: "Axes",
-    result: InflatableResult,
-    robot: int = 0,
-    frame: int = -1,
-    *,
-    camera: Camera | None = None,
-    grips: tuple[bool, bool] = (True, True),
-) -> None:
-    """Draw a recorded pose on its ground; the units of the axes are metres on paper.
-
-    A bladder and its counterpart on the other side have one hue, pale when deflated, full when inflated.
-    Feet are pale when they slide.
-
-    Args:
-        axes: to draw on; their frame is hidden, their scales become equal.
-        result: of ``simulate``, with frames.
-        robot: place in the batch.
-        frame: which of the frames.
-        camera: ``Camera(heading, slope)``; by default for a robot that rolls on flat ground.
-        grips: whether foot 1 and foot 2 grip.
-    """
-    camera = camera or Camera()
-    travel, across = footprint(result, camera, [frame], robot)
-    margin = MARGIN * np.ptp([travel, across], axis=1).max() * np.array([-1, 1])
-    draw_ground(axes, Stretch(camera, travel + margin, across + margin, scene.ground_level(result)))
-    draw_polygons(axes, scene.build(result, robot, frame, camera, grips))
-    axes.set_aspect("equal")
-    axes.axis("off")
-    axes.autoscale_view()
 
 
 def draw_polygons(
@@ -109,11 +74,6 @@ def draw_ground(axes: "Axes", stretch: Stretch, shift: Floats = NO_SHIFT, zorder
     axes.add_collection(LineCollection([rim[:2]], colors=[INK], linewidths=0.9, zorder=zorder))
 
 
-def footprint(result: InflatableResult, camera: Camera, frames: list[int], robot: int = 0) -> Floats:
-    """Ranges along and across the way that poses cover [m], shape (2, 2)."""
-    return covered(np.concatenate([shape.surface(result, robot, i).quads.reshape(-1, 3) for i in frames]), camera)
-
-
 def covered(points: Floats, camera: Camera) -> Floats:
     """Ranges along and across the way that points cover, shape (N, 3) [m], shape (2, 2)."""
     h = np.deg2rad(camera.heading)
@@ -122,31 +82,48 @@ def covered(points: Floats, camera: Camera) -> Floats:
 
 
 def draw_schedule(axes: "Axes", schedule: Schedule, edges: ArrayLike | None = None) -> None:
-    """Draw when actuators are on, as played: ten rows, bladder 1 on top, in the colours of the robot.
-
-    An actuator that is on by parts fills that part of its row.
+    """Draw when the actuators of the inflatable robot are on, as played: ten rows, bladder 1 on top.
 
     Args:
         axes: to draw on.
-        schedule: of T columns, played R times, of either kind.
+        schedule: of T columns, played R times.
         edges: where columns begin and end, such as times [s], shape (T R + 1,); by default columns count.
     """
     played = np.tile(schedule.levels, schedule.repeats)
     ticks = np.arange(played.shape[1] + 1.0) if edges is None else np.asarray(edges, float)
-    tops = np.arange(len(played)) + 0.35 * (np.arange(len(played)) >= len(BLADDERS))  # feet stand apart
-    empty, told = np.argwhere(played < 1), np.argwhere(played > 0)
-    row, column = np.concatenate([empty, told]).T
-    height = np.append(np.ones(len(empty)), played[played > 0])
-    left, right, bottom = ticks[column], ticks[column + 1], tops[row] + 0.94
-    top = bottom - 0.88 * height
-    cells = np.stack([[left, top], [right, top], [right, bottom], [left, bottom]]).transpose(2, 0, 1)
-    colours = np.concatenate([np.tile(GROUND, (len(empty), 1)), np.array([*BLADDERS, *FEET])[told[:, 0]]])
-    axes.add_collection(PolyCollection(list(cells), facecolors=colours, edgecolors=[PAPER], linewidths=0.6))
-    axes.set_xlim(ticks[0], ticks[-1])
-    axes.xaxis.set_major_locator(MaxNLocator(integer=edges is None))
-    axes.set_ylim(tops[-1] + 1.0, 0.0)
     numbers = [str(i + 1) for group in (BLADDERS, FEET) for i in range(len(group))]
     numbers[0], numbers[len(BLADDERS)] = "bladder 1", "foot 1"
-    axes.set_yticks(tops + 0.5, numbers)
+    draw_levels(axes, played, ticks, np.array([*BLADDERS, *FEET]), numbers, apart=len(BLADDERS))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=edges is None))
+
+
+def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, names: list[str], apart: int = 0) -> None:
+    """Draw rows of levels that hold for a while each; what is on by parts fills that part of its row.
+
+    Args:
+        axes: to draw on.
+        levels: from 0 to 1, shape (N, K).
+        edges: where they begin and end, shape (K + 1,).
+        colours: of the rows, shape (N, 3).
+        names: of the rows.
+        apart: number of the row above which there is a gap; 0 for none.
+    """
+    tops = np.arange(len(levels)) + 0.35 * ((np.arange(len(levels)) >= apart) & (apart > 0))
+    empty, told = np.argwhere(levels < 1), np.argwhere(levels > 0)
+    row, column = np.concatenate([empty, told]).T
+    height = np.append(np.ones(len(empty)), levels[levels > 0])
+    left, right, bottom = edges[column], edges[column + 1], tops[row] + 0.94
+    top = bottom - 0.88 * height
+    cells = np.stack([[left, top], [right, top], [right, bottom], [left, bottom]]).transpose(2, 0, 1)
+    shades = np.concatenate([np.tile(GROUND, (len(empty), 1)), colours[told[:, 0]]])
+    axes.add_collection(PolyCollection(list(cells), facecolors=shades, edgecolors=[PAPER], linewidths=0.6))
+    axes.set_xlim(edges[0], edges[-1])
+    axes.set_ylim(tops[-1] + 1.0, 0.0)
+    label_rows(axes, tops + 0.5, names)
+
+
+def label_rows(axes: "Axes", places: Floats, names: list[str]) -> None:
+    """Write the names of rows beside them, and hide the frame of the axes."""
+    axes.set_yticks(places, names)
     axes.tick_params(length=0, labelsize=7, labelcolor=INK)
     axes.spines[:].set_visible(False)

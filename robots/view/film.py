@@ -7,7 +7,7 @@ from dataclasses import replace
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,6 +21,9 @@ from robots.view.strip import draw_robots
 from taichi_sim.base.arrays import Bytes
 from taichi_sim.base.checks import install_extra, number, whole_number
 from taichi_sim.base.files import new_path, write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 WIDTH, TITLE_HEIGHT, KEY_HEIGHT = 8.0, 0.4, 0.5  # of a strip [inches]
 CAPTION, KEY = 14, 48  # heights of a line above each robot of a film, and of the key of its colours below [pixels]
@@ -41,16 +44,9 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
     Raises:
         ValueError: in one line, for values that are not allowed.
     """
-    count = whole_number("frames", frames, 2)
-    if colour == "beams":
-        raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
-    poses = np.unique(np.linspace(0, len(motion.times) - 1, count).round().astype(int)).tolist()
-    given = setting(motion, poses, colour=colour, reach=math.inf)
-    robots = [given.polygons(frame) for frame in poses]
     figure = Figure(figsize=(WIDTH, WIDTH), facecolor="white")
     axes = figure.add_axes((0.02, 0, 0.96, 1))
-    path, length = given.camera.project(motion.path), float(np.ptp(given.stretch.travel)) / 4
-    draw_robots(axes, robots, given.stretch, path, poses, motion.times[poses], length, motion.skin is not None)
+    given = draw_strip(axes, motion, poses_of(motion, frames), colour)
     drawn = 0.96 * WIDTH * float(np.ptp(axes.get_ylim()) / np.ptp(axes.get_xlim()))
     keyed = KEY_HEIGHT if given.colouring.key or given.colouring.limit else 0.0
     total = TITLE_HEIGHT + drawn + keyed + 0.05
@@ -59,6 +55,27 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
     figure.text(0.02, 1 - 0.5 * TITLE_HEIGHT / total, motion.name, va="center", fontsize=11, color=INK)
     draw_key(figure, given.colouring, (0.02, 0.05 / total, 0.96, 0.8 * keyed / total))
     return figure
+
+
+def draw_strip(axes: "Axes", motion: Motion, poses: list[int], colour: str = "material") -> Setting:
+    """Draw poses of a motion, with its path, times and a scale bar, and return what they share.
+
+    Raises:
+        ValueError: for a colour that a strip does not have.
+    """
+    if colour == "beams":
+        raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
+    given = setting(motion, poses, colour=colour, reach=math.inf)
+    robots = [given.polygons(frame) for frame in poses]
+    path, length = given.camera.project(motion.path), float(np.ptp(given.stretch.travel)) / 4
+    draw_robots(axes, robots, given.stretch, path, poses, motion.times[poses], length, motion.skin is not None)
+    return given
+
+
+def poses_of(motion: Motion, frames: int) -> list[int]:
+    """Numbers of so many frames of a motion, at least 2, at equal times from its beginning to its end."""
+    count = whole_number("frames", frames, 2)
+    return np.unique(np.linspace(0, len(motion.times) - 1, count).round().astype(int)).tolist()
 
 
 def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int:

@@ -6,9 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.body import BLADDER_COUNT, FIRST_BLADDER, FOOT_1, FOOT_SEAM, REGION_COUNT, SEAM, SKIN
-from robots.inflatable.robot import InflatableResult
-from robots.view.shape import kinds, surface, thickness
+from robots.inflatable.body import BLADDER_COUNT
 from taichi_sim.base.arrays import Floats
 
 
@@ -23,8 +21,6 @@ FEET = (_rgb("7b3f8c"), _rgb("b0639f"))
 # A bladder and the one on the other side of the pouch have one hue (Okabe & Ito's, told apart by all eyes).
 PAIRS = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))
 BLADDERS = tuple(PAIRS[min(i, BLADDER_COUNT - 1 - i)] for i in range(BLADDER_COUNT))
-# Thickness up to which a bladder is drawn pale, and from which in full colour [edges of the lattice].
-PALE, FULL = 0.3, 1.8
 # Where the light comes from (along the way, to its left, up); the brightness of what it does not reach.
 LIGHT = np.array([-0.3, -0.45, 0.84])
 AMBIENT = 0.6
@@ -96,19 +92,6 @@ class Polygons:
         return replace(self, shadow=self.shadow[:0])
 
 
-def build(
-    result: InflatableResult,
-    robot: int = 0,
-    frame: int = -1,
-    camera: Camera | None = None,
-    grips: tuple[bool, bool] = (True, True),
-) -> Polygons:
-    """The polygons of a recorded pose; deflated bladders are pale, and so are feet that do not grip."""
-    seen = surface(result, robot, frame)
-    colours = _colours(result, robot, frame, grips)[seen.voxels]
-    return paint(seen.quads, colours, camera or Camera(), ground_level(result))
-
-
 def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polygons:
     """The polygons of faces in space, lit, and of their shadow.
 
@@ -134,24 +117,6 @@ def fallen(points: Floats, camera: Camera, level: float) -> Floats:
     """Points moved straight down to the ground, shape (..., 3) [m]."""
     up = camera.frame[2]
     return points - (points[..., 2:] - level) / up[2] * up
-
-
-def ground_level(result: InflatableResult) -> float:
-    """z of the ground [m]."""
-    return -0.5 * result.body.voxel_size
-
-
-def _colours(result: InflatableResult, robot: int, frame: int, grips: tuple[bool, bool]) -> Floats:
-    """Colour of every voxel, shape (V, 3)."""
-    palette = np.zeros((REGION_COUNT, 3))
-    palette[SKIN], palette[[SEAM, FOOT_SEAM]] = SKIN_COLOUR, SEAM_COLOUR
-    palette[FIRST_BLADDER:] = BLADDERS
-    for foot, (colour, gripping) in enumerate(zip(FEET, grips, strict=True)):
-        palette[FOOT_1 + foot] = colour if gripping else pale(colour)
-    region = kinds(result.body)
-    full = np.clip((thickness(result, robot, frame) - PALE) / (FULL - PALE), 0, 1)
-    full = np.where(region < FIRST_BLADDER, 1.0, full)[:, None]
-    return full * palette[region] + (1 - full) * pale(palette[region])
 
 
 def pale(colour: Floats) -> Floats:

@@ -117,12 +117,6 @@ def path(result: InflatableResult, robot: int = 0) -> Floats:
     return mean_of_face_corners(result.body, *poses)
 
 
-def thickness(result: InflatableResult, robot: int = 0, frame: int = -1) -> Floats:
-    """Thickness of every voxel, in edges of the lattice, shape (V,): how full a bladder is."""
-    extents = recorded(result).extents[frame, robot]
-    return (extents[:, 4] + extents[:, 5]) / result.body.voxel_size
-
-
 def recorded(result: InflatableResult) -> Frames:
     """The frames of a result that has some.
 

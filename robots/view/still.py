@@ -130,6 +130,14 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
     axes.axis("off")
 
 
+def draw_pose(axes: "Axes", motion: Motion, frame: int = -1, *, camera: Camera | None = None) -> None:
+    """Draw one frame of a motion on axes of the caller's, which become equal; see :func:`setting` for the camera."""
+    given = setting(motion, [frame], camera=camera)
+    draw_motion(axes, given, frame)
+    across, up = limits(given, [frame])
+    axes.set(xlim=across, ylim=up)
+
+
 def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], tuple[float, float]]:
     """From where to where pictures of some frames go on paper, from left to right and from below [m]."""
     points = [given.stretch.rim]

@@ -6,51 +6,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patheffects import withStroke
 
-from robots.inflatable.robot import InflatableResult
-from robots.view import scene, shape
-from robots.view.drawing import Stretch, draw_ground, draw_polygons, footprint
-from robots.view.scene import INK, Camera, Polygons
+from robots.view.drawing import Stretch, draw_ground, draw_polygons
+from robots.view.scene import INK, Polygons
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ROOM, GAP = 0.12, 0.06  # ground beyond the robot, and between pictures, in lengths of the flat pouch
+GAP = 0.06  # between pictures, in lengths of the robot
 TEXT = 0.026  # height of a line of text, in widths of the strip
 ASPECT = 2.0  # width per height of a strip that would be best
 SCALE_BARS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # [m]
-
-
-def draw_strip(
-    axes: "Axes",
-    result: InflatableResult,
-    poses: list[int],
-    camera: Camera,
-    grips: list[tuple[bool, bool]],
-    robot: int = 0,
-    ground: bool = True,
-) -> None:
-    """Draw poses with the path of the robot's middle, times and a scale bar; axes in metres on paper.
-
-    Poses that are clear of each other share one ground. Else each is a picture of its own, with the same
-    stretch of ground, so that its place there shows how far the robot has come; they read like lines of text.
-
-    Args:
-        axes: to draw on; this sets their limits.
-        result: of ``simulate``, with frames.
-        poses: which of the frames, in order of time.
-        camera: that looks at them.
-        grips: whether the feet grip in each pose.
-        robot: place in the batch.
-        ground: whether there is any, and a shadow on it.
-    """
-    length = float(np.ptp(result.body.voxels[:, 1]) + 1) * result.body.voxel_size
-    robots = [scene.build(result, robot, i, camera, grip) for i, grip in zip(poses, grips, strict=True)]
-    robots = robots if ground else [seen.floating for seen in robots]
-    travel, across = footprint(result, camera, poses, robot) + ROOM * length * np.array([-1, 1])
-    stretch = Stretch(camera, travel, across, scene.ground_level(result), solid=ground)
-    path = camera.project(shape.path(result, robot))
-    draw_robots(axes, robots, stretch, path, poses, shape.recorded(result).times[poses], length)
 
 
 def draw_robots(
@@ -63,7 +29,10 @@ def draw_robots(
     length: float,
     outlined: bool = True,
 ) -> None:
-    """Draw a film strip of any robot, as :func:`draw_strip` does.
+    """Draw poses with the path of the robot's middle, times and a scale bar; axes in metres on paper.
+
+    Poses that are clear of each other share one ground. Else each is a picture of its own, with the same
+    stretch of ground, so that its place there shows how far the robot has come; they read like lines of text.
 
     Args:
         axes: to draw on; this sets their limits.

@@ -16,7 +16,7 @@ from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot.walker import ACTIVE, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker import simulate as simulate_walker
 from robots.view.film import strip_picture
-from robots.view.picture import motion_picture
+from robots.view.picture import inflatable_picture
 from robots.view.player import page
 from robots.view.soft_motion import inflatable_motion
 from robots.view.still import still_picture
@@ -146,7 +146,7 @@ def test_a_picture_in_water_has_no_ground():
         assert ground["solid"] != terrain.is_fluid
         lowest = motion.lattice.positions[..., 2].min()
         assert (ground["level"] < lowest - 0.5 * TINY.voxel_size) == terrain.is_fluid
-        figure = motion_picture(result, design, terrain, actuation=QUICK, frames=3)
+        figure = inflatable_picture(result, design, terrain, actuation=QUICK, frames=3)
         assert painted(figure.axes[0]) == (not terrain.is_fluid,) * 2
         assert figure.texts[0].get_text().partition(";")[0].endswith(terrain.spoken)
 

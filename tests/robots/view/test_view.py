@@ -3,8 +3,10 @@
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 
+import motions
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,12 +26,15 @@ from robots.inflatable import (
     InflatableResult,
     simulate,
 )
+from robots.inflatable.gaits import played
 from robots.inflatable.schedule import GaitSchedule
 from robots.view import scene, shape
-from robots.view.drawing import draw_pose, draw_schedule
-from robots.view.picture import motion_picture, save_motion_picture
+from robots.view.drawing import draw_schedule
+from robots.view.film import draw_strip
+from robots.view.picture import inflatable_picture, motion_picture, save_motion_picture
 from robots.view.scene import Camera
-from robots.view.strip import draw_strip
+from robots.view.soft_motion import inflatable_motion
+from robots.view.still import draw_pose, setting
 from robots.world import Terrain
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
@@ -56,7 +61,6 @@ def test_read_outs_of_the_robot_as_built(geometry):
     assert shape.height(result) == pytest.approx(2 * geometry.voxel_size)
     assert shape.ratio(result) == pytest.approx(geometry.columns / 2)
     assert np.diff(shape.path(result), axis=0) == pytest.approx(np.array([[0.3, 0, 0]]))
-    assert shape.thickness(result) == pytest.approx(np.ones(geometry.body.voxel_count))
 
 
 def test_the_surface_has_no_gaps():
@@ -99,22 +103,30 @@ def test_what_lies_towards_the_viewer_is_in_the_same_place_on_paper(heading, slo
     assert camera.project(place + 0.7 * camera.toward) == pytest.approx(camera.project(place))
 
 
+def shown(places=((0.0, 0.0, 0.0),), gait=STILL):
+    return inflatable_motion(posed(places), InflatableDesign(0.0, 0.0, gait), actuation=QUICK)
+
+
 def test_nearer_faces_are_painted_later_and_hidden_ones_never():
-    result = posed()
-    robot, seen = scene.build(result), shape.surface(result)
+    motion, seen = shown(), shape.surface(posed())
+    robot = setting(motion, [0]).polygons(0)
     assert 0 < len(robot.corners) < len(seen.quads)
     assert len(robot.colours) == len(robot.corners) and robot.colours.min() >= 0 and robot.colours.max() <= 1
     assert robot.shadow[..., 1].max() < robot.corners[..., 1].max()
 
 
 def test_sliding_feet_are_paler():
-    gripping, sliding = (scene.build(posed(), grips=grips).colours for grips in ((True, True), (False, False)))
+    both = GaitSchedule(np.concatenate([np.zeros((8, 2)), [[1, 0], [1, 0]]]), repeats=1)
+    length = played(InflatableDesign(0.0, 0.0, both), QUICK).steps * 1e-4
+    motion = shown([(0.0, 0.0, 0.0)] * 2, both)
+    motion = replace(motion, times=np.array([0.1, 0.9]) * length)
+    gripping, sliding = (setting(motion, [frame]).polygons(frame).colours for frame in (0, 1))
     assert (sliding >= gripping).all() and sliding.sum() > gripping.sum()
 
 
 def test_a_pose_on_any_axes():
     axes = Figure().add_subplot()
-    draw_pose(axes, posed(), frame=0)
+    draw_pose(axes, shown(), frame=0)
     assert any(isinstance(drawn, PolyCollection) for drawn in axes.collections)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert right - left > TINY.columns * TINY.voxel_size and top > 0 > bottom
@@ -130,11 +142,11 @@ def test_a_chart_has_a_coloured_cell_for_every_bit():
     assert [label.get_text() for label in axes.get_yticklabels()][0:9:8] == ["bladder 1", "foot 1"]
 
 
-@pytest.mark.parametrize(("step", "lines"), [(0.02, 2), (1.0, 1)])
+@pytest.mark.parametrize(("step", "lines"), [(0.02, 3), (1.0, 1)])
 def test_poses_that_are_clear_of_each_other_share_one_ground(step, lines):
     axes = Figure().add_subplot()
     places = [(step * i, 0, 0) for i in range(6)]
-    draw_strip(axes, posed(places), list(range(6)), Camera(), [(True, True)] * 6)
+    draw_strip(axes, shown(places), list(range(6)))
     *times, bar = axes.texts
     assert [text.get_text() for text in times] == [f"{0.5 * i:.1f} s" for i in range(6)]
     assert bar.get_text().endswith(" cm" if step < 1 else " m")
@@ -147,7 +159,7 @@ def test_the_picture_of_a_gait(tmp_path):
         result = save_motion_picture(design, terrain, path, geometry=TINY, actuation=QUICK, frames=4)
         assert result.status[0] == "ok" and len(result.frames.times) >= 4
         assert path.read_bytes().startswith(b"\x89PNG") and 20_000 < path.stat().st_size < 500_000
-    figure = motion_picture(result, INCHING, Terrain(15.0), actuation=QUICK, frames=4)
+    figure = inflatable_picture(result, INCHING, Terrain(15.0), actuation=QUICK, frames=4)
     (title,) = figure.texts
     assert "BL/s up a slope of 15°; core at 0 kPa, heading 90°" in title.get_text()
     again = tmp_path / "again.png"
@@ -169,11 +181,22 @@ def test_the_picture_of_a_robot_that_diverged():
     status = np.array(["diverged"])
     numbers = nothing, nothing, nothing, status, nothing[:, None], np.array([50])
     result = InflatableResult(*numbers, 1e-4, frames, TINY.body, np.zeros((1, 2)))
-    figure = motion_picture(result, ROLLING, Terrain())
+    figure = inflatable_picture(result, ROLLING, Terrain())
     assert figure.texts[0].get_text().startswith("diverged on flat ground")
     assert len(figure.axes[0].texts) == 3 + 1  # the poses before, and the scale bar
     frames.positions[:] = np.nan
-    assert motion_picture(result, ROLLING, Terrain()).texts[0].get_text().startswith("diverged")
+    assert inflatable_picture(result, ROLLING, Terrain()).texts[0].get_text().startswith("diverged")
+
+
+@pytest.mark.parametrize("make", [motions.soft_walker, motions.legged, motions.vehicle])
+def test_every_robot_has_a_picture_with_its_channels(make):
+    motion = make()
+    figure = motion_picture(motion, frames=3)
+    labels = [label.get_text() for label in figure.axes[1].get_yticklabels()]
+    switches = [channel for channel in motion.channels if channel.switch]
+    drawn = switches or [channel for channel in motion.channels if np.ptp(channel.values) > 0]
+    assert figure.texts[0].get_text() == motion.name and len(labels) == len(drawn)
+    assert labels[0].startswith(drawn[0].name)
 
 
 def test_a_picture_needs_two_poses(tmp_path):
