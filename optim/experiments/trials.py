@@ -2,19 +2,20 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.experiments.lockstep import run_in_lockstep
 from optim.experiments.results import kept
+from optim.experiments.side_by_side import BudgetedSearch, judge_together, run_side_by_side
 from optim.problem import Evaluation
+from optim.runs.requests import Request
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
-from optim.search.method import Wants
 from optim.space import Space
-from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices, Ints
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 NOTHING = -1  # where a trial has ended, or has found nothing yet
@@ -132,29 +133,34 @@ def record_trials(
         until_solved: whether a search ends when a point solves all of them.
         progress: called with the fraction of the searches that have ended.
     """
-    searches = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
-    spent = [0] * len(seeds)
-    points = np.full((len(seeds), budget, problem.space.size), np.nan)
-    solved = np.full((len(seeds), budget), NOTHING, np.int8)
-    with_gradient = np.zeros((len(seeds), budget), bool)
-    objectives: list[Floats] = []
+    size = len(seeds), budget
+    points, solved = np.full((*size, problem.space.size), np.nan), np.full(size, NOTHING, np.int8)
+    with_gradient, objectives = np.zeros(size, bool), list[Floats]()
+    searches: list[BudgetedSearch] = []
 
-    def judge(_: Indices, asked: Floats, wants: Wants) -> Evaluation:
-        if wants == "points":
-            return problem.evaluate(asked)
-        return problem.evaluate_relaxed(asked, 0.0, wants == "gradients")
+    def evaluate(_: Sequence[BudgetedSearch], request: Request) -> Evaluation:
+        if request.wants == "points":
+            return problem.evaluate(request.points)
+        return problem.evaluate_relaxed(request.points, 0.0, request.wants == "gradients")
 
     def observe(trial: int, asked: Floats, evaluation: Evaluation) -> bool:
         if not objectives:
-            objectives.append(np.full((*solved.shape, evaluation.objectives.shape[1]), np.nan))
-        part = slice(spent[trial], spent[trial] + len(asked))
+            objectives.append(np.full((*size, evaluation.objectives.shape[1]), np.nan))
+        first = np.count_nonzero(solved[trial] != NOTHING)
+        part = slice(first, first + len(asked))
         points[trial, part], objectives[0][trial, part] = asked, evaluation.objectives
         solved[trial, part] = np.where(evaluation.failed, 0, evaluation.details["solved"])
         with_gradient[trial, part] = evaluation.gradients is not None
-        spent[trial] = part.stop
         return until_solved and bool((solved[trial, part] == environments).any())
 
-    run_in_lockstep(searches, judge, observe, budget, progress)
+    def after_round() -> None:
+        if progress:
+            progress(sum(search.done for search in searches) / len(searches))
+
+    for trial, seed in enumerate(seeds):
+        built = build_method(method, problem.space, {**settings, "seed": seed})
+        searches.append(BudgetedSearch(trial, built, budget, observe))
+    run_side_by_side(searches, partial(judge_together, judge=evaluate), after_round)
     return Trials(points, objectives[0], solved, with_gradient)
 
 

@@ -48,6 +48,58 @@ class Generation:
         return json.dumps(asdict(self), allow_nan=False)
 
 
+class FolderSearch:
+    """A search in a run folder, generation by generation, going on where the folder left off.
+
+    A generation ends with its designs, then its log line, then a checkpoint. What a kill cuts off is done again from
+    the last checkpoint, with the same result.
+
+    Attributes:
+        problem: what is searched; the mean of its objectives is the score.
+        last: the last generation; None before the first.
+    """
+
+    def __init__(self, problem: Problem, method: Method, folder: RunFolder) -> None:
+        """Restore what the folder holds.
+
+        Args:
+            problem: what to search.
+            method: built with the settings of the run, not yet used.
+            folder: open run folder; takes the log, the checkpoints and ``best.json``.
+
+        Raises:
+            ValueError: if the problem has several objectives and the method takes a single one.
+        """
+        if len(problem.objective_names) > 1 and not method.several_objectives:
+            raise ValueError(f"method: it takes one objective; the problem has {', '.join(problem.objective_names)}")
+        self.problem, self._method, self._folder = problem, method, folder
+        self.last: Generation | None = None
+        self._asked = 0.0
+        if (known := folder.restore()) is not None:
+            state, text = known
+            method.restore(state)
+            self.last = Generation(**json.loads(text))
+            _write_designs(problem, method.result(), folder)
+
+    @property
+    def turns(self) -> int:
+        """Generations completed, the starts among them."""
+        return self.last.generation + 1 if self.last else 0
+
+    def ask(self) -> Request:
+        """What the method wants to know next."""
+        self._asked = time.perf_counter()
+        return Request(self._method.ask(), self._method.wants, self._method.sharpness)
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Complete a generation: tell the method, and write designs, log and checkpoint."""
+        self._method.tell(request.points, evaluation)
+        result = self._method.result()
+        self.last = _next(self.last, self.problem, result, request.points, evaluation)
+        _write_designs(self.problem, result, self._folder)
+        self._folder.commit(self.last.to_json(), self._method.state(), time.perf_counter() - self._asked)
+
+
 def run_search(
     problem: Problem,
     method: Method,
@@ -56,10 +108,7 @@ def run_search(
     progress: Callable[[Generation], None] | None = None,
     evaluate: Evaluate | None = None,
 ) -> Generation:
-    """Run a search up to and including a generation, going on where the folder left off.
-
-    A generation ends with its designs, then its log line, then a checkpoint.
-    What a kill cuts off is done again from the last checkpoint, with the same result.
+    """Run a search up to and including a generation, going on where the folder left off; see :class:`FolderSearch`.
 
     Args:
         problem: what to evaluate; the mean of its objectives is the score.
@@ -72,28 +121,15 @@ def run_search(
     Returns:
         The last generation.
     """
-    if len(problem.objective_names) > 1 and not method.several_objectives:
-        raise ValueError(f"method: it takes one objective; the problem has {', '.join(problem.objective_names)}")
     judged = evaluate or functools.partial(judge, problem)
-    last: Generation | None = None
-    if (known := folder.restore()) is not None:
-        state, text = known
-        method.restore(state)
-        last = Generation(**json.loads(text))
-        _write_designs(problem, method.result(), folder)
-        if progress:
-            progress(last)
-    while last is None or last.generation < generations:
-        started = time.perf_counter()
-        points = method.ask()
-        evaluation = judged(Request(points, method.wants, method.sharpness))
-        method.tell(points, evaluation)
-        result = method.result()
-        last = _next(last, problem, result, points, evaluation)
-        _write_designs(problem, result, folder)
-        folder.commit(last.to_json(), method.state(), time.perf_counter() - started)
-        if progress:
-            progress(last)
+    search = FolderSearch(problem, method, folder)
+    if search.last and progress:
+        progress(search.last)
+    while (last := search.last) is None or last.generation < generations:
+        request = search.ask()
+        search.tell(request, judged(request))
+        if progress and search.last:
+            progress(search.last)
     return last
 
 

@@ -1,7 +1,7 @@
 """What a search asks of a problem in one generation: to be judged at once, or in parts elsewhere."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,21 @@ def judge(problem: Problem, request: Request) -> Evaluation:
             f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
         )
     return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
+
+
+def join_requests(requests: Sequence[Request]) -> Request:
+    """One request for the points of several that want the same with the same sharpness."""
+    return replace(requests[0], points=np.concatenate([request.points for request in requests]))
+
+
+def part_of(evaluation: Evaluation, rows: slice) -> Evaluation:
+    """The judgement of some of the points."""
+    return Evaluation(
+        evaluation.objectives[rows],
+        evaluation.status[rows],
+        {name: values[rows] for name, values in evaluation.details.items()},
+        None if evaluation.gradients is None else evaluation.gradients[rows],
+    )
 
 
 def join(parts: Sequence[Evaluation]) -> Evaluation:

@@ -8,21 +8,23 @@ its best point after every step of a method; here every point is looked at, in t
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from optim.experiments.lockstep import run_in_lockstep
 from optim.experiments.results import Progress, part_of
+from optim.experiments.side_by_side import BudgetedSearch, judge_together, run_side_by_side
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
+from optim.runs.requests import Request
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter4.training_table import TrainingTable
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Bools, Floats, Indices, Ints
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 TRAINERS = tuple(BLACK_BOX_OPTIM)
@@ -138,14 +140,11 @@ def _run(
     """All repetitions of a method in some bodies, side by side."""
     problem, weights = settings.problem(threads), VehicleProblem(body=BASELINE).space
     runs = [(design, repetition) for design in bodies for repetition in range(settings.repetitions)]
-    searches = [
-        build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": _seed(settings.seed, *run)}) for run in runs
-    ]
     places = np.array([np.ravel(bodies[design].sensors) for design, _ in runs])
     evaluations, solved = np.zeros(len(runs), np.int64), np.zeros(len(runs), bool)
 
-    def judge(owners: Indices, points: Floats, _: str) -> Evaluation:
-        return problem.evaluate(np.hstack([places[owners], points]))
+    def judge(owners: Sequence[BudgetedSearch], request: Request) -> Evaluation:
+        return problem.evaluate(np.hstack([places[[owner.name for owner in owners]], request.points]))
 
     def observe(run: int, points: Floats, evaluation: Evaluation) -> bool:
         successes = np.flatnonzero(evaluation.details["solved"] == len(settings.task.starts))
@@ -153,7 +152,15 @@ def _run(
         evaluations[run] += successes[0] + 1 if successes.size else len(points)
         return bool(solved[run])
 
-    run_in_lockstep(searches, judge, observe, settings.budget, progress)
+    def after_round() -> None:
+        if progress:
+            progress(sum(search.done for search in searches) / len(searches))
+
+    methods = [
+        build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": _seed(settings.seed, *run)}) for run in runs
+    ]
+    searches = [BudgetedSearch(run, one, settings.budget, observe) for run, one in enumerate(methods)]
+    run_side_by_side(searches, partial(judge_together, judge=judge), after_round)
     shape = len(bodies), settings.repetitions
     return dict(zip(bodies, zip(evaluations.reshape(shape), solved.reshape(shape), strict=True), strict=True))
 

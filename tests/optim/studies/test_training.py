@@ -63,7 +63,7 @@ def test_outcomes_depend_on_nothing_but_the_run(monkeypatch, tmp_path):
     assert outcomes(table) == outcomes(whole)
     assert min(seen) >= 0.25 and max(seen) == pytest.approx(1) and seen == sorted(seen)
     assert len(list(tmp_path.glob("runs-*.npz"))) == 16
-    monkeypatch.setattr(training, "run_in_lockstep", None)  # nothing is left to do
+    monkeypatch.setattr(training, "_run", None)  # nothing is left to do
     assert outcomes(train(DESIGNS, settings=BRIEF, out=tmp_path)) == outcomes(whole)
     assert outcomes(train(DESIGNS, settings=replace(BRIEF, seed=3), out=tmp_path)) == outcomes(whole)
 

@@ -1,0 +1,125 @@
+"""The loop that runs searches side by side: all studies and benchmarks use it."""
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from typing import Protocol, TypeVar
+
+from optim.problem import Evaluation
+from optim.runs.requests import Request, join_requests, part_of
+from optim.search.method import Method
+from taichi_sim.base.arrays import Floats
+
+
+class Search(Protocol):
+    """A search that takes its turns beside others."""
+
+    @property
+    def turns(self) -> int:
+        """How many turns it has completed, those before an interruption included."""
+
+    @property
+    def done(self) -> bool:
+        """Whether it takes no further turn."""
+
+    def ask(self) -> Request:
+        """What it wants to know next; changes nothing."""
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Take in the judgement of what it asked for."""
+
+
+AnySearch = TypeVar("AnySearch", bound=Search)
+Judge = Callable[[Sequence[AnySearch], Sequence[Request]], Iterable[Evaluation]]
+
+
+def run_side_by_side(
+    searches: Iterable[AnySearch], judge: Judge[AnySearch], after_round: Callable[[], object] | None = None
+) -> None:
+    """Let searches take turns until all are done. Those that have completed the fewest turns move first.
+
+    Args:
+        searches: what takes turns.
+        judge: evaluates the requests of the searches of a round, in their order. A search is told each evaluation
+            before the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
+        after_round: called after each round.
+    """
+    active = [search for search in searches if not search.done]
+    while active:
+        fewest = min(search.turns for search in active)
+        behind = [search for search in active if search.turns == fewest]
+        requests = [search.ask() for search in behind]
+        for search, request, evaluation in zip(behind, requests, judge(behind, requests), strict=True):
+            search.tell(request, evaluation)
+        if after_round:
+            after_round()
+        active = [search for search in active if not search.done]
+
+
+def judge_together(
+    searches: Sequence[AnySearch],
+    requests: Sequence[Request],
+    judge: Callable[[Sequence[AnySearch], Request], Evaluation],
+    kind: Callable[[AnySearch], Hashable] = lambda search: None,
+) -> Iterator[Evaluation]:
+    """Evaluate the requests of several searches in as few batches as possible.
+
+    Args:
+        searches: S of them.
+        requests: what each asks for; a point's judgement must not depend on the points beside it.
+        judge: called with the search that each point is of, and the points of one batch.
+        kind: requests go into one batch if this is equal for their searches, and they want the same.
+
+    Yields:
+        The evaluation of each request, in order.
+    """
+    batches: dict[Hashable, list[int]] = {}
+    for number, (search, request) in enumerate(zip(searches, requests, strict=True)):
+        batches.setdefault((kind(search), request.wants, request.sharpness), []).append(number)
+    found: dict[int, Evaluation] = {}
+    for numbers in batches.values():
+        owners = [searches[number] for number in numbers for _ in requests[number].points]
+        evaluation, first = judge(owners, join_requests([requests[number] for number in numbers])), 0
+        for number in numbers:
+            end = first + len(requests[number].points)
+            found[number], first = part_of(evaluation, slice(first, end)), end
+    for number in range(len(requests)):
+        yield found[number]
+
+
+class BudgetedSearch:
+    """A search in memory that ends when it has made its evaluations, or when its observer says so.
+
+    Attributes:
+        name: what it is called by its observer, such as its number.
+        turns: taken so far.
+        spent: evaluations so far, those of the last turn beyond the budget included.
+    """
+
+    def __init__(
+        self, name: int, method: Method, budget: int, observe: Callable[[int, Floats, Evaluation], bool]
+    ) -> None:
+        """Set up the search.
+
+        Args:
+            name: see above.
+            method: not yet used.
+            budget: evaluations of the search; what its last turn has beyond them is not observed.
+            observe: called with the name, new points and their evaluation, in order; returns whether to end.
+        """
+        self.name, self.method, self.budget, self.observe = name, method, budget, observe
+        self.turns, self.spent, self._ended = 0, 0, False
+
+    @property
+    def done(self) -> bool:
+        """Whether the budget is spent, or the observer has ended the search."""
+        return self._ended or self.spent >= self.budget
+
+    def ask(self) -> Request:
+        """The next points of the method."""
+        return Request(self.method.ask(), self.method.wants, self.method.sharpness)
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Tell the method, then the observer."""
+        left = slice(0, self.budget - self.spent)
+        self.method.tell(request.points, evaluation)
+        self.turns, self.spent = self.turns + 1, self.spent + len(request.points)
+        self._ended = self.observe(self.name, request.points[left], part_of(evaluation, left))
