@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS
 from optim.runs.comparison import Curve
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

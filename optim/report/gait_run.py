@@ -14,7 +14,7 @@ from optim.report.charts import chart, image
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, table
 from optim.report.rig import KPA_PER_PSI, rig_section
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 from robots.calibration import NAMES, UNITS, Properties
 from robots.hardware import PneumaticRig
 from robots.inflatable import gaits

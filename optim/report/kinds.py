@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Problem
 from optim.report.markup import Html, Section, Text
 from optim.runs.config import problem_of
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 from robots.hardware import PneumaticRig
 from robots.view.motion import Motion
 from taichi_sim.base.arrays import Floats

@@ -9,7 +9,7 @@ from typing import Any, Self
 from optim.problems.lattice_robot import LatticeRobotProblem
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, table
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.lattice_robot import simulate

@@ -13,7 +13,7 @@ from optim.problems.braitenberg import VehicleProblem
 from optim.report.charts import chart
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Html, Text, facts, joined, number, picture, side_by_side, table
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, sweep, trace
 from robots.hardware import PneumaticRig

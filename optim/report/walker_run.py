@@ -12,7 +12,7 @@ from optim.problems.walker import WalkerProblem
 from optim.report.charts import chart
 from optim.report.kinds import Best, Progress, Replay, finite
 from optim.report.markup import Text, facts, number, picture, table
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.lattice_robot import walker

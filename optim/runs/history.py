@@ -13,7 +13,7 @@ from optim.problem import Problem
 from optim.runs import checkpoint
 from optim.runs.config import has_run, identity, read_config
 from optim.runs.folder import TIMING, in_use
-from optim.runs.loop import Generation
+from optim.runs.generation import Generation
 from optim.search import build_method
 from optim.search.method import SearchResult
 from taichi_sim.base import files

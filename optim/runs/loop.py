@@ -1,51 +1,17 @@
-"""Ask, evaluate, tell, log, checkpoint."""
+"""The loop of a run: search for a generation, write its designs, its log line and a checkpoint."""
 
 import functools
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
 from optim.problem import Evaluation, Problem
 from optim.runs.folder import RunFolder
+from optim.runs.generation import Generation, record
 from optim.runs.requests import Evaluate, Request, judge
 from optim.search.method import Method, SearchResult
-
-
-@dataclass(frozen=True)
-class Generation:
-    """One generation of a run as its line in ``log.jsonl``. None stands where every evaluation has failed.
-
-    Attributes:
-        generation: counted from 0, the starts.
-        evaluations: made since the run began.
-        failed: evaluations of this generation that failed.
-        best: best score so far.
-        mean: of the scores of what the search keeps: the climbers' best points, a population, a front.
-        median: of the same.
-        scores: those of independent climbers, shape (C,), for statistics; None of other methods.
-        best_point: values of the best point by name.
-        best_details: the problem's details of the best point by name.
-        numbers: what else the method tells of itself.
-    """
-
-    generation: int
-    evaluations: int
-    failed: int
-    best: float | None
-    mean: float | None
-    median: float | None
-    scores: list[float | None] | None
-    best_point: dict[str, float | int] | None
-    best_details: dict[str, Any] | None
-    numbers: dict[str, float | int | None]
-
-    def to_json(self) -> str:
-        """One line, the same for the same numbers."""
-        return json.dumps(asdict(self), allow_nan=False)
 
 
 class FolderSearch:
@@ -95,7 +61,7 @@ class FolderSearch:
         """Complete a generation: tell the method, and write designs, log and checkpoint."""
         self._method.tell(request.points, evaluation)
         result = self._method.result()
-        self.last = _next(self.last, self.problem, result, request.points, evaluation)
+        self.last = record(self.last, self.problem, result, request.points, evaluation)
         _write_designs(self.problem, result, self._folder)
         self._folder.commit(self.last.to_json(), self._method.state(), time.perf_counter() - self._asked)
 
@@ -148,31 +114,3 @@ def _write_designs(problem: Problem, result: SearchResult, folder: RunFolder) ->
         }
         text = json.dumps(document, indent=1, allow_nan=False) + "\n"
         folder.update_text("front.json", text)
-
-
-def _next(
-    last: Generation | None,
-    problem: Problem,
-    result: SearchResult,
-    points: np.ndarray,
-    evaluation: Evaluation,
-) -> Generation:
-    """The record of a generation just told."""
-    valid = result.scores[~np.isnan(result.scores)]
-    best_details = last.best_details if last else None
-    scores = evaluation.objectives.mean(axis=1)
-    here = np.flatnonzero((points == result.point).all(axis=1) & (scores == result.score))
-    if here.size:
-        best_details = {name: values[here[0]].tolist() for name, values in evaluation.details.items()}
-    return Generation(
-        generation=last.generation + 1 if last else 0,
-        evaluations=(last.evaluations if last else 0) + len(points),
-        failed=int(evaluation.failed.sum()),
-        best=None if np.isnan(result.score) else result.score,
-        mean=float(valid.mean()) if valid.size else None,
-        median=float(np.median(valid)) if valid.size else None,
-        scores=[None if np.isnan(s) else s for s in result.scores.tolist()] if result.kind == "climbers" else None,
-        best_point=None if np.isnan(result.score) else problem.space.to_dict(result.point),
-        best_details=best_details,
-        numbers=dict(result.numbers),
-    )

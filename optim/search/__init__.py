@@ -3,8 +3,7 @@
 Importing this package imports no method: each is imported when it is first used.
 """
 
-from collections.abc import Mapping
-from importlib import import_module
+from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
@@ -12,6 +11,7 @@ from optim.hints import nearest
 from optim.search.method import Method, SearchResult
 from optim.space import Space
 from taichi_sim.base import checks
+from taichi_sim.base.lazy import exported
 from taichi_sim.base.registry import Registry
 
 METHODS: Registry[type[Method]] = Registry(
@@ -35,14 +35,19 @@ METHODS: Registry[type[Method]] = Registry(
 )
 _CLASSES = {place.partition(":")[2]: place.partition(":")[0] for place in METHODS.builtin.values()}
 
-__all__ = ["METHODS", "Method", "SearchResult", "build_method", "check_settings", "default_settings", "takes_several"]
+__all__ = [
+    "METHODS",
+    "Method",
+    "SearchResult",
+    "build_method",
+    "check_objectives",
+    "check_settings",
+    "default_settings",
+    "takes_several",
+]
 
 
-def __getattr__(name: str) -> Any:
-    """The classes of the built-in methods, such as ``optim.search.HillClimb``."""
-    if name not in _CLASSES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_CLASSES[name]), name)
+__getattr__ = exported(__name__, _CLASSES)  # the classes of the built-in methods, such as HillClimb
 
 
 def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method:
@@ -78,6 +83,13 @@ def default_settings(name: str) -> dict[str, Any]:
     """Default settings of a method, by name; without those that have none."""
     parameters = _parameters(name).values()
     return {p.name: p.default for p in parameters if p.default is not p.empty and p.default is not None}
+
+
+def check_objectives(name: str, objectives: Sequence[str]) -> None:
+    """Raise a one-line ValueError if a problem has several objectives, of these names, and a method takes one."""
+    if len(objectives) > 1 and not takes_several(name):
+        others = ", ".join(known for known in METHODS.builtin if takes_several(known))
+        raise ValueError(f"method: {name} takes one objective, not {', '.join(objectives)}; choose one of {others}")
 
 
 def takes_several(name: str) -> bool:

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optim.problems.inflatable.start import start_values
+from optim.runs.generation import Generation
 from optim.runs.history import History
-from optim.runs.loop import Generation
 from optim.studies.beyond.gait_hunt import climb
 from optim.studies.beyond.gait_hunt.kinds import APART, best_of_kinds, difference
 from optim.studies.beyond.gait_hunt.program import GRADED, RUNGS, Plan, Program, Step

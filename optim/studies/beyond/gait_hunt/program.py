@@ -31,8 +31,8 @@ import numpy as np
 from optim.experiments.results import Progress, kept
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
+from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
-from optim.runs.loop import Generation
 from optim.studies.beyond.gait_hunt.kinds import best_of_kinds
 from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
 from optim.studies.beyond.gait_hunt.spending import read_spent, search_within

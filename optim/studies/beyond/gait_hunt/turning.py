@@ -10,8 +10,8 @@ import numpy as np
 
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
+from optim.runs.generation import Generation
 from optim.runs.history import History
-from optim.runs.loop import Generation
 from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt.spending import cost
 from robots.inflatable import gaits

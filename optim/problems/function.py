@@ -1,0 +1,146 @@
+"""Any function of a batch of points as a problem."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.problem import Evaluation, Problem
+from optim.space import Kind, Space, Variable
+from taichi_sim.base.arrays import Floats
+
+Function = Callable[[Floats], "ArrayLike | Evaluation"]
+Bounds = Mapping[str, "tuple[float, float] | tuple[float, float, Kind]"]
+STEP = 0.1  # standard deviation of a mutation, as a share of a variable's range
+
+
+class FunctionProblem(Problem):
+    """A function to be maximised; made by :func:`problem_of`.
+
+    Attributes:
+        function: takes points, shape (N, D), and returns objectives.
+        gradient: takes points, and returns the slopes of a single objective, shape (N, D); None if there is none.
+    """
+
+    def __init__(
+        self,
+        function: Function,
+        space: Space,
+        objective_names: tuple[str, ...],
+        objective_units: tuple[str, ...],
+        gradient: Function | None,
+    ) -> None:
+        self.function, self.gradient = function, gradient
+        self._space, self._names, self._units = space, objective_names, objective_units
+
+    @property
+    def space(self) -> Space:
+        """The variables, in the order of the bounds."""
+        return self._space
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the K objectives."""
+        return self._names
+
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Units of the K objectives."""
+        return self._units
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Call the function with all points, shape (N, D)."""
+        return self._judged(self.space.validate(np.atleast_2d(points)), gradients=False)
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """Call the function, and the gradient if wanted, with binary variables between 0 and 1."""
+        del sharpness  # the function is told nothing but points
+        if gradients and self.gradient is None:
+            raise ValueError("gradient: the method needs one; give gradient=..., or choose another method")
+        return self._judged(self.space.relaxed().validate(np.atleast_2d(points)), gradients)
+
+    def _judged(self, points: Floats, gradients: bool) -> Evaluation:
+        found = self.function(points)
+        evaluation = found if isinstance(found, Evaluation) else Evaluation(np.asarray(found, float))
+        shape = len(points), len(self._names)
+        if evaluation.objectives.shape != shape:
+            raise ValueError(
+                f"function: it gave objectives of shape {evaluation.objectives.shape} for {len(points)} points; "
+                f"give {shape}, one column for each of {', '.join(self._names)}"
+            )
+        if not gradients or self.gradient is None:
+            return evaluation
+        slopes = np.asarray(self.gradient(points), float)
+        if slopes.shape != points.shape:
+            raise ValueError(f"gradient: shape {slopes.shape} is not allowed; give {points.shape}")
+        return Evaluation(evaluation.objectives, evaluation.status, evaluation.details, slopes)
+
+    def describe(self) -> dict[str, Any]:
+        """Variables and objectives; the function itself is described by its name alone."""
+        return {
+            "kind": "function",
+            "name": getattr(self.function, "__qualname__", type(self.function).__name__),
+            **problem_table(self),
+        }
+
+
+def problem_table(problem: Problem) -> dict[str, Any]:
+    """Variables and objectives of a problem as values that fit JSON and TOML."""
+    names = tuple(problem.objective_names)
+    units = getattr(problem, "objective_units", ("",) * len(names))
+    return {
+        "variables": [asdict(variable) for variable in problem.space.variables],
+        "objective_names": list(names),
+        "objective_units": list(units),
+    }
+
+
+def problem_of(
+    function: Function,
+    bounds: Bounds | Space,
+    name: str | Sequence[str] = "score",
+    unit: str | Sequence[str] = "",
+    gradient: Function | None = None,
+) -> FunctionProblem:
+    """Make a problem of a function of a batch of points.
+
+    Args:
+        function: takes points, an array of shape (N, D) in the order of the bounds, and returns what is to be
+            maximised: shape (N,), or (N, K) for K objectives, or an ``Evaluation``. NaN marks a point that failed.
+        bounds: (low, high) of each variable by name, or (low, high, kind) for another kind than ``"continuous"``:
+            ``"integer"``, ``"angle"`` or ``"binary"``. Or a ``Space``.
+        name: what the objective is called; a list of K names for K objectives.
+        unit: of the objective, such as ``"m/s"``; a list for several.
+        gradient: takes points and returns the slopes of the single objective, shape (N, D), each in its own unit;
+            for methods that follow gradients.
+
+    Raises:
+        ValueError: if bounds, names or units are not allowed.
+
+    Example:
+        >>> bowl = problem_of(lambda points: -((points - 0.5) ** 2).sum(axis=1), {"x": (0, 1), "y": (0, 1)})
+        >>> float(bowl.evaluate([[0.5, 0.0]]).objectives[0, 0])
+        -0.25
+    """
+    if not callable(function):
+        raise ValueError(f"function: {function!r} is not allowed; give a function of points, shape (N, D)")
+    names = (name,) if isinstance(name, str) else tuple(name)
+    units = (unit,) * len(names) if isinstance(unit, str) else tuple(unit)
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"name: {names!r} is not allowed; give names that differ, at least one")
+    if len(units) != len(names):
+        raise ValueError(f"unit: {len(units)} given for {len(names)} objectives; give one, or one for each")
+    if gradient is not None and len(names) > 1:
+        raise ValueError("gradient: not allowed with several objectives")
+    space = bounds if isinstance(bounds, Space) else Space(tuple(_variable(*item) for item in bounds.items()))
+    return FunctionProblem(function, space, names, units, gradient)
+
+
+def _variable(name: str, bounds: Sequence[Any]) -> Variable:
+    if not isinstance(bounds, Sequence) or isinstance(bounds, str) or len(bounds) not in (2, 3):
+        raise ValueError(f"bounds: {bounds!r} of {name} is not allowed; give (low, high) or (low, high, kind)")
+    low, high = float(bounds[0]), float(bounds[1])
+    kind: Kind = bounds[2] if len(bounds) == 3 else "continuous"
+    return Variable(name, low, high, kind, STEP * (high - low))
