@@ -1,5 +1,6 @@
 # make demo       co-design a gait on flat ground: speed, gait CSV and picture (sets everything up itself)
 # make test       run the tests        make validate  run the slow validations too
+# make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
 # make lint       ruff and mypy        make notebooks run the notebooks in their short mode
 # make wheel      build dist/          make clean     remove what make has made, results excepted
 # make same-bits  compare with version 1.0, bit for bit; SAME_BITS="--quick" or other options
@@ -14,15 +15,20 @@ venv := .venv
 python := $(venv)/bin/python
 install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
-.PHONY: demo test validate notebooks same-bits lint wheel clean
+# Libraries of linear algebra would start as many threads as there are cores in each of the processes.
+test := OMP_NUM_THREADS=1 $(python) -m pytest -q -n auto --maxprocesses 4 --dist loadfile
+
+.PHONY: demo test coverage validate notebooks same-bits lint wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
 	set -x; exec $(venv)/bin/morpholab codesign $(DEMO) --out "$(or $(OUT),runs/demo-$$n)"
 
-# Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test: $(venv)/dev
-	OMP_NUM_THREADS=1 $(python) -m pytest -q -n auto --maxprocesses 4 --dist loadfile
+	$(test)
+
+coverage: $(venv)/dev
+	$(test) --cov --cov-report=term-missing
 
 validate: $(venv)/dev
 	$(python) -m pytest -q -m slow
