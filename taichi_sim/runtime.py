@@ -177,3 +177,8 @@ def inside_kernel() -> bool:
 def emit(value: Any) -> Any:
     """A variable of the kernel being compiled that holds an expression; its later uses do not compute it again."""
     return ti.lang.impl.expr_init(value) if isinstance(value, ti.lang.expr.Expr) else value
+
+
+def element(array: Any, *indices: Any) -> Any:
+    """An element of a kernel's array, to be read or assigned, in the kernel being compiled."""
+    return ti.lang.impl.subscript(None, array, *indices)

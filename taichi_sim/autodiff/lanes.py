@@ -6,13 +6,14 @@ vector. Only these may touch a real: arithmetic, comparisons, ``&`` and ``|``, `
 of this file. Unary minus, ``abs``, ``-=``, trigonometry and casts do not compile on native vectors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taichi_sim.autodiff.tracing import Condition, law, primitive, select
-from taichi_sim.runtime import aligned, inside_kernel, ti
+from taichi_sim.runtime import aligned, element, emit, inside_kernel, ti
 
 NATIVE_WIDTH = {"f32": 16, "f64": 8}  # 512 bits; LLVM splits them where the machine has less
 WIDTHS = (1, 2, 4, 8, 16, 32)  # LLVM lays out no others without gaps
@@ -126,58 +127,53 @@ def smaller(x, y):
     return select(x < y, x, y)
 
 
-@ti.func
-def load(memory: ti.template(), k, slot):
+@primitive
+def load(memory: Any, k: Any, slot: Any) -> Any:
     """Read a slot of a robot's or block's memory.
 
     Lanes lie block by block and k is the first slot of the block; on a GPU slots lie one after the other with the
     robots side by side, so that neighbouring threads read neighbouring numbers, and k is the robot.
     """
-    if ti.static(len(memory.shape) == 1):
-        return memory[k + slot]
-    else:
-        return memory[slot, k]
+    return element(memory, emit(k + slot)) if len(memory.shape) == 1 else element(memory, slot, k)
 
 
-@ti.func
-def store(memory: ti.template(), k, slot, value):
+@primitive
+def store(memory: Any, k: Any, slot: Any, value: Any) -> None:
     """Write a slot of a robot's or block's memory."""
-    if ti.static(len(memory.shape) == 1):
-        memory[k + slot] = value
-    else:
-        memory[slot, k] = value
+    load(memory, k, slot)._assign(emit(value))
 
 
-@ti.func
-def accumulate(memory: ti.template(), k, slot, value):
+@primitive
+def accumulate(memory: Any, k: Any, slot: Any, value: Any) -> None:
     """Add to a slot; where threads share a robot's memory, they take turns."""
-    if ti.static(len(memory.shape) == 1):
-        memory[k + slot] = memory[k + slot] + value
+    if len(memory.shape) == 1:
+        store(memory, k, slot, load(memory, k, slot) + value)
     else:
-        ti.atomic_add(memory[slot, k], value)
+        ti.atomic_add(load(memory, k, slot), value)
 
 
-@ti.func
-def load_all(memory: ti.template(), k, slots: ti.template()):
+@primitive
+def load_all(memory: Any, k: Any, slots: Sequence[Any]) -> tuple[Any, ...]:
     """Read several slots."""
-    return ti.static(tuple([load(memory, k, slot) for slot in slots]))
+    return tuple(load(memory, k, slot) for slot in slots)
 
 
-@ti.func
-def select_all(condition, x: ti.template(), y: ti.template()):
+@primitive
+def select_all(condition: Any, x: Sequence[Any], y: Sequence[Any]) -> tuple[Any, ...]:
     """Of each of several reals x where the condition holds, else y."""
-    return ti.static(tuple([select(condition, x[i], y[i]) for i in range(len(x))]))
+    mask = emit(condition)
+    return tuple(select(mask, a, b) for a, b in zip(x, y, strict=True))
 
 
-@ti.func
-def store_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
+@primitive
+def store_all(memory: Any, k: Any, slots: Sequence[Any], values: Sequence[Any]) -> None:
     """Write several slots."""
-    for i in ti.static(range(len(slots))):
-        store(memory, k, slots[i], values[i])
+    for slot, value in zip(slots, values, strict=True):
+        store(memory, k, slot, value)
 
 
-@ti.func
-def accumulate_all(memory: ti.template(), k, slots: ti.template(), values: ti.template()):
+@primitive
+def accumulate_all(memory: Any, k: Any, slots: Sequence[Any], values: Sequence[Any]) -> None:
     """Add to several slots."""
-    for i in ti.static(range(len(slots))):
-        accumulate(memory, k, slots[i], values[i])
+    for slot, value in zip(slots, values, strict=True):
+        accumulate(memory, k, slot, value)
