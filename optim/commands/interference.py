@@ -49,14 +49,14 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Train, then write tables of all that was asked for."""
     from optim.studies.chapter2.alone import Alone, train_alone
-    from optim.studies.chapter2.settings import FITNESS_NAMES, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
+    from optim.studies.chapter2.settings import FITNESS, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
     from optim.studies.chapter2.study import files_of, train
 
     settings = Interference(
         LIGHTS[args.environments], args.population, args.steps, args.variant, args.precision, args.device
     )
     robots = _names(args.robots, ROBOTS)
-    chosen = treatments(robots, _names(args.fitness, FITNESS_NAMES), _names(args.trainers, (HILL_CLIMB,)))
+    chosen = treatments(robots, _names(args.fitness, FITNESS), _names(args.trainers, (HILL_CLIMB,)))
     alone = None
     try:
         with shown_progress(counted(len(chosen), "treatment"), 1.0, args.quiet) as update:

@@ -25,6 +25,7 @@ METHODS: Registry[type[Method]] = Registry(
         "generating-set": "optim.search.generating_set:GeneratingSetSearch",
         "genetic": "optim.search.genetic:GeneticSearch",
         "gradient": "optim.search.gradient:GradientAscent",
+        "gradient-hill-climb": "optim.search.gradient_hill_climb:GradientHillClimb",
         "hill-climb": "optim.search.hill_climb:HillClimb",
         "map-elites": "optim.search.map_elites:MapElites",
         "memetic": "optim.search.memetic:MemeticSearch",

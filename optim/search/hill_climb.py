@@ -5,12 +5,14 @@ mutates all of its parameters by normal deviates, and keeps the child if it is b
 """
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
 from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import generator
+from optim.search.method import generator, with_values
 from optim.space import Space
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 
@@ -18,12 +20,19 @@ class HillClimb(IndependentSearches):
     """C hill climbers that know nothing of each other.
 
     Generation 0 evaluates random starts. Afterwards a climber's child is its best point with every variable x
-    changed to x + N(0, step), integers rounded, reflected at the bounds.
+    changed to x + N(0, step), integers rounded, brought back into the bounds.
     (differs: the published program wrapped values round, which could leave the bounds.)
     """
 
     def __init__(
-        self, space: Space, *, climbers: int = 60, seed: int = 0, start: Mapping[str, float] | None = None
+        self,
+        space: Space,
+        *,
+        climbers: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        bounds: Literal["reflect", "clip", "none"] = "reflect",
+        streams: Literal["climbers", "generations"] = "climbers",
     ) -> None:
         """Set up the climbers.
 
@@ -32,22 +41,42 @@ class HillClimb(IndependentSearches):
             climbers: C.
             seed: of all random numbers.
             start: values by name with which every climber starts; the other variables start at random.
+            bounds: what happens to a child beyond them: ``"reflect"`` folds it back as by a mirror, ``"clip"`` moves
+                it to the nearest bound, ``"none"`` leaves it, for problems that take any value.
+            streams: ``"climbers"`` have random numbers of their own, so that none depends on how many there are;
+                with ``"generations"`` all climbers of a generation draw from one stream, as in chapter 2.
         """
         super().__init__(space, climbers=climbers, seed=seed)
         if not space.step.all():
             raise ValueError(
                 f"step: 0 of {space.names[int(np.argmin(space.step))]} is not allowed; it would never change"
             )
-        self.start = dict(start or {})
+        checks.choice("bounds", bounds, ("reflect", "clip", "none"))
+        checks.choice("streams", streams, ("climbers", "generations"))
+        self.start, self.bounds, self.streams = dict(start or {}), bounds, streams
         self._starts()
 
     def ask(self) -> Floats:
         """The starts, then one child per climber, shape (C, D)."""
         if self.generation == 0:
             return self._starts()
+        return self._inside(self.points + self.space.step * self._deviates())
+
+    def _inside(self, points: Floats) -> Floats:
+        """Points with whole numbers where they must be, brought back into the bounds."""
+        points = self.space.round(points)
+        if self.bounds == "none":
+            return points
+        return self.space.clip(points) if self.bounds == "clip" else self.space.reflect(points)
+
+    def _deviates(self) -> Floats:
+        """Standard normal numbers of this generation, shape (C, D); the same as often as asked."""
+        if self.streams == "generations":
+            return generator(self.seed, self.generation).standard_normal((self.climbers, self.space.size))
         rngs = [generator(self.seed, self.generation, climber) for climber in range(self.climbers)]
-        deviates = np.stack([rng.standard_normal(self.space.size) for rng in rngs])
-        return self.space.reflect(self.space.round(self.points + self.space.step * deviates))
+        return np.stack([rng.standard_normal(self.space.size) for rng in rngs])
 
     def _starts(self) -> Floats:
+        if self.streams == "generations":
+            return with_values(self.space, self.space.sample(generator(self.seed, 0), self.climbers), self.start)
         return random_starts(self.space, self.seed, 0, range(self.climbers), self.start)

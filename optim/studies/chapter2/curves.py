@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from optim.experiments.tables import write_table
 from optim.measures.catastrophic_interference import RunMeasures
 from optim.measures.statistics import mean_band
-from optim.studies.chapter2.climbers import FITNESS
 from optim.studies.chapter2.evolution import Run
-from optim.studies.chapter2.settings import Treatment
+from optim.studies.chapter2.settings import FITNESS, Treatment
 from taichi_sim.base.arrays import Arrays, Floats
 
 QUANTITIES = ("worst_distance", "fitness")

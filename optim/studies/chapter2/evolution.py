@@ -1,16 +1,18 @@
 """Runs of climbers side by side, kept in a folder, where they go on after any interruption."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from optim.experiments.results import Progress
-from optim.studies.chapter2.climbers import Climbers
-from optim.studies.chapter2.settings import Interference, Treatment
-from optim.studies.chapter2.trainers import TRAINERS
+from optim.experiments.side_by_side import judge_together, run_side_by_side
+from optim.problem import Evaluation
+from optim.runs.requests import Request
+from optim.studies.chapter2.settings import FITNESS, SPACE, Interference, Treatment, controllers
 from taichi_sim import runtime
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
@@ -20,6 +22,92 @@ KIND = "interference"
 SECONDS_BETWEEN_FILES = 60.0  # a kill loses so much
 
 Run = tuple[Treatment, int]
+KEPT = ("born", "climber", "light", "distance")
+
+
+class Climbers:
+    """The climbers of one run, and every evaluation that they kept.
+
+    Attributes:
+        treatment: what is trained, and how.
+        goal: generations to make, the first population among them.
+        method: the climbers.
+    """
+
+    def __init__(self, settings: Interference, treatment: Treatment, run: int, goal: int) -> None:
+        """Set up the climbers; see :attr:`Interference.method`."""
+        self.treatment, self.goal = treatment, goal
+        self.method: Any = settings.method(treatment.trainer, run)
+        self._kept: list[Arrays] = []
+        self._derivatives = 0
+
+    @property
+    def turns(self) -> int:
+        """Generations completed; gradients belong to the generation before."""
+        return int(self.method.generation)
+
+    @property
+    def done(self) -> bool:
+        """Whether all generations have been made."""
+        return self.turns >= self.goal
+
+    @property
+    def whole(self) -> bool:
+        """Whether it stands between two generations; only then it can be written."""
+        return self.method.wants == "points"
+
+    def ask(self) -> Request:
+        """The climbers' next controllers, or those whose gradients are wanted."""
+        return Request(self.method.ask(), self.method.wants)
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Tell the method, and note what its climbers keep."""
+        before, born = self.method.points, self.turns
+        self.method.tell(request.points, evaluation)
+        if request.wants == "gradients":
+            self._derivatives += len(request.points)
+            return
+        which = np.flatnonzero((self.method.points != before).any(axis=1))
+        self._kept.append(
+            {
+                "born": np.full(len(which), born, np.int32),
+                "climber": which.astype(np.int32),
+                "light": evaluation.details["light"][which],
+                "distance": evaluation.details["distance"][which].astype(np.float32),
+            }
+        )
+
+    def state(self) -> Arrays:
+        """All that ``restore`` needs to go on exactly, as files of version 1.0 have it.
+
+        ``generation``; ``weights`` (P, 5, 8) and ``scores`` (P,) of the climbers now; what was kept: ``born``
+        (generation) and ``climber``, (N,), ``light`` [1/m^2] and ``distance`` [m], (N, E); and the rest of the method.
+        """
+        self._kept = [{name: np.concatenate([part[name] for part in self._kept]) for name in KEPT}]
+        state = self.method.state()
+        own = {
+            "generation": state.pop("generation"),
+            "weights": controllers(state.pop("points")),
+            "scores": np.nan_to_num(state.pop("scores"), nan=-np.inf),
+            **self._kept[0],
+        }
+        state.pop("moved", None)  # none have between generations
+        if "uphill" in state:  # files have steps in weights, the method in ranges
+            state |= {"uphill": controllers(state["uphill"]), "step": state["step"] * SPACE.span[0]}
+            state["derivatives"] = np.array(self._derivatives)
+        return own | state
+
+    def restore(self, state: Arrays) -> None:
+        """Take over what :meth:`state` returned."""
+        state = dict(state)
+        self._kept = [{name: state.pop(name) for name in KEPT}]
+        scores = np.where(np.isinf(state["scores"]), np.nan, state["scores"])
+        state |= {"points": state.pop("weights").reshape(-1, SPACE.size), "scores": scores}
+        if "uphill" in state:
+            self._derivatives = int(state.pop("derivatives"))
+            state |= {"uphill": state["uphill"].reshape(-1, SPACE.size), "step": state["step"] / SPACE.span[0]}
+            state["moved"] = np.zeros(len(scores), bool)
+        self.method.restore(state)
 
 
 def evolve(
@@ -34,7 +122,8 @@ def evolve(
     """Train every treatment in every run.
 
     All that lag behind move on together: their controllers go through one simulation for each kind of robot and
-    generation. What a run does depends neither on those beside it nor on where it went on.
+    generation, gradients treatment by treatment. What a run does depends neither on those beside it nor on where it
+    went on.
 
     Args:
         settings: that all results depend on.
@@ -46,7 +135,7 @@ def evolve(
         progress: called with the fraction done.
 
     Returns:
-        Of every treatment and run, the state of its climbers, as ``Climbers.state`` tells.
+        Of every treatment and run, the state of its climbers, see :meth:`Climbers.state`.
 
     Raises:
         ValueError: in one line, for numbers that are not allowed, a device that is not there, or a folder of other
@@ -57,7 +146,7 @@ def evolve(
     runtime.start(settings.device, settings.precision, threads)  # refuses what is not there before a folder is made
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
     members = {
-        (treatment, run): TRAINERS[treatment.trainer](treatment, run, settings, threads)
+        (treatment, run): Climbers(settings, treatment, run, generations + 1)
         for treatment in chosen
         for run in range(runs)
     }
@@ -65,33 +154,53 @@ def evolve(
         for state in folder.load(treatment.file(run)) if folder else ():
             if "climber" in state:
                 climbers.restore(state)
-    goal, reached = generations + 1, max(each.generation for each in members.values())
+    goal, reached = generations + 1, max(each.turns for each in members.values())
     if reached > goal:
         raise ValueError(f"generations: {generations} is not allowed; {out} holds {reached - 1}")
     changed: set[Run] = set()
     written = time.monotonic()
-    while (lag := min(each.generation for each in members.values())) < goal:
-        behind = {key: each for key, each in members.items() if each.generation == lag}
-        for robot in dict.fromkeys(treatment.robot for treatment, _ in behind):
-            _advance(settings, robot, [each for key, each in behind.items() if key[0].robot == robot], threads)
-        changed |= set(behind)
+
+    def judge(searches: Sequence[Climbers], requests: Sequence[Request]) -> Iterator[Evaluation]:
+        changed.update(key for key, each in members.items() if each in searches)
+        return _judge(settings, searches, requests, threads)
+
+    def after_round() -> None:
+        nonlocal written
         if progress:
-            progress(sum(each.generation for each in members.values()) / (goal * len(members)))
-        if time.monotonic() - written > SECONDS_BETWEEN_FILES:
+            progress(sum(each.turns for each in members.values()) / (goal * len(members)))
+        whole = all(each.whole for each in members.values())
+        if whole and time.monotonic() - written > SECONDS_BETWEEN_FILES:
             _write(folder, members, changed)
             written = time.monotonic()
+
+    run_side_by_side(members.values(), judge, after_round)
     _write(folder, members, changed)
     return {key: each.state() for key, each in members.items()}
 
 
-def _advance(settings: Interference, robot: str, climbers: Sequence[Climbers], threads: int | None) -> None:
-    """A generation of some runs of one robot."""
-    asked = [each.ask() for each in climbers]
-    seen = settings.simulate(robot, np.concatenate(asked), threads)
-    ends = np.cumsum([len(weights) for weights in asked])[:-1]
-    parts = zip(climbers, asked, np.split(seen.light, ends), np.split(seen.distance, ends), strict=True)
-    for each, weights, light, distance in parts:
-        each.tell(weights, light, distance)
+def _judge(
+    settings: Interference, searches: Sequence[Climbers], requests: Sequence[Request], threads: int | None
+) -> Iterator[Evaluation]:
+    """Evaluate what climbers ask for: a simulation for each robot, and gradients treatment by treatment."""
+
+    def together(owners: Sequence[Climbers], request: Request) -> Evaluation:
+        treatment = owners[0].treatment
+        if request.wants == "gradients":
+            return settings.fitness_and_slopes(treatment, request.points, threads)
+        seen = settings.simulate(treatment.robot, controllers(request.points), threads)
+        return Evaluation(np.zeros(len(owners)), details={"light": seen.light, "distance": seen.distance})
+
+    def kind(climbers: Climbers) -> tuple[str, ...]:
+        robot, fitness = climbers.treatment.robot, climbers.treatment.fitness
+        return (robot,) if climbers.whole else (robot, fitness)
+
+    for climbers, request, seen in zip(
+        searches, requests, judge_together(searches, requests, together, kind), strict=True
+    ):
+        if request.wants == "gradients":
+            yield seen
+        else:
+            yield Evaluation(FITNESS[climbers.treatment.fitness](seen.details["light"], axis=-1), details=seen.details)
 
 
 def _write(folder: ResultsFolder | None, members: dict[Run, Climbers], changed: set[Run]) -> None:

@@ -1,12 +1,19 @@
 """Settings of the study of interference: treatments, and the world they are in."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from optim.search.method import MOST_POINTS
+import numpy as np
+
+from optim.problem import Evaluation
+from optim.search import build_method
+from optim.search.method import MOST_POINTS, Method
+from optim.space import Space, Variable
 from robots.quadruped.robot import (
     ENVIRONMENTS,
     LEGGED,
+    MOTORS,
+    SENSORS,
     STEPS,
     TWO_ENVIRONMENTS,
     VARIANTS,
@@ -14,6 +21,7 @@ from robots.quadruped.robot import (
     WHEGGED,
     Quadruped,
     QuadrupedResult,
+    differentiate,
     simulate,
 )
 from taichi_sim.base import checks
@@ -22,10 +30,12 @@ from taichi_sim.base.arrays import Floats
 Lights = tuple[tuple[float, float], ...]
 
 HILL_CLIMB = "hill-climb"
-TRAINER_NAMES = (HILL_CLIMB, "gradient")
+TRAINERS: dict[str, str] = {HILL_CLIMB: HILL_CLIMB, "gradient": "gradient-hill-climb"}  # names in ``METHODS``
 ROBOTS: dict[str, Quadruped] = {robot.kind: robot for robot in (LEGGED, WHEELED, WHEGGED)}
-FITNESS_NAMES = ("sum", "product", "min")
+FITNESS: dict[str, Callable[..., Floats]] = {"sum": np.sum, "product": np.prod, "min": np.min}
 LIGHTS: dict[int, Lights] = {2: TWO_ENVIRONMENTS, 4: ENVIRONMENTS}  # by the number of environments
+AT_ONCE = 200  # rollouts to differentiate at a time: 2 MB each
+SPACE = Space(tuple(Variable(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(SENSORS) for m in range(MOTORS)))
 
 
 @dataclass(frozen=True)
@@ -35,7 +45,7 @@ class Treatment:
     Attributes:
         robot: a name of ``ROBOTS``.
         fitness: ``"sum"``, ``"product"`` or ``"min"``.
-        trainer: a name of ``TRAINER_NAMES``.
+        trainer: a name of ``TRAINERS``.
     """
 
     robot: str
@@ -55,7 +65,7 @@ class Treatment:
 
 def treatments(
     robots: Sequence[str] = tuple(ROBOTS),
-    fitness: Sequence[str] = FITNESS_NAMES,
+    fitness: Sequence[str] = tuple(FITNESS),
     trainers: Sequence[str] = (HILL_CLIMB,),
 ) -> list[Treatment]:
     """Every fitness with every robot, row by row, trainer by trainer.
@@ -65,8 +75,8 @@ def treatments(
     """
     for field, names, known in (
         ("robots", robots, tuple(ROBOTS)),
-        ("fitness", fitness, FITNESS_NAMES),
-        ("trainers", trainers, TRAINER_NAMES),
+        ("fitness", fitness, tuple(FITNESS)),
+        ("trainers", trainers, tuple(TRAINERS)),
     ):
         if not names:
             raise ValueError(f"{field}: none given; give some of {', '.join(known)}")
@@ -104,6 +114,41 @@ class Interference:
         checks.choice("precision", self.precision, ("f64", "f32"))
         checks.choice("device", self.device, ("cpu", "cuda", "vulkan", "metal"))
 
+    def method(self, trainer: str, run: int) -> Method:
+        """The climbers of a run; the same run of another treatment draws the same numbers.
+
+        Source: dissertation, chapter 2, "The evolutionary algorithm" (Eq. mutation and survival): a child is its
+        parent plus N(0, 0.05), and replaces it if it is strictly better. The text bounds weights, the experiment did
+        not.
+        """
+        bounds = "clip" if self.variant == "text" else "none"
+        return build_method(
+            TRAINERS[trainer],
+            SPACE,
+            {"climbers": self.population, "seed": run, "bounds": bounds, "streams": "generations"},
+        )
+
+    def fitness_and_slopes(self, treatment: Treatment, points: Floats, threads: int | None = None) -> Evaluation:
+        """The logarithm of the fitness of points, shape (N, 40), and its gradients."""
+        weights, done, slopes = controllers(points), list[Floats](), list[Floats]()
+        each = max(1, AT_ONCE // len(self.lights))
+        for first in range(0, len(weights), each):
+            seen, found = differentiate(
+                ROBOTS[treatment.robot],
+                weights[first : first + each],
+                self.lights,
+                variant=VARIANTS[self.variant],
+                steps=self.steps,
+                precision=self.precision,
+                device=self.device,
+                threads=threads,
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):
+                shares = fitness_shares(treatment.fitness, seen.light)
+                slopes.append(np.einsum("pe,peij->pij", shares, found).reshape(len(found), -1))
+                done.append(np.log(FITNESS[treatment.fitness](seen.light, axis=-1)))
+        return Evaluation(np.concatenate(done), gradients=np.concatenate(slopes))
+
     def simulate(
         self, robot: str, weights: Floats, threads: int | None = None, record_every: int | None = None
     ) -> QuadrupedResult:
@@ -119,3 +164,23 @@ class Interference:
             device=self.device,
             threads=threads,
         )
+
+
+def controllers(points: Floats) -> Floats:
+    """The controllers, (N, 5, 8), of points of ``SPACE``."""
+    return np.reshape(points, (-1, SENSORS, MOTORS))
+
+
+def fitness_shares(fitness: str, light: Floats) -> Floats:
+    """Derivatives of the logarithm of a fitness by the readings of the environments, (P, E).
+
+    Args:
+        fitness: ``"sum"``, ``"product"`` or ``"min"``.
+        light: readings, (P, E) [1/m^2].
+    """
+    if fitness == "sum":
+        return np.repeat(1 / light.sum(-1, keepdims=True), light.shape[-1], -1)
+    if fitness == "product":
+        return 1 / light
+    lowest = light == light.min(-1, keepdims=True)
+    return lowest / (lowest.sum(-1, keepdims=True) * light)

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optim.studies.chapter2 import evolution
-from optim.studies.chapter2.climbers import HillClimbers
-from optim.studies.chapter2.evolution import evolve
-from optim.studies.chapter2.settings import Interference, Treatment, treatments
+from optim.problem import Evaluation
+from optim.search import METHODS
+from optim.search.hill_climb import HillClimb
+from optim.studies.chapter2 import evolution, settings
+from optim.studies.chapter2.evolution import Climbers, evolve
+from optim.studies.chapter2.settings import FITNESS, Interference, Treatment, treatments
 from optim.studies.chapter2.study import train
 from taichi_sim.runtime import ti
 
@@ -61,46 +63,52 @@ def test_resuming_equals_not_stopping(whole, tmp_path):
 
 def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_bits(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(evolution, "SECONDS_BETWEEN_FILES", -1.0)  # after every generation
-    calls, advance = [], evolution._advance
+    calls, judge = [], evolution._judge
 
     def interrupted(*arguments):
         calls.append(arguments)
-        if len(calls) == 8:
+        if len(calls) == 5:
             raise KeyboardInterrupt
-        advance(*arguments)
+        return judge(*arguments)
 
-    monkeypatch.setattr(evolution, "_advance", interrupted)
+    monkeypatch.setattr(evolution, "_judge", interrupted)
     with pytest.raises(KeyboardInterrupt):
         evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
     files = sorted(tmp_path.glob("*.npz"))
     assert len(files) == 4
     files[-1].write_bytes(files[-1].read_bytes()[:-40])
-    calls[:] = [None] * 8
+    calls[:] = [None] * 5
     with pytest.warns(UserWarning, match=f"{files[-1].name}: is damaged, and as good as missing"):
         found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
     assert all(same(found[run], whole[run]) for run in whole)
-    monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
+    monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
     assert all(same(state, whole[run]) for run, state in evolve(BRIEF, CHOSEN, 2, 6, tmp_path).items())
 
 
+def told(climbers, request, light, distance):
+    """Tell climbers readings and distances, shape (P, E)."""
+    light, distance = np.array(light, float), np.array(distance, float)
+    fitness = FITNESS[climbers.treatment.fitness](light, axis=1)
+    climbers.tell(request, Evaluation(fitness, details={"light": light, "distance": distance}))
+
+
 def test_failures_never_win():
-    climbers = HillClimbers(CHOSEN[0], 0, replace(BRIEF, population=2))
+    climbers = Climbers(replace(BRIEF, population=2), CHOSEN[0], 0, 3)
     first = climbers.ask()
-    climbers.tell(first, np.array([[np.nan, np.nan], [0.1, 0.1]]), np.array([[np.nan, np.nan], [9.0, 9.0]]))
+    told(climbers, first, [[np.nan, np.nan], [0.1, 0.1]], [[np.nan, np.nan], [9.0, 9.0]])
     child = climbers.ask()
-    climbers.tell(child, np.array([[0.01, 0.01], [np.nan, np.nan]]), np.array([[9.0, 9.0], [np.nan, np.nan]]))
+    told(climbers, child, [[0.01, 0.01], [np.nan, np.nan]], [[9.0, 9.0], [np.nan, np.nan]])
     state = climbers.state()
     assert state["climber"].tolist() == [0, 1, 0]
-    assert np.array_equal(state["weights"], [child[0], first[1]])
+    assert np.array_equal(state["weights"].reshape(2, -1), [child.points[0], first.points[1]])
 
 
 def test_children_are_parents_and_normal_deviates_which_the_text_bounds():
-    free, bounded = (HillClimbers(CHOSEN[0], 3, replace(BRIEF, population=200, variant=v)) for v in ("as-run", "text"))
-    light, away = np.ones((200, 2)), np.ones((200, 2))
+    free, bounded = (replace(BRIEF, population=200, variant=v).method("hill-climb", 3) for v in ("as-run", "text"))
     for climbers in (free, bounded):
-        climbers.tell(climbers.ask(), light, away)
-    assert np.array_equal(free.weights, bounded.weights) and np.abs(free.weights).max() <= 1
-    steps = free.ask() - free.weights
+        climbers.tell(climbers.ask(), Evaluation(np.ones(200)))
+    assert np.array_equal(free.points, bounded.points) and np.abs(free.points).max() <= 1
+    steps = free.ask() - free.points
     assert steps.mean() == pytest.approx(0, abs=0.002) and steps.std() == pytest.approx(0.05, rel=0.02)
     assert np.abs(free.ask()).max() > 1
     assert np.array_equal(bounded.ask(), np.clip(free.ask(), -1, 1))
@@ -114,7 +122,7 @@ def test_children_are_parents_and_normal_deviates_which_the_text_bounds():
         (lambda: treatments(fitness=[]), "fitness: none given; give some of sum, product, min"),
         (lambda: Interference(population=0), "population: 0 is not allowed"),
         (lambda: Interference(variant="as run"), "variant: 'as run' is unknown; choose one of as-run, text"),
-        (lambda: Interference(precision="f16"), "precision: 'f16' is not allowed"),
+        (lambda: Interference(precision="f16"), "precision: 'f16' is unknown"),
         (lambda: evolve(BRIEF, CHOSEN, 0, 1), "runs: 0 is not allowed"),
         (lambda: evolve(BRIEF, CHOSEN, 1, -1), "generations: -1 is not allowed"),
     ],
@@ -148,15 +156,16 @@ def test_a_device_that_is_not_there_leaves_no_folder(tmp_path, monkeypatch):
     assert not (tmp_path / "study").exists()
 
 
-class Idle(HillClimbers):
+class Idle(HillClimb):
     """A trainer that never changes anything."""
 
     def ask(self):
-        return self.weights if self.generation else super().ask()
+        return self.points if self.generation else super().ask()
 
 
 def test_other_trainers_take_part_as_a_row_of_their_own(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr(evolution, "TRAINERS", {**evolution.TRAINERS, "idle-hands": Idle})
+    monkeypatch.setitem(METHODS._loaded, "random", Idle)
+    monkeypatch.setitem(settings.TRAINERS, "idle-hands", "random")
     chosen = [*CHOSEN, Treatment("whegged", "min", "idle-hands")]
     train(BRIEF, chosen, 2, 6, tmp_path, figures=True, threads=1)
     found = evolve(BRIEF, chosen, 2, 6, tmp_path / "runs")
@@ -188,7 +197,7 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     assert len(likeness["warping"]["means"]) == 12 and len(likeness["asymmetry"]["tests"]["min"]) == 3
     seen = "view whegged --controller a/champions/whegged_min.json --frames 3 --threads 1 --quiet --out page.html"
     assert len(list((tmp_path / "a/champions").iterdir())) == 9 and morpholab(seen)[0] == 0
-    monkeypatch.setattr(evolution, "_advance", None)  # nothing is left to do
+    monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
     code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
     assert (code, error) == (0, "") and "M1: whegged min" in out and "2 runs of 2 generations, 3 climbers each\n" in out
 

@@ -1,0 +1,118 @@
+"""Hill climbers that step along gradients, and mutate where gradients lead nowhere."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import Evaluation
+from optim.search.hill_climb import HillClimb
+from optim.search.method import Wants, check_slopes, single_objective, slopes_per_range
+from optim.space import Space
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Arrays, Bools, Floats
+
+GROWTH, SHRINKAGE = 2.0, 0.5  # of a step, after a success and after a failure
+MOST = 1e6  # ranges that a step may be long
+ARRAYS = ("uphill", "step", "failures", "moved")  # state beside that of hill climbers
+
+
+class GradientHillClimb(HillClimb):
+    """C hill climbers that step along their gradients.
+
+    A climber's step is twice as long after a success, half as long after a failure. Where steps keep failing, at a
+    jump that gradients do not see or where chaos blows them up, the climber mutates as :class:`HillClimb` does until
+    that helps. Gradients are asked for only where climbers have moved, in a turn of its own; only their directions
+    count.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        *,
+        climbers: int = 60,
+        seed: int = 0,
+        start: Mapping[str, float] | None = None,
+        bounds: Literal["reflect", "clip", "none"] = "reflect",
+        streams: Literal["climbers", "generations"] = "climbers",
+        first_step: float = 0.05,
+        longest_step: float = 0.5,
+        patience: int = 5,
+    ) -> None:
+        """Set up the climbers.
+
+        Args:
+            space: what may be changed.
+            climbers: C.
+            seed: of all random numbers.
+            start: values by name with which every climber starts; the other variables start at random.
+            bounds: what happens to a child beyond them, see :class:`HillClimb`.
+            streams: which random numbers climbers draw, see :class:`HillClimb`.
+            first_step: length of the first step, and of that after a mutation that helped [ranges].
+            longest_step: the longest step [ranges].
+            patience: steps in vain before a climber mutates.
+        """
+        super().__init__(space, climbers=climbers, seed=seed, start=start, bounds=bounds, streams=streams)
+        check_slopes(space)
+        checks.positive("first_step", first_step, MOST)
+        checks.positive("longest_step", longest_step, MOST)
+        checks.integer("patience", patience, 1)
+        self.first_step, self.longest_step, self.patience = first_step, longest_step, patience
+        self.uphill = np.zeros((climbers, space.size))  # unit vectors, in ranges
+        self.step = np.full(climbers, first_step)
+        self.failures = np.zeros(climbers, int)  # in a row
+        self.moved = np.zeros(climbers, bool)  # whose gradient is wanted
+
+    @property
+    def wants(self) -> Wants:
+        """Gradients where climbers have moved, else points."""
+        return "gradients" if self.moved.any() else "points"
+
+    def ask(self) -> Floats:
+        """The best points that are new, for their gradients; else starts, then a step or a mutation of each climber."""
+        if self.moved.any():
+            return self.points[self.moved]
+        mutated = super().ask()
+        if self.generation == 0:
+            return mutated
+        stepped = self._inside(self.points + self.step[:, None] * self.uphill * self.space.span)
+        return np.where(self._patient[:, None], stepped, mutated)
+
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
+        """Keep what is better and choose the next steps; or take the gradients of what was kept."""
+        if self.moved.any():
+            self.uphill[self.moved] = _directions(slopes_per_range(evaluation, self.space, int(self.moved.sum())))
+            self.moved = np.zeros(self.climbers, bool)
+            self.generation += 1
+            return
+        stepping, before = self._patient & (self.generation > 0), self.points
+        self._keep(points, single_objective(evaluation, self.climbers))
+        self.moved = (self.points != before).any(axis=1)
+        longer, shorter = np.minimum(GROWTH * self.step, self.longest_step), SHRINKAGE * self.step
+        after_step = np.where(self.moved, longer, shorter)
+        self.step = np.where(stepping, after_step, np.where(self.moved, self.first_step, self.step))
+        self.failures = np.where(self.moved, 0, self.failures + 1)
+        self.generation += int(not self.moved.any())
+
+    def state(self) -> Arrays:
+        """Generation, best points and scores; directions, steps, failures, and which gradients are wanted."""
+        return super().state() | {name: getattr(self, name).copy() for name in ARRAYS}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`."""
+        super().restore(state)
+        for name in ARRAYS:
+            setattr(self, name, state[name].copy())
+
+    @property
+    def _patient(self) -> Bools:
+        return np.asarray(self.failures < self.patience)
+
+
+def _directions(slopes: Floats) -> Floats:
+    """Unit vectors along slopes, shape (N, D); zero where there is no finite one."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.sqrt((slopes**2).sum(axis=1, keepdims=True))
+        found = np.divide(slopes, lengths, where=lengths > 0, out=np.zeros_like(slopes))
+    return np.nan_to_num(found, posinf=0, neginf=0)
