@@ -14,16 +14,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from optim.problem import Problem
-from optim.runs import Generation, open_run, run_search
+from optim.experiments.side_by_side import run_side_by_side
+from optim.problem import Evaluation, Problem
+from optim.runs import Generation, open_run
 from optim.runs.config import has_run
 from optim.runs.environment import environment
+from optim.runs.folder import RunFolder
 from optim.runs.history import read_history
-from optim.search import build_method
+from optim.runs.loop import FolderSearch
+from optim.runs.requests import Request, judge
+from optim.search import Method, build_method
 from taichi_sim.base import files
 
 SEEDS = range(5)
 CLOCK = "cpu.jsonl"
+ENDLESS = 1_000_000  # generations
 UNITS = {"cpu": "CPU time [s]", "evaluations": "evaluations"}
 Point = dict[str, Any]
 
@@ -72,11 +77,11 @@ class Contest:
         config = {"problem": described, "method": {"name": entry.method, **settings}}
         about = environment(device="cpu", precision=described["precision"], threads=1, seed=seed)
         known = self._complete_curve(name, seed)
-        while not known or known[-1][self.cost] < self.budget:
-            with open_run(folder, {**config, "generations": len(known)}, resume=True, environment=about) as opened:
-                begun = time.process_time()
-                last = run_search(designed, build_method(entry.method, designed.space, settings), opened, len(known))
-                _book(folder, known, last, time.process_time() - begun)
+        if not known or known[-1][self.cost] < self.budget:
+            with open_run(folder, {**config, "generations": ENDLESS}, resume=True, environment=about) as opened:
+                method = build_method(entry.method, designed.space, settings)
+                search = TimedSearch(designed, method, opened, known, self)
+                run_side_by_side([search], lambda _, requests: [judge(designed, request) for request in requests])
         end = known[-1]
         best = f"best {_number(end['best']):.4f}"
         print(f"{folder.name}: {end['evaluations']} evaluations, {end['cpu']:.0f} s, {best}", flush=True)
@@ -166,6 +171,31 @@ def compare_at_equal_cpu_time(description: str | None, entries: Mapping[str, Ent
         print(contest.table())
         if args.plot:
             contest.save_plot(args.plot, "speed [body lengths/s]")
+
+
+class TimedSearch(FolderSearch):
+    """A search in a run folder whose generations are booked with their CPU time, until the budget is used up."""
+
+    def __init__(
+        self, problem: Problem, method: Method, folder: RunFolder, known: list[Point], contest: Contest
+    ) -> None:
+        super().__init__(problem, method, folder)
+        self.folder, self.known, self.contest, self.begun = folder.path, known, contest, 0.0
+
+    @property
+    def done(self) -> bool:
+        """Whether the budget is used up."""
+        return bool(self.known) and self.known[-1][self.contest.cost] >= self.contest.budget
+
+    def ask(self) -> Request:
+        """What the method wants to know next; the clock starts."""
+        self.begun = time.process_time()
+        return super().ask()
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Complete a generation and book it."""
+        super().tell(request, evaluation)
+        _book(self.folder, self.known, self.last, time.process_time() - self.begun)
 
 
 def _book(folder: Path, known: list[Point], last: Generation, cpu: float) -> None:

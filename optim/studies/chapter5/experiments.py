@@ -4,7 +4,7 @@ Source: Powers 2021 dissertation, ch. 5, "Optimization" and "Summary of experime
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,15 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import Progress, part_of
+from optim.experiments.side_by_side import run_side_by_side
+from optim.problem import Evaluation
 from optim.problems.inflatable.problem import GaitProblem
-from optim.runs import open_run, run_search
+from optim.runs import open_run
 from optim.runs.environment import environment
+from optim.runs.folder import RunFolder
 from optim.runs.history import read_history, read_result
+from optim.runs.loop import FolderSearch
+from optim.runs.requests import Request, judge
 from optim.search import HillClimb
 from optim.studies.chapter5.costs import Costs
 from robots.inflatable.cores import highest_pressure
@@ -182,24 +187,40 @@ def search(
     Raises:
         ValueError: in one line, for run folders of other settings, in use, or that went further.
     """
+    turns = len(EXPERIMENTS) * (settings.generations + 1)
+
+    def evaluate(searches: Sequence[_Turns], requests: Sequence[Request]) -> Iterator[Evaluation]:
+        for search, request in zip(searches, requests, strict=True):
+            done = search.turns * len(EXPERIMENTS) + EXPERIMENTS.index(search.experiment)
+            problem = dataclasses.replace(search.gaits, progress=part_of(progress, done, turns))
+            with costs.of(search.experiment.name):
+                yield judge(problem, request)
+
     with ExitStack() as stack:
-        runs = {e.name: stack.enter_context(_open(settings, e, folder, threads)) for e in EXPERIMENTS}
-        reached = dict.fromkeys(runs, -1)
-        turns = len(EXPERIMENTS) * (settings.generations + 1)
-        for generation in range(settings.generations + 1):
-            before = dict(reached)
-            for number, experiment in enumerate(EXPERIMENTS):
-                if reached[experiment.name] >= generation:
-                    continue
-                done = generation * len(EXPERIMENTS) + number
-                report = part_of(progress, done, turns)
-                problem = dataclasses.replace(settings.problem(experiment, threads), progress=report)
-                method = HillClimb(problem.space, **settings.method(experiment))
-                run = runs[experiment.name]
-                with costs.of(experiment.name):
-                    reached[experiment.name] = run_search(problem, method, run, generation).generation
-            if reached != before:
-                after_round()
+        searches = []
+        for experiment in EXPERIMENTS:
+            run = stack.enter_context(_open(settings, experiment, folder, threads))
+            searches.append(_Turns(settings, experiment, run, threads))
+        run_side_by_side(searches, evaluate, after_round)
+
+
+class _Turns(FolderSearch):
+    """The search of an experiment.
+
+    Attributes:
+        experiment: what is searched for.
+        gaits: its problem.
+    """
+
+    def __init__(self, settings: ShapeChange, experiment: Experiment, run: RunFolder, threads: int | None) -> None:
+        self.experiment, self.generations = experiment, settings.generations
+        self.gaits = settings.problem(experiment, threads)
+        super().__init__(self.gaits, HillClimb(self.gaits.space, **settings.method(experiment)), run)
+
+    @property
+    def done(self) -> bool:
+        """Whether all generations are made."""
+        return self.turns > self.generations
 
 
 def _open(settings: ShapeChange, experiment: Experiment, folder: Path, threads: int | None) -> Any:

@@ -1,6 +1,5 @@
 """Searches that end when they have spent what they may, in time steps of simulated robots."""
 
-import contextlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -9,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.side_by_side import run_side_by_side
 from optim.problem import Evaluation
 from optim.problems.inflatable.problem import GaitProblem
-from optim.runs import open_run, run_search
+from optim.runs import open_run
+from optim.runs.folder import RunFolder
 from optim.runs.history import History, read_history
+from optim.runs.loop import FolderSearch
 from optim.runs.requests import Request, judge
-from optim.search import build_method, default_settings
+from optim.search import Method, build_method, default_settings
 from taichi_sim.base.files import read_text, write_text
 
 # A gradient takes as long as so many simulations without, for robots that fill vectors; see docs/performance.md.
@@ -24,8 +26,41 @@ ENDLESS = 1_000_000  # generations
 SPENT = "spent.json"
 
 
-class BudgetSpent(Exception):
-    """A search would spend more than it may."""
+class PaidSearch(FolderSearch):
+    """A search in a run folder that ends when its next generation would cost more than is left.
+
+    Attributes:
+        spent: what each generation has cost [robot-steps].
+    """
+
+    def __init__(self, problem: GaitProblem, method: Method, run: RunFolder, budget: float, generations: int) -> None:
+        """Restore the search and what it has spent.
+
+        Args:
+            problem: what to search.
+            method: not yet used.
+            run: open run folder; takes ``spent.json``, too.
+            budget: [robot-steps].
+            generations: number of the last generation, if the budget lasts.
+        """
+        super().__init__(problem, method, run)
+        self.gaits, self.budget, self.generations, self.path = problem, budget, generations, run.path
+        self.spent = read_spent(self.path)
+        _check_known(self.path, self.spent, self.turns)
+        del self.spent[self.turns :]  # of a generation that was cut off
+
+    @property
+    def done(self) -> bool:
+        """Whether all generations are made, or the next one would cost too much; the first never does."""
+        if self.turns > self.generations:
+            return True
+        return bool(self.spent) and sum(self.spent) + least_cost(self.gaits, self.ask()) > self.budget
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Note what the generation has cost, then complete it."""
+        self.spent.append(cost(self.gaits, request, evaluation))
+        write_text(self.path / SPENT, json.dumps(self.spent) + "\n")
+        super().tell(request, evaluation)
 
 
 def search_within(
@@ -52,32 +87,24 @@ def search_within(
         generations: number of the last one, if the budget lasts.
 
     Raises:
-        ValueError: in one line, for a budget or a folder that is not allowed, or one that lacks what has been spent.
+        ValueError: if budget or folder are not allowed, or the folder lacks what has been spent.
     """
     if not budget > 0:
         raise ValueError(f"budget: {budget:g} robot-steps are not allowed; give more than 0")
     known = default_settings(method) | dict(settings)
     config = {"problem": problem.describe(), "method": {"name": method, **known}, "generations": ENDLESS}
     with open_run(folder, config, resume=True) as run:
-        spent = read_spent(folder)
+        search = PaidSearch(problem, build_method(method, problem.space, known), run, budget, generations)
 
-        def evaluate(request: Request) -> Evaluation:
-            _check_known(folder, spent, run.lines)
-            del spent[run.lines :]  # of a generation that was cut off
-            if spent and sum(spent) + least_cost(problem, request) > budget:
-                raise BudgetSpent
-            found = judge(problem, request)
-            spent.append(cost(problem, request, found))
-            write_text(folder / SPENT, json.dumps(spent) + "\n")
+        def evaluate(_: Sequence[PaidSearch], requests: Sequence[Request]) -> list[Evaluation]:
+            return [judge(problem, request) for request in requests]
+
+        def after_round() -> None:
             if progress:
-                progress(min(sum(spent) / budget, 1.0))
-            return found
+                progress(min(sum(search.spent) / budget, 1.0))
 
-        with contextlib.suppress(BudgetSpent):
-            run_search(problem, build_method(method, problem.space, known), run, generations, evaluate=evaluate)
-    history = read_history(folder)
-    _check_known(folder, spent, len(history.generations))
-    return history
+        run_side_by_side([search], evaluate, after_round)
+    return read_history(folder)
 
 
 def _check_known(folder: Path, spent: Sequence[float], generations: int) -> None:
