@@ -15,7 +15,13 @@ from taichi_sim.base.files import write_text
 
 OK = "ok"
 FAILED = "failed"
-GAIT, WALKER, VEHICLE, ROBOT = "gait", "walker", "vehicle", "robot"  # kinds of problems, as descriptions name them
+GAIT, WALKER, VEHICLE, ROBOT, FILE = (
+    "gait",
+    "walker",
+    "vehicle",
+    "robot",
+    "file",
+)  # kinds of problems, as descriptions name them
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import Plan, plan
-from optim.commands.evaluation import add_workers, opened_workers
+from optim.commands.evaluation import add_workers, opened_workers, with_options
 from optim.commands.task_file import add_task, take_task
+from optim.problem import Objective
 from optim.progress import shown_progress
 from optim.search import METHODS
 from optim.wording import counted, spoken_duration
 
 if TYPE_CHECKING:
-    from optim.problems.inflatable.problem import GaitProblem
-    from optim.problems.lattice_robot import LatticeRobotProblem
+    from optim.problem import Problem
     from optim.runs import Generation, RunFolder
 
 
@@ -93,6 +93,13 @@ def _add_search(search: Any) -> None:
 
 
 def _add_design(design: Any) -> None:
+    design.add_argument(
+        "--problem",
+        type=Path,
+        metavar="FILE",
+        help="a problem of your own instead, see docs/searches.md: Python that sets problem, or bounds and a function "
+        "evaluate; it takes none of the other options of this group, and is given again with --resume",
+    )
     design.add_argument(
         "--robot",
         type=Path,
@@ -223,7 +230,8 @@ def run(args: argparse.Namespace) -> Report:
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
-    about = environment(device=problem.device, precision=problem.precision, seed=seed, **where)
+    numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
+    about = environment(**numbers, seed=seed, **where)
     with open_run(args.out, planned.config(), resume=args.resume, environment=about) as folder:
         if planned.note and not args.quiet:
             print(planned.note, file=sys.stderr)
@@ -235,8 +243,8 @@ def run(args: argparse.Namespace) -> Report:
             last = search.run(method)
             written = _write_best(problem, last, folder)
         except KeyboardInterrupt as interrupt:
-            return _interrupted(search.last, planned.generations, folder.path, stopped_by(interrupt))
-    return _report(last, folder.path, written, planned.what)
+            return _interrupted(search.last, planned, folder.path, stopped_by(interrupt))
+    return _report(last, folder.path, written, planned)
 
 
 class _Search:
@@ -256,11 +264,11 @@ class _Search:
 
             def show(last: "Generation") -> None:
                 self.last = last
-                update(self._done, _text(last, generations) + self._left())
+                update(self._done, _text(last, self._planned) + self._left())
 
             self._begun = time.monotonic()
             report = lambda fraction: update(self._done + fraction)  # noqa: E731
-            problem = dataclasses.replace(self._planned.problem, progress=report)
+            problem = with_options(self._planned.problem, progress=report)
             with opened_workers(problem, self._folder, self._args) as evaluate:
                 return run_search(problem, method, self._folder, generations, show, evaluate)
 
@@ -278,7 +286,7 @@ class _Search:
         return f", {spoken_duration(left * pace)} left" if left else ""
 
 
-def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation", folder: "RunFolder") -> list[str]:
+def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> list[str]:
     """Gait table and pictures of the best gait, unless they are up to date; the names of all files."""
     from optim.problems.inflatable.problem import GaitProblem
     from optim.runs.products import Products
@@ -307,28 +315,28 @@ def _write_best(problem: "GaitProblem | LatticeRobotProblem", last: "Generation"
     return ["best.json", *(["gait.csv"] if on_rig else []), *pictures]
 
 
-def _report(last: "Generation", folder: Path, written: list[str], what: str) -> Report:
+def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
     if last.best is None:
         return Report(document, f"{folder}: nothing succeeded in {counted(last.evaluations, 'evaluation')}", FAILED)
-    details = (last.best_details or {}).items()
-    speeds = ", ".join(f"{name.removeprefix('speed_')} {value:.4f}" for name, value in details)
+    numbers = {name: value for name, value in (last.best_details or {}).items() if isinstance(value, int | float)}
+    details = ", ".join(f"{name.removeprefix('speed_')} {value:.4f}" for name, value in numbers.items())
+    best = planned.score.value(last.best) + (f" ({details})" if details else "")
     text = (
-        f"best {what}: {last.best:.4f} BL/s ({speeds}) after {counted(last.evaluations, 'evaluation')}\n"
-        f"{folder}: {', '.join(written)}"
+        f"best {planned.what}: {best} after {counted(last.evaluations, 'evaluation')}\n{folder}: {', '.join(written)}"
     )
     return Report(document, text)
 
 
-def _interrupted(last: "Generation | None", generations: int, folder: Path, code: int) -> Report:
+def _interrupted(last: "Generation | None", planned: Plan, folder: Path, code: int) -> Report:
     document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(last) if last else {})}
     if last is None:
         return Report(document, f"interrupted before the first generation was complete; {folder}: --resume", code)
-    text = f"interrupted: {_text(last, generations)}\n{folder} keeps every complete generation, go on with --resume"
+    text = f"interrupted: {_text(last, planned)}\n{folder} keeps every complete generation, go on with --resume"
     return Report(document, text, code)
 
 
-def _text(last: "Generation", generations: int) -> str:
-    best, mean = ("none" if value is None else f"{value:.4f}" for value in (last.best, last.mean))
-    speeds = f"best {best}, mean {mean} BL/s"
-    return f"generation {last.generation}/{generations}: {speeds}, {counted(last.evaluations, 'evaluation')}"
+def _text(last: "Generation", planned: Plan) -> str:
+    best, mean = Objective("best").value(last.best), planned.score.value(last.mean)
+    spent = counted(last.evaluations, "evaluation")
+    return f"generation {last.generation}/{planned.generations}: best {best}, mean {mean}, {spent}"

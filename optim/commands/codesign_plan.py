@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
-from optim.search import check_settings, default_settings, takes_several
+from optim.problem import FILE, GAIT, Objective, objectives_of, score_of
+from optim.search import check_objectives, check_settings, default_settings, takes_several
 
 if TYPE_CHECKING:
+    from optim.problem import Problem
     from optim.problems.inflatable.problem import GaitProblem
-    from optim.problems.lattice_robot import LatticeRobotProblem
 
 METHOD = "hill-climb"
 GENERATIONS = 200
@@ -34,7 +35,7 @@ class Plan:
         note: what was fixed by default, or nothing.
     """
 
-    problem: "GaitProblem | LatticeRobotProblem"
+    problem: "Problem"
     method: str
     settings: dict[str, Any]
     generations: int
@@ -42,8 +43,14 @@ class Plan:
 
     @property
     def what(self) -> str:
-        """What is designed, in a word."""
-        return str(self.problem.describe().get("kind", "gait"))
+        """What is designed, or the score of a problem of the user's own."""
+        kind = self.problem.describe().get("kind", GAIT)
+        return self.score.name if kind == FILE else str(kind)
+
+    @property
+    def score(self) -> Objective:
+        """Name and unit of the scores."""
+        return score_of(objectives_of(self.problem))
 
     def config(self) -> dict[str, Any]:
         """The settings of the run."""
@@ -64,17 +71,41 @@ def plan(args: argparse.Namespace) -> Plan:
 
     known = read_config(args.out) if args.resume and has_run(args.out) else None
     name = _same("method.name", args.method, known["method"]["name"], args.out) if known else args.method or METHOD
-    problem: GaitProblem | LatticeRobotProblem
-    if is_robot(args, known):
+    problem: Problem
+    if args.problem is not None or (known and known["problem"].get("kind") == FILE):
+        problem, note = _problem_of_file(args, known), ""
+    elif is_robot(args, known):
         problem, note = robot_problem(args, known), ""
     else:
         last = problem_of(args.out, known, GaitProblem.from_description) if known else None
         problem, note = _problem(args, last, name)
+    check_objectives(name, problem.objective_names)
     settings = _method(args, name, problem, known["method"] if known else None)
     generations = args.generations
     if generations is None:
         generations = known["generations"] if known else GENERATIONS
     return Plan(problem, name, settings, generations, note)
+
+
+def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> "Problem":
+    """The problem of ``--problem``, which must be that of the run that continues.
+
+    Raises:
+        ValueError: if the file is missing or another, or an option says what the file says.
+    """
+    from optim.commands.robot_options import refuse_design_options
+    from optim.problems.user_file import check_file, load_problem
+
+    refuse_design_options(args)
+    if args.problem is None:
+        file = known["problem"].get("file") if known else None
+        raise ValueError(f"problem: the run in {args.out} needs its file again; give --problem {file}")
+    if known and known["problem"].get("kind") != FILE:
+        raise ValueError(f"problem: the run in {args.out} is of no file; leave --problem out")
+    problem = load_problem(args.problem)
+    if known:
+        check_file(problem, known["problem"], args.out)
+    return problem
 
 
 def _same(field: str, given: str | None, known: str, folder: Path) -> str:
@@ -170,10 +201,10 @@ def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[st
     return taken
 
 
-def _method(
-    args: argparse.Namespace, name: str, problem: "GaitProblem | LatticeRobotProblem", known: dict[str, Any] | None
-) -> dict[str, Any]:
+def _method(args: argparse.Namespace, name: str, problem: "Problem", known: dict[str, Any] | None) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
+    from optim.problems.user_file import FileProblem
+
     given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}
     if start := _start(args, problem):
         given["start"] = start
@@ -181,7 +212,7 @@ def _method(
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
     settings |= given
-    if name == "gradient":
+    if name == "gradient" and not isinstance(problem, FileProblem):
         settings["verify"] = True  # a relaxed judgement of a gait is never quite the true one
     if name == "map-elites":  # the grid of the lab: the body
         body = [name for name in problem.space.names if name == "orientation" or name.startswith("pressure")]
@@ -189,7 +220,7 @@ def _method(
     return settings
 
 
-def _start(args: argparse.Namespace, problem: "GaitProblem | LatticeRobotProblem") -> dict[str, float]:
+def _start(args: argparse.Namespace, problem: "Problem") -> dict[str, float]:
     """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
     from optim.problems.inflatable.problem import GaitProblem
     from optim.problems.inflatable.start import start_values

@@ -6,16 +6,16 @@ import dataclasses
 import os
 import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from optim.commands import options
 
 if TYPE_CHECKING:
-    from optim.problems.inflatable.problem import GaitProblem
-    from optim.problems.lattice_robot import LatticeRobotProblem
+    from optim.problem import Problem
     from optim.runs import RunFolder
     from optim.runs.requests import Evaluate
 
+AnyProblem = TypeVar("AnyProblem", bound="Problem")
 MOST_WORKERS = 10_000
 LANES = {"f32": 16, "f64": 8}  # robots that a CPU thread simulates side by side, see docs/architecture.md
 
@@ -37,9 +37,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 @contextlib.contextmanager
-def opened_workers(
-    problem: "GaitProblem | LatticeRobotProblem", folder: "RunFolder", args: argparse.Namespace
-) -> Iterator["Evaluate | None"]:
+def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Namespace) -> Iterator["Evaluate | None"]:
     """What evaluates the points of a generation; None for this process itself."""
     if args.workers is None and args.ray is None:
         yield None
@@ -53,17 +51,25 @@ def opened_workers(
     if args.ray in (None, "local") and count and count * threads > cores:
         _note(f"note: {count} workers need {count * threads} threads, of {cores} cores; fewer would be as fast")
     with open_workers(
-        dataclasses.replace(problem, threads=threads, progress=None),
+        with_options(problem, threads=threads, progress=None),
         count=count,
         backend="processes" if args.ray is None else "ray",
         address=args.ray,
         threads=threads,
-        part=LANES[problem.precision] * threads,
+        part=LANES[getattr(problem, "precision", "f32")] * threads,
         save_failed=lambda points, reason: save_failed(folder, problem.space, points, reason),
         note=_note,
-        progress=problem.progress,
+        progress=getattr(problem, "progress", None),
     ) as evaluate:
         yield evaluate
+
+
+def with_options(problem: "AnyProblem", **options: object) -> "AnyProblem":
+    """The problem with those of some options that it has, such as ``threads`` and ``progress``."""
+    if not dataclasses.is_dataclass(problem):
+        return problem
+    known = {field.name for field in dataclasses.fields(problem)}
+    return dataclasses.replace(problem, **{name: value for name, value in options.items() if name in known})
 
 
 def _note(text: str) -> None:

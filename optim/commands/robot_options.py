@@ -105,6 +105,16 @@ def refuse_gait_options(args: argparse.Namespace) -> None:
             )
 
 
+def refuse_design_options(args: argparse.Namespace) -> None:
+    """Raise a one-line ValueError for options that say what a problem's own file says."""
+    for name in (*_GAITS, "robot", "terrain", "precision", "device"):
+        if getattr(args, name, None) is not None:
+            option = name.replace("_", "-")
+            raise ValueError(
+                f"{option}: it is of robots; leave it out with --problem, whose file says what is designed"
+            )
+
+
 def _loaded(args: argparse.Namespace) -> Any:
     from robots.lattice_robot import load_robot
 

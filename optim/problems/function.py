@@ -1,7 +1,6 @@
 """Any function of a batch of points as a problem."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from taichi_sim.base.arrays import Floats
 
 Function = Callable[[Floats], "ArrayLike | Evaluation"]
 Bounds = Mapping[str, "tuple[float, float] | tuple[float, float, Kind]"]
+FIELDS = ("name", "low", "high", "kind", "step")  # of a variable, as run folders keep them
 STEP = 0.1  # standard deviation of a mutation, as a share of a variable's range
 
 
@@ -91,7 +91,7 @@ def problem_table(problem: Problem) -> dict[str, Any]:
     names = tuple(problem.objective_names)
     units = getattr(problem, "objective_units", ("",) * len(names))
     return {
-        "variables": [asdict(variable) for variable in problem.space.variables],
+        "variables": [{field: getattr(v, field) for field in FIELDS} for v in problem.space.variables],
         "objective_names": list(names),
         "objective_units": list(units),
     }

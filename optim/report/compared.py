@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from optim.plots.curves import draw_curves
+from optim.problem import Objective
 from optim.report.charts import chart
 from optim.report.condition import state_of
 from optim.report.markup import Html, Section, code, number, paragraph, picture, table
@@ -32,13 +33,13 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
 
     def draw(axes: Any) -> None:
         draw_curves(axes, curves, axis)
-        axes.set_ylabel(f"best {what} so far [{unit}]")
+        axes.set_ylabel(Objective(f"best {what} so far", unit).label)
 
     alt = f"Best {what} of {counted(len(curves), 'group')} over {axis}, mean and 95 % band"
     caption = "Best so far: mean of each group, its 95 % bootstrap band, and every unit as a thin line."
     compared = [
         picture(chart(draw, alt, size=(5.0, 3.0)), caption, "medium"),
-        _standings(standings, f"Best scores at {end:g} {axis} [{unit}]"),
+        _standings(standings, Objective(f"Best scores at {end:g} {axis}", unit).label),
         _differences(differences),
     ]
     document = {

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from optim.plots.fronts import add_bar, draw_elites, draw_front
+from optim.problem import Objective, objectives_of
 from optim.report.charts import chart
 from optim.report.kinds import RunKind
 from optim.report.markup import Html, Section, number, paragraph, picture, table
@@ -25,8 +26,8 @@ def front_section(history: History, kind: RunKind) -> Section | None:
 
 
 def _front(result: SearchResult, kind: RunKind) -> list[Html]:
-    names, unit, count = kind.problem.objective_names, kind.score[1], len(result.points)
-    labels = [f"{name.replace('_', ' ')} [{unit}]" for name in names]
+    names, count = kind.problem.objective_names, len(result.points)
+    labels = [objective.label for objective in objectives_of(kind.problem)]
     if len(names) not in (2, 3):
         said = f"{count} designs, none of which another dominates in {len(names)} objectives."
         return [paragraph(said if len(names) > 1 else "There is one objective, so the front is its best design.")]
@@ -55,7 +56,7 @@ def _elites(result: SearchResult, kind: RunKind, history: History) -> list[Html]
 
     def draw(axes: Any) -> None:
         shown = draw_elites(axes, places, result.scores, names)
-        add_bar(axes.figure, axes, shown, f"{kind.score[0]} [{kind.score[1]}]")
+        add_bar(axes.figure, axes, shown, Objective(*kind.score).label)
 
     alt = f"{len(places)} elites by {names[0]} and {names[1]}, coloured by score"
     return [picture(chart(draw, alt, size=(4.4, 3.2)), "The best design of every kind.", "narrow")]
@@ -65,7 +66,7 @@ def _members(result: SearchResult, kind: RunKind, caption: str) -> Html:
     """A table of designs, the best mean first, by the numbers that ``--member`` takes."""
     order = np.argsort(-result.scores, kind="stable")[:MOST_MEMBERS]
     columns = kind.columns(result.points[order])
-    header = ("Member", *(name.replace("_", " ") for name in kind.problem.objective_names), *columns)
+    header = ("Member", *(objective.label for objective in objectives_of(kind.problem)), *columns)
     rows = [
         (str(member + 1), *map(number, result.objectives[member].tolist()), *(cells[row] for cells in columns.values()))
         for row, member in enumerate(order.tolist())

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Problem
+from optim.problem import FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem
 from optim.report.markup import Html, Section, Text
 from optim.runs.config import problem_of
 from optim.runs.generation import Generation
@@ -89,6 +89,7 @@ def kind_of(folder: Path, config: Mapping[str, Any]) -> RunKind:
     Raises:
         ValueError: in one line, for a problem that is unknown or cannot be read.
     """
+    from optim.report.file_run import FileRun
     from optim.report.gait_run import GaitRun
     from optim.report.robot_run import RobotRun
     from optim.report.vehicle_run import VehicleRun
@@ -99,6 +100,7 @@ def kind_of(folder: Path, config: Mapping[str, Any]) -> RunKind:
         WALKER: WalkerRun.of,
         VEHICLE: VehicleRun.of,
         ROBOT: RobotRun.of,
+        FILE: FileRun.of,
     }
     name = config["problem"].get("kind", GAIT)
     if name not in kinds:

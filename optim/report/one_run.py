@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from optim.plots.curves import draw_best, draw_run
+from optim.problem import Objective
 from optim.report.charts import chart
 from optim.report.condition import damages, read_environment, state_of
 from optim.report.front import front_section
@@ -176,7 +177,7 @@ class OneRun:
 
     def _search(self) -> list[Html]:
         generations, (what, unit) = self.history.generations, self.kind.score
-        label = f"{what} [{unit}]"
+        label = Objective(what, unit).label
 
         def scores(axes: Any) -> None:
             draw_run(axes, generations)

@@ -39,6 +39,8 @@ JUDGED = (
     "repeats",
     "actuation",
     "task",
+    "sha256",
+    "objective_names",
 )
 
 

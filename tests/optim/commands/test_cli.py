@@ -97,7 +97,7 @@ BAD_SIMULATE = [
     ("--geometry big", "argument --geometry: invalid choice: 'big'"),
     ("--record-every 5", "record-every: the poses need a folder; give --out"),
     (f"--seed {'9' * 400}", f"argument --seed: {'9' * 100}... is not allowed; give a whole number, at most"),
-    (f"--slope {'9' * 400}", f"argument --slope: {'9' * 100}... is not allowed; give a finite number"),
+    (f"--slope {'9' * 400}", f"argument --slope: {'9' * 100}... is not allowed; give a number from -45"),
     ("--repeats 1000000", "repeats: 1000000 is not allowed; give a whole number, at most 100000"),
     ("--out broken.json/x", "out: broken.json is a file; name a new folder"),
 ]

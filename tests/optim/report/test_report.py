@@ -245,7 +245,10 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
         ("a --frames 1 --out b.html", "argument --frames: 1 is not allowed"),
         ("a --rig a/best.json --out b.html", "rig: 'a/best.json' is neither a preset"),
         ("broken --out b.html", "config.toml: is not as it was written"),
-        ("unknown --out b.html", "run: unknown designs a kite, which has no report; gait, walker, vehicle, robot have"),
+        (
+            "unknown --out b.html",
+            "run: unknown designs a kite, which has no report; gait, walker, vehicle, robot, file have",
+        ),
         ("a/best.json --out b.html", "run: a/best.json holds no run; a report takes"),
     ],
 )

@@ -1,0 +1,174 @@
+"""A problem of the user's own, defined in a Python file that is given to the command."""
+
+import runpy
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from optim.problem import FILE, Evaluation, Problem, check_kind
+from optim.problems.function import problem_of, problem_table
+from optim.space import Space, Variable
+from taichi_sim.base.files import sha256, why_unread
+
+GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
+
+
+class FileProblem(Problem):
+    """The problem that a file's source defines; the file is run to build it, here and in every worker.
+
+    Attributes:
+        file: name of the file, without its folder.
+        source: its content.
+    """
+
+    def __init__(self, file: str, source: bytes, folder: str) -> None:
+        """Run the source.
+
+        Args:
+            file: name of the file, for messages.
+            source: Python that sets ``problem``; or ``bounds`` and a function ``evaluate``, and perhaps ``name``,
+                ``unit`` and ``gradient``, as :func:`optim.problem_of` takes them.
+            folder: from where it imports modules beside it.
+
+        Raises:
+            ValueError: if that fails, or the source defines no problem.
+        """
+        self.file, self.source, self._folder = file, source, folder
+        self._problem = _defined(_run(file, source, folder), file)
+        if hasattr(self._problem, "evaluate_relaxed"):
+            self.evaluate_relaxed = self._problem.evaluate_relaxed
+
+    def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
+        return FileProblem, (self.file, self.source, self._folder)
+
+    @property
+    def space(self) -> Space:
+        """The variables."""
+        return self._problem.space
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the objectives."""
+        return tuple(self._problem.objective_names)
+
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Units of the objectives."""
+        return tuple(getattr(self._problem, "objective_units", ("",) * len(self.objective_names)))
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points, shape (N, D)."""
+        return self._problem.evaluate(points)
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write a point as the problem does; as values by name if it says nothing else."""
+        save = getattr(self._problem, "save", None)
+        if save is None:
+            super().save(point, path)
+        else:
+            save(point, path)
+
+    def describe(self) -> dict[str, Any]:
+        """The file's name and checksum, variables and objectives; neither its source nor where it is."""
+        return {"kind": FILE, "file": self.file, "sha256": sha256(self.source), **problem_table(self)}
+
+
+class RecordedProblem(Problem):
+    """What a run folder knows of a problem from a file: enough to read the run, not to evaluate."""
+
+    def __init__(self, description: Mapping[str, Any]) -> None:
+        """Read what :meth:`FileProblem.describe` described.
+
+        Raises:
+            ValueError: if the description is damaged.
+        """
+        check_kind(description, FILE)
+        try:
+            self.file, self.checksum = str(description["file"]), str(description["sha256"])
+            self._space = Space(tuple(Variable(**variable) for variable in description["variables"]))
+            self._names = tuple(map(str, description["objective_names"]))
+            self._units = tuple(map(str, description["objective_units"]))
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"problem: its description is damaged ({error})") from None
+
+    @property
+    def space(self) -> Space:
+        """The variables."""
+        return self._space
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the objectives."""
+        return self._names
+
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Units of the objectives."""
+        return self._units
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Refuse: only the file can evaluate."""
+        raise ValueError(f"problem: only its file {self.file} can evaluate; give it with --problem")
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Refuse: only the file knows how designs are saved."""
+        raise NotImplementedError
+
+
+def load_problem(path: Path) -> FileProblem:
+    """Run the file of a problem.
+
+    Raises:
+        ValueError: if it cannot be read, fails, or defines no problem.
+    """
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"problem: {path} cannot be read ({why_unread(error)})") from None
+    return FileProblem(path.name, source, str(path.absolute().parent))
+
+
+def check_file(problem: FileProblem, known: Mapping[str, Any], folder: Path) -> None:
+    """Raise a one-line ValueError unless a problem is of the file with which the run in a folder began."""
+    found, recorded = sha256(problem.source), RecordedProblem(known).checksum
+    if found != recorded:
+        raise ValueError(
+            f"problem: {problem.file} is not the file of the run in {folder} (SHA-256 {found[:12]}..., the run has "
+            f"{recorded[:12]}...); give it as it was, or start a new run"
+        )
+
+
+def _run(file: str, source: bytes, folder: str) -> SimpleNamespace:
+    """The names that a source defines, with the folder on the path of modules."""
+    with tempfile.TemporaryDirectory() as aside:
+        copy = Path(aside) / file  # what is run is what was read, whatever becomes of the file
+        copy.write_bytes(source)
+        sys.path.insert(0, folder)
+        try:
+            return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem"))
+        except (Exception, SystemExit) as error:  # whatever the user's code does
+            raise ValueError(f"problem: {file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
+        finally:
+            sys.path.remove(folder)
+
+
+def _defined(names: SimpleNamespace, file: str) -> Problem:
+    """The problem that a file sets, or that of its function."""
+    problem: Problem | None = getattr(names, "problem", None)
+    try:
+        if problem is not None:
+            missing = [name for name in ("space", "evaluate") if not hasattr(problem, name)]
+            if missing:
+                raise ValueError(f"problem: {' and '.join(missing)} missing; derive it from optim.Problem")
+            return problem
+        if not (hasattr(names, "bounds") and hasattr(names, "evaluate")):
+            raise ValueError("it sets neither problem nor bounds and a function evaluate")
+        given = {name: getattr(names, name) for name in GIVEN if hasattr(names, name)}
+        return problem_of(names.evaluate, names.bounds, **given)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ValueError(f"problem: {file}: {error}") from None
