@@ -1,39 +1,47 @@
 """The one place that imports and starts Taichi.
 
-Taichi has a single global runtime per process. :func:`start` owns it: asking for the configuration that is
-already running costs nothing, another one restarts the runtime (about 0.2 s; compiled kernels come back
-from the offline cache). Engines call it before every launch, so several engines of different precision can
-live side by side as long as their memory is NumPy's.
+Taichi has one global runtime per process. :func:`start` owns it: asking for what already runs costs nothing, anything
+else restarts the runtime (about 0.2 s; compiled kernels come back from a cache on disk). Engines start it before every
+launch, so engines of different precision can live side by side as long as their memory is NumPy's.
 
-Bit-for-bit reproducibility rests on two settings made here: ``fast_math`` is off, so that a sum means what
-it says in every lane, and vectors are kept whole (``real_matrix_scalarize=False``), so that a lane of a
-vector goes through the same operations as a scalar.
+Threads: functions that launch kernels are :func:`exclusive`, so threads of Python may simulate at the same time; they
+wait for each other. Kernels use several CPU threads by themselves.
+
+Fork: Taichi's threads do not survive a fork. A child process that was forked after a start is refused in one line;
+start such processes with the method ``"spawn"`` of multiprocessing.
+
+Bit-for-bit reproducibility rests on two settings made here: ``fast_math`` is off, so that a sum means what it says in
+every lane, and vectors are kept whole (``real_matrix_scalarize=False``), so that a lane of a vector goes through the
+same operations as a scalar.
 """
 
 import contextlib
+import ctypes
 import functools
 import io
 import os
 import sys
 import textwrap
+import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+
+from taichi_sim.base.compute import Compute
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")  # keeps stdout free for --json
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")  # nor does it announce notebooks and pytest as "graphical shells"
 os.environ.setdefault("TI_ENABLE_TORCH", "0")  # Taichi would import torch at its start
+os.environ.setdefault("HOME", os.path.expanduser("~").replace("~", os.sep))  # without it Taichi ends the process
 
 import taichi as ti
 from taichi.lang import kernel_impl
 from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
-
-DEVICES = ("cpu", "cuda", "vulkan", "metal")
-PRECISIONS = ("f32", "f64")
 
 # Taichi runs an outer loop of at most this many iterations on one CPU thread, so each block of a batch gets as many.
 GRAIN = 512
@@ -42,30 +50,13 @@ GRAIN = 512
 STALE_LOCK_SECONDS = 600.0
 
 
-@dataclass(frozen=True)
-class Configuration:
-    """What the running Taichi was started with.
+P = ParamSpec("P")
+R = TypeVar("R")
 
-    Attributes:
-        device: one of ``DEVICES``.
-        precision: ``"f32"`` or ``"f64"``; the type of every real number in a kernel.
-        threads: CPU threads that share the blocks of a batch.
-    """
-
-    device: str = "cpu"
-    precision: str = "f64"
-    threads: int = 1
-
-    def __post_init__(self) -> None:
-        if self.device not in DEVICES:
-            raise ValueError(f"device: {self.device!r} is unknown; choose one of {', '.join(DEVICES)}")
-        if self.precision not in PRECISIONS:
-            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of {', '.join(PRECISIONS)}")
-        if not isinstance(self.threads, int) or not 1 <= self.threads <= 1024:
-            raise ValueError(f"threads: {self.threads!r} is not allowed; give a whole number from 1 to 1024")
-
-
-_running: Configuration | None = None
+_lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
+_running: Compute | None = None
+_forked = False  # whether this process is the child of one in which Taichi ran
+_told: set[Path] = set()  # caches whose loss the user knows of
 
 
 def _position(self: Any, node: Any) -> str:
@@ -82,44 +73,60 @@ for _name in ("getsourcefile", "getsourcelines"):
 kernel_impl.textwrap = SimpleNamespace(fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent))
 
 
-def available_threads() -> int:
-    """Number of CPU cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def cache_folder() -> Path:
     """Folder of compiled kernels; ``MORPHOLAB_CACHE`` overrides ``~/.cache/morpholab``."""
-    root = (
-        os.environ.get("MORPHOLAB_CACHE")
-        or Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "morpholab"
-    )
-    return Path(root) / f"kernels-{'.'.join(map(str, ti.__version__))}"
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    root = Path(os.environ.get("MORPHOLAB_CACHE") or user / "morpholab")
+    return root / f"kernels-{'.'.join(map(str, ti.__version__))}"
 
 
-def start(device: str = "cpu", precision: str = "f64", threads: int | None = None) -> Configuration:
-    """Make sure Taichi runs with this configuration; restart it only if it differs.
+def exclusive(function: Callable[P, R]) -> Callable[P, R]:
+    """Let only one thread at a time run a function that starts Taichi and launches kernels; others wait."""
+
+    @functools.wraps(function)
+    def alone(*args: P.args, **kwargs: P.kwargs) -> R:
+        with _lock:
+            return function(*args, **kwargs)
+
+    return alone
+
+
+@exclusive
+def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int | None = None) -> Compute:
+    """Make sure that Taichi runs on this device, in this precision, on that many threads; restart it if it does not.
 
     Args:
-        device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
-        precision: ``"f32"`` or ``"f64"``.
-        threads: CPU threads; all available cores if ``None``.
+        compute: all three, or the device alone.
+        precision: beside a device, ``"f32"`` or ``"f64"``.
+        threads: beside a device, CPU threads; all available cores if None.
+
+    Returns:
+        What runs now, with the number of threads.
 
     Raises:
-        ValueError: for an unknown device or precision, or a device that this machine lacks.
+        ValueError: if a value is unknown, or this machine lacks the device.
+        RuntimeError: if this process was forked from one in which Taichi ran.
     """
     global _running
-    wanted = Configuration(device, precision, available_threads() if threads is None else threads)
+    wanted = compute if isinstance(compute, Compute) else Compute(compute, precision, threads)
+    wanted = replace(wanted, threads=wanted.thread_count)
+    if _forked:
+        raise RuntimeError(
+            "this process was forked from one that had already simulated, which cannot work; "
+            "start processes by multiprocessing.get_context('spawn')"
+        )
     if wanted == _running:
         return wanted
-    architecture = getattr(ti, device)
-    if device != "cpu" and not ti.lang.misc.is_arch_supported(architecture):
-        raise ValueError(f"device: {device!r} is not available on this machine; use 'cpu'")
+    architecture = getattr(ti, wanted.device)
+    if wanted.device != "cpu" and not ti.lang.misc.is_arch_supported(architecture):
+        raise ValueError(f"device: {wanted.device!r} is not available on this machine; use 'cpu'")
+    _running = None
     _initialise(wanted, architecture)
     _running = wanted
     return wanted
 
 
-def _initialise(wanted: Configuration, architecture: object) -> None:
+def _initialise(wanted: Compute, architecture: object) -> None:
     folder = cache_folder()
     cache = _prepare_cache(folder)
     # Taichi announces its start on stdout, which belongs to the user's data.
@@ -134,23 +141,40 @@ def _initialise(wanted: Configuration, architecture: object) -> None:
             cpu_max_num_threads=wanted.threads,
             log_level=ti.ERROR,
             offline_cache=cache,
-            offline_cache_file_path=str(folder),
+            # Taichi makes this folder when it ends, also without a cache, and crashes if it cannot.
+            offline_cache_file_path=str(folder) if cache else os.sep,
         )
+        # Else the first launch would do it, which may come from another thread: Taichi refuses that.
+        ti.lang.impl.get_runtime().materialize()
     if wanted.device != "cpu" and ti.lang.impl.current_cfg().arch != architecture:
         raise ValueError(f"device: {wanted.device!r} could not be started on this machine; use 'cpu'")
 
 
 def _prepare_cache(folder: Path) -> bool:
-    """Create the cache folder and remove locks of dead processes; False if it cannot be written."""
+    """Make the cache folder and remove locks of dead processes; False if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for lock in folder.rglob("*.lock"):
             if time.time() - lock.stat().st_mtime > STALE_LOCK_SECONDS:
                 lock.unlink()
     except OSError:
-        print(f"note: kernels are not cached, {folder} cannot be written", file=sys.stderr)
+        if folder not in _told:
+            _told.add(folder)
+            print(f"note: kernels are not cached, {folder} cannot be written", file=sys.stderr)
         return False
     return True
+
+
+def _after_fork() -> None:
+    """Forget in a child process what the parent had started, which would hang when it is used or freed."""
+    global _lock, _forked
+    _lock = threading.RLock()
+    if _running is not None:
+        _forked = True
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(ti.lang.impl.get_runtime().prog))  # so it is never freed
+
+
+os.register_at_fork(after_in_child=_after_fork)
 
 
 def single_precision() -> bool:

@@ -20,6 +20,7 @@ BLOCK_COST = 2.0  # a block of lanes takes as long as so many pairs in scalars (
 SAMPLES_PER_THREAD, SAMPLES_PER_GPU = 2**21, 2**29
 
 
+@runtime.exclusive
 def warping_distances(
     first: ArrayLike,
     second: ArrayLike,
@@ -63,9 +64,9 @@ def warping_distances(
         )
     running = runtime.start(device, precision, threads)
     on_cpu, pairs, n, m = device == "cpu", *first.shape, second.shape[1]
-    real = Real(precision, choose_width(pairs, precision, running.threads, BLOCK_COST) if on_cpu else 1)
+    real = Real(precision, choose_width(pairs, precision, running.thread_count, BLOCK_COST) if on_cpu else 1)
     room = SAMPLES_PER_THREAD if on_cpu else SAMPLES_PER_GPU
-    blocks = max(room // (real.width * (n + 2 * m) + GRAIN), 1) * (running.threads if on_cpu else 1)
+    blocks = max(room // (real.width * (n + 2 * m) + GRAIN), 1) * (running.thread_count if on_cpu else 1)
     distances: Floats = np.full(pairs, np.nan)
     for begin in range(0, pairs, blocks * real.width):
         part = slice(begin, begin + blocks * real.width)

@@ -8,7 +8,7 @@ from hypothesis import settings
 from stand_in import Simulator
 
 from optim.cli import main
-from taichi_sim import runtime
+from taichi_sim.base import compute
 
 # The same examples in every run, and no deadline: shared machines pause.
 settings.register_profile("lab", derandomize=True, deadline=None)
@@ -16,8 +16,8 @@ settings.load_profile("lab")
 
 # Processes beside each other share the cores. Where each has one, tests with ``threads=1`` and those of the default
 # have the same Taichi: for another number of threads it starts again and loads all kernels anew, seconds each time.
-_SHARE = max(1, runtime.available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
-runtime.available_threads = lambda: _SHARE
+_SHARE = max(1, compute.available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+compute.available_threads = lambda: _SHARE
 
 
 # In the names of tests in single precision, and of files that are so for the most part.

@@ -15,7 +15,7 @@ from typing import Any
 from optim.experiments.results import Progress
 from optim.runs.workers.processes import how_it_ended, start_process
 from optim.runs.workers.service import Raised, portable, thread_environment
-from taichi_sim import runtime
+from taichi_sim.base import compute
 from taichi_sim.base.checks import whole_number
 
 Task = Callable[[Mapping[str, Any], Progress], object]  # called with options of simulations, and told its progress
@@ -55,7 +55,7 @@ def beside(tasks: Sequence[tuple[str, Task]], jobs: int, where: Mapping[str, Any
     whole_number("jobs", jobs, 1)
     if jobs == 1:
         return
-    threads = max(1, runtime.available_threads() // max(1, min(jobs, len(tasks))))
+    threads = max(1, compute.available_threads() // max(1, min(jobs, len(tasks))))
     environment, shared = thread_environment(threads), {"threads": threads, **where}
     waiting, done = list(enumerate(tasks)), [0.0] * len(tasks)
     running: dict[Connection[None, Message], _Job] = {}

@@ -24,6 +24,7 @@ from robots.inflatable.robot import INCHING, PUBLISHED
 from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
+from taichi_sim.base.compute import available_threads
 from taichi_sim.lattice import LatticeEngine, LatticeProgram
 from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
 
@@ -119,7 +120,7 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
     ((best, median),) = rates(time.process_time, [single], 2 * steps, pieces)
     found["single_robot_steps_per_second"] = {"best": best, "median": median}
     found["gradient"] = gradient_cost(precision, 400 if quick else COLUMN)
-    if runtime.available_threads() > 1:
+    if available_threads() > 1:
         found["two_threads"] = {
             name: _two_threads(batch, precision, width, steps, pieces)
             for name, batch, width in ((f"{2 * lanes} robots", 2 * lanes, lanes), ("2 robots", 2, 1))

@@ -151,8 +151,8 @@ def differentiate(
         ValueError: one line that names the argument, the value and what is allowed.
     """
     designs, report = _listed(designs), progress or (lambda fraction: None)
-    runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
-    size = len(designs) if device != "cpu" else NATIVE_WIDTH[precision] * (threads or runtime.available_threads())
+    running = runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
+    size = len(designs) if device != "cpu" else NATIVE_WIDTH[precision] * running.thread_count
     groups = [designs[i : i + size] for i in range(0, len(designs), size)] or [[]]
     where = {"device": device, "precision": precision, "threads": threads, "driver": driver}
     found = []

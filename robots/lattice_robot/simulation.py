@@ -111,13 +111,13 @@ def differentiate(
         ValueError: one line that names the argument, the value and what is allowed.
     """
     where = {"precision": precision, "device": device, "threads": threads}
-    runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
+    running = runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
     points, robot, report = (
         robot.points(points),
         robot.on(terrain := terrain or Terrain()),
         progress or (lambda _: None),
     )
-    size = len(points) if device != "cpu" else NATIVE_WIDTH[precision] * (threads or runtime.available_threads())
+    size = len(points) if device != "cpu" else NATIVE_WIDTH[precision] * running.thread_count
     groups = [points[i : i + size] for i in range(0, len(points), size)]
     parts = []
     for place, group in enumerate(groups):

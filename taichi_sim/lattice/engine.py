@@ -85,6 +85,7 @@ class LatticeEngine:
         ['ok', 'ok']
     """
 
+    @runtime.exclusive
     def __init__(
         self,
         body: LatticeBody | Sequence[LatticeBody],
@@ -151,7 +152,7 @@ class LatticeEngine:
                 self.tables, self.batch, precision, *switches, device == "cpu"
             )
         else:
-            self._driver = FusedDriver(self.tables, self.batch, precision, running.threads, *switches, width)
+            self._driver = FusedDriver(self.tables, self.batch, precision, running.thread_count, *switches, width)
         self._diverged = np.zeros(self.batch, bool)
         self.reset()
 
@@ -243,6 +244,7 @@ class LatticeEngine:
         self._driver.restore(saved.driver)
         self._diverged[:], self.initial_channels[:] = saved.diverged, saved.initial_channels
 
+    @runtime.exclusive
     def run(self, program: LatticeProgram, progress: Callable[[float], None] | None = None) -> LatticeResult:
         """Advance every robot by its own number of steps; all of its state carries over to the next run.
 
@@ -257,6 +259,7 @@ class LatticeEngine:
         run.advance(tick=progress)
         return self.finish(run)
 
+    @runtime.exclusive
     def record(
         self, program: LatticeProgram, memory: float = 1e9, progress: Callable[[float], None] | None = None
     ) -> "Tape":
@@ -274,6 +277,7 @@ class LatticeEngine:
 
         return record(self, program, memory, progress)
 
+    @runtime.exclusive
     def begin(self, program: LatticeProgram) -> FusedRun | SteppedRun:
         """Start a program at its step 0; for :meth:`run` and for gradients."""
         if program.robot_count != self.batch:
@@ -282,6 +286,7 @@ class LatticeEngine:
         runtime.start(*self.configuration)
         return self._driver.begin(packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity)
 
+    @runtime.exclusive
     def finish(self, run: FusedRun | SteppedRun) -> LatticeResult:
         """What a run came to, in the body's voxel order."""
         steps, diverged, (poses, strains, sizes) = run.finish()

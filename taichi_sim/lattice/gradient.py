@@ -98,6 +98,7 @@ class Tape:
         """Bytes taken, now and while pulling back."""
         return self._plan.memory
 
+    @runtime.exclusive
     def pull_back(
         self,
         positions: np.ndarray | None = None,

@@ -83,6 +83,7 @@ class RigidEngine:
             np.zeros((count, hinges)),
         )
 
+    @runtime.exclusive
     def run(
         self,
         steps: int,
@@ -118,6 +119,7 @@ class RigidEngine:
         memories, frames = (np.concatenate(each, -1) for each in zip(*found, strict=True))
         return self._result(memories, frames, setup, record_every)
 
+    @runtime.exclusive
     def record(
         self,
         steps: int,
@@ -154,6 +156,7 @@ class RigidEngine:
             memories.append(part.memory.read()[:, : len(chosen)])
         return RigidTape(self._result(np.concatenate(memories, -1), np.empty((0, 0)), setup, None), setup, parts)
 
+    @runtime.exclusive
     def session(self, *, batch: int = 1, lights: Floats | None = None, start: State | None = None) -> RigidSession:
         """Start robots that are given their commands as they go, see ``RigidSession.advance``.
 
@@ -193,7 +196,7 @@ class RigidEngine:
         on_cpu = self.device == "cpu"
         width = NATIVE_WIDTH[self.precision] if self.width is None else self.width
         real = Real(self.precision, width if on_cpu else 1)
-        at_once = real.width * BLOCKS_AT_ONCE * running.threads if on_cpu else ROBOTS_AT_ONCE
+        at_once = real.width * BLOCKS_AT_ONCE * running.thread_count if on_cpu else ROBOTS_AT_ONCE
         return Setup(self.trees, given, tables, plan, running, real, start is None, at_once)
 
     def _part(self, setup: Setup, chosen: Ints) -> Part:

@@ -92,6 +92,7 @@ class RigidTape:
         """Keep the memory of a run."""
         self.result, self._setup, self._parts = result, setup, parts
 
+    @runtime.exclusive
     def pull_back(
         self,
         *,
@@ -132,8 +133,7 @@ class RigidTape:
 
     def _go_back(self, seeds: Floats) -> Floats:
         """Cotangents of all slots, (slots, B)."""
-        running = self._setup.running
-        runtime.start(running.device, running.precision, running.threads)
+        runtime.start(self._setup.running)
         found, first = [], 0
         for part, tape, count in self._parts:
             cotangents = part.store(len(seeds))

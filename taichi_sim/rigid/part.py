@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.base.arrays import Ints
+from taichi_sim.base.compute import Compute
 from taichi_sim.rigid import memory
 from taichi_sim.rigid.batch import Given
 from taichi_sim.rigid.gradient_kernel import gradient_kernel
@@ -16,7 +17,7 @@ from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.rollout_kernel import rollout_kernel
 from taichi_sim.rigid.store import Store
 from taichi_sim.rigid.tables import Tables
-from taichi_sim.runtime import GRAIN, Configuration
+from taichi_sim.runtime import GRAIN
 
 VISCOUS_PHASES, COULOMB_PHASES = 2, 8  # solutions of a step; Coulomb's cone is found by repetition
 
@@ -40,7 +41,7 @@ class Setup:
     given: Given
     tables: Tables
     plan: NDArray[np.int32]
-    running: Configuration
+    running: Compute
     real: Real
     described: bool
     at_once: int

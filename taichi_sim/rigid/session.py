@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from taichi_sim import runtime
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.rigid import memory
 from taichi_sim.rigid.model.shapes import is_whole
@@ -27,6 +28,7 @@ class RigidSession:
         """Start with parts in their first state, and a way to read a result off the memory of all robots."""
         self._setup, self._parts, self._result = setup, parts, result
 
+    @runtime.exclusive
     def advance(self, commands: Floats | None = None, steps: int = 1) -> RigidResult:
         """Keep commands for some steps; with 0 steps sense what there is.
 
@@ -47,6 +49,7 @@ class RigidSession:
         given = None if commands is None else np.asarray(commands, float)
         if given is not None and (given.shape != (batch, motors) or not np.isfinite(given).all()):
             raise ValueError(f"commands: shape {given.shape} is not allowed; give finite numbers, ({batch}, {motors})")
+        runtime.start(self._setup.running)
         plan[memory.STEPS] = steps  # which kernels read at every launch
         found = []
         for part, chosen in self._parts:

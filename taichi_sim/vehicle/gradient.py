@@ -36,6 +36,7 @@ class VehicleGradient:
     final_by_controllers: Floats
 
 
+@runtime.exclusive
 def differentiate(
     batch: VehicleBatch,
     task: VehicleTask,
@@ -62,7 +63,7 @@ def differentiate(
     run = kernel.gradient_kernel(real, batch.sensors, batch.wiring, GRAIN if device == "cpu" else 1)
     slots = kernel.slot_count(batch.sensors, connections)
     found = np.empty((count, slots))
-    at_once = max(running.threads * real.width, ROLLOUTS_AT_ONCE * 2000 // max(task.steps, 2000) // 64 * 64)
+    at_once = max(running.thread_count * real.width, ROLLOUTS_AT_ONCE * 2000 // max(task.steps, 2000) // 64 * 64)
     for first in range(0, count, at_once):
         jobs = np.arange(first, min(first + at_once, count))
         blocks = -(-len(jobs) // real.width)

@@ -41,6 +41,7 @@ class Rollouts:
     diverged: Bools
 
 
+@runtime.exclusive
 def rollout(
     batch: VehicleBatch,
     task: VehicleTask,
@@ -76,8 +77,10 @@ def rollout(
         raise ValueError(f"batch: {shape} rollouts are too many at once; give at most {MOST_ROLLOUTS}")
     running = runtime.start(device, precision, threads)
     count = int(np.prod(shape))
-    real = Real(precision, (width or (WIDE if count > WIDE * running.threads else NARROW)) if device == "cpu" else 1)
-    found = _launch(batch, task, real, kernel.UNTIL[until], device, running.threads, count, progress)
+    real = Real(
+        precision, (width or (WIDE if count > WIDE * running.thread_count else NARROW)) if device == "cpu" else 1
+    )
+    found = _launch(batch, task, real, kernel.UNTIL[until], device, running.thread_count, count, progress)
     closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (found.closest, found.final))
     reached = closest < task.radius
     timed = reached & (until != "success")

@@ -29,6 +29,7 @@ class Traces:
     readings: Floats
 
 
+@runtime.exclusive
 def trace(
     batch: VehicleBatch,
     task: VehicleTask,
@@ -64,7 +65,7 @@ def trace(
     given: list[np.ndarray] = [np.ascontiguousarray(a, real.numpy) for a in arrays]
     sizes = (task.steps, every, batch.controllers_each, len(task.starts), int(batch.shared))
     run = trace_kernel(real, batch.sensors, batch.wiring)
-    at_once = max(running.threads, 2_000_000 // task.steps)
+    at_once = max(running.thread_count, 2_000_000 // task.steps)
     for first in range(0, count, at_once):
         part = slice(first, min(first + at_once, count))
         run(first, part.stop - first, *sizes, task.time_step, *given, places[part], readings[part])

@@ -14,6 +14,7 @@ FLOPS_PER_VOXEL_STEP = 580
 _CHAINS = 12  # independent sums, more than the latency of an addition times the width of the machine
 
 
+@runtime.exclusive
 def measure_peak(precision: str, seconds: float = 0.3) -> float:
     """Additions and multiplications per second that one core does on native vectors, without memory traffic.
 

@@ -15,12 +15,12 @@ from worker_checks import numbers, wait_for
 from optim.experiments.jobs import beside
 from optim.studies.beyond.gait_hunt import study as hunting
 from robots.inflatable import gaits
-from taichi_sim import runtime
+from taichi_sim.base import compute
 
 
 @pytest.fixture
 def nine_cores(monkeypatch):
-    monkeypatch.setattr(runtime, "available_threads", lambda: 9)
+    monkeypatch.setattr(compute, "available_threads", lambda: 9)
 
 
 def test_all_is_done_by_so_many_processes(tmp_path, nine_cores):
