@@ -2,12 +2,10 @@
 
 from optim.problems.lattice_robot import (
     OPTIONS,
-    STEP,
     LatticeRobotProblem,
 )
 
 __all__ = [
     "OPTIONS",
-    "STEP",
     "LatticeRobotProblem",
 ]

@@ -1,58 +1,17 @@
 """What a search may change: named variables with bounds, and vectors of their values."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.variables import Variable
 
-Kind = Literal["continuous", "integer", "angle", "binary"]
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One coordinate of a space.
-
-    Attributes:
-        name: what logs and design files call it.
-        low: smallest value, included.
-        high: largest value, included (for an angle the same direction as ``low``).
-        kind: ``"continuous"``; ``"integer"``, rounded; ``"angle"``, which wraps round from ``high`` to
-            ``low``; ``"binary"``, an integer from 0 to 1.
-        step: standard deviation of a mutation, in the unit of the variable.
-    """
-
-    name: str
-    low: float
-    high: float
-    kind: Kind = "continuous"
-    step: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.kind not in get_args(Kind):
-            raise ValueError(
-                f"kind: {self.kind!r} of {self.name} is unknown; choose one of {', '.join(get_args(Kind))}"
-            )
-        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; low must be below high")
-        if self.is_integer and (self.low % 1 or self.high % 1):
-            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; give whole numbers")
-        if self.kind == "binary" and (self.low, self.high) != (0, 1):
-            raise ValueError(
-                f"{self.name}: bounds {self.low} to {self.high} are not allowed; a binary runs from 0 to 1"
-            )
-        if not (math.isfinite(self.step) and self.step >= 0):
-            raise ValueError(f"{self.name}: step {self.step} is not allowed; give a finite number, at least 0")
-
-    @property
-    def is_integer(self) -> bool:
-        """Whether only whole numbers are values."""
-        return self.kind in ("integer", "binary")
+__all__ = ["Space", "Variable"]
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,12 @@
 """What a robot moves on, or swims in."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self, TypedDict
+from typing import Any, Self, TypedDict
 
+from robots.robot import RobotKind, World
 from taichi_sim.autodiff.dual import Real, cosine, sine
 from taichi_sim.base.checks import number
 
@@ -124,6 +126,36 @@ class Terrain:
         except ValueError:
             raise ValueError(f'terrain: {text!r} is unknown; give "flat", "hill:15" (degrees) or "water"') from None
         return cls(slope)
+
+
+class TerrainKind(RobotKind):
+    """A kind of robot whose worlds are terrains."""
+
+    world_option = "terrain"
+
+    def world(self, text: str) -> Terrain:
+        """The terrain of a name."""
+        return Terrain.parse(text)
+
+    def world_record(self, world: World) -> dict[str, Any]:
+        """A terrain's fields, without those that are None."""
+        assert isinstance(world, Terrain)
+        return {name: value for name, value in dataclasses.asdict(world).items() if value is not None}
+
+    def world_of(self, record: Any) -> Terrain:
+        """The terrain of a record."""
+        return Terrain(**record)
+
+
+def terrain_of(world: World) -> Terrain:
+    """A world that must be a terrain.
+
+    Raises:
+        ValueError: if it is another.
+    """
+    if not isinstance(world, Terrain):
+        raise ValueError(f"terrain: {world!r} is not allowed; give a Terrain, such as Terrain.parse('hill:15')")
+    return world
 
 
 def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:

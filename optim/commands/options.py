@@ -1,14 +1,17 @@
 """Options that commands share, and the checks of their values."""
 
 import argparse
-import contextlib
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base import checks
+from taichi_sim.base.options import checked as checked
+from taichi_sim.base.options import number as number
+from taichi_sim.base.options import value_of
+from taichi_sim.base.options import whole as whole
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
@@ -16,47 +19,16 @@ if TYPE_CHECKING:
     from robots.inflatable.gaits import GaitDesign
     from robots.inflatable.relaxed_schedule import Schedule
 
-T = TypeVar("T")
 GAITS = ("inching", "rolling")  # that commands know by name
 GEOMETRIES = ("published", "small", "two-core")  # likewise
 GAIT_SCHEDULE = ("all of the gait", "the gait's own")  # columns and repeats by default
-
-
-def checked(check: Callable[[str], T]) -> Callable[[str], T]:
-    """A check that raises ``field: why`` as a type for argparse, which names the option itself."""
-
-    def convert(text: str) -> T:
-        try:
-            return check(text)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error).partition(": ")[2]) from None
-
-    return convert
-
-
-def number(low: float = -math.inf, high: float = math.inf, unit: str = "") -> Callable[[str], float]:
-    """A finite number between two bounds, both included."""
-    return checked(lambda text: checks.number("", _value(text), low, high, unit))
-
-
-def whole(low: int, high: int = 2**63 - 1) -> Callable[[str], int]:
-    """A whole number between two bounds, both included."""
-    return checked(lambda text: checks.whole_number("", _value(text), low, high))
-
-
-def _value(text: str) -> float | str:
-    """The number that a text stands for, as it is written; else the text."""
-    for convert in (int, float):
-        with contextlib.suppress(ValueError):
-            return convert(text)
-    return text
 
 
 def pressure(high: float = math.inf) -> Callable[[str], "Pressure"]:
     """Pressures from 0 to a bound [Pa]: one, or one for each of several cores, with commas between."""
 
     def convert(text: str) -> "Pressure":
-        each = tuple(checks.number("", _value(part), 0.0, high, "Pa") for part in text.split(","))
+        each = tuple(checks.number("", value_of(part), 0.0, high, "Pa") for part in text.split(","))
         return each[0] if len(each) == 1 else each
 
     return checked(convert)

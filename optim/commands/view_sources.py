@@ -80,11 +80,10 @@ def _kind(source: str) -> str:
             raise ValueError(f"source: {path} is a run of a {kind}, which has no view")
         return kind
     if path.is_file():
-        from robots.lattice_robot.record import ROBOT_FORMAT
-        from robots.lattice_robot.sources import VOXEL_SUFFIXES
+        from robots.lattice_robot.kind import FORMAT, VOXEL_SUFFIXES
         from robots.lattice_robot.walker_body import DESIGN_FORMAT
 
-        if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{ROBOT_FORMAT}"' in read_text(path):
+        if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{FORMAT}"' in read_text(path):
             return ROBOT
         return WALKER if f'"{DESIGN_FORMAT}"' in read_text(path) else GAIT
     known = ", ".join((*options.GAITS, *RIGID))

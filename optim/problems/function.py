@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation, Problem
-from optim.space import Kind, Space, Variable
+from optim.space import Space, Variable
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.variables import Kind
 
 Function = Callable[[Floats], "ArrayLike | Evaluation"]
 Bounds = Mapping[str, "tuple[float, float] | tuple[float, float, Kind]"]

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.kind import VOXEL_SUFFIXES
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
 from robots.world import STANDARD_GRAVITY
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
-VOXEL_SUFFIXES = (".vxl.json", ".vxa", ".vxc", ".vxd")
 SUFFIXES = (".py", ".json", *VOXEL_SUFFIXES)
 
 

@@ -93,6 +93,12 @@ def save_motion_picture(
     return result
 
 
+def save_picture(motion: Motion, path: str | PathLike[str]) -> None:
+    """Write the picture of a motion; the suffix of the path chooses the format (png, pdf, svg)."""
+    form = Path(path).suffix[1:].lower() or "png"
+    write_bytes(path, figure_content(motion_picture(motion), form, DOTS_PER_INCH))
+
+
 def inflatable_picture(
     result: InflatableResult,
     design: GaitDesign,

@@ -54,6 +54,11 @@ class Compute:
         return cls(**options)
 
     @property
+    def options(self) -> ComputeOptions:
+        """The fields as keyword arguments of public functions."""
+        return {"device": self.device, "precision": self.precision, "threads": self.threads}
+
+    @property
     def thread_count(self) -> int:
         """How many CPU threads that is on this machine."""
         return available_threads() if self.threads is None else self.threads

@@ -1,0 +1,531 @@
+"""What every kind of robot offers. Commands, searches, views and reports know robots by this module alone.
+
+A kind of robot is a :class:`RobotKind`, which makes a :class:`Robot` of options or of a file. A robot has parameters
+that a search may change, and worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by which it is
+judged. Built-in kinds stand in the table ``KINDS``; a user's package adds one by an entry point::
+
+    [project.entry-points."morpholab.robots"]
+    hopper = "my_package.hopper:HopperKind"
+"""
+
+import dataclasses
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import read_record, read_text, write_record
+from taichi_sim.base.options import Option
+from taichi_sim.base.registry import Registry
+from taichi_sim.base.variables import Variable as Parameter
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
+
+__all__ = ["KINDS", "Judgement", "Measure", "Option", "Outcome", "Parameter", "Picture", "Replay", "Robot", "RobotKind"]
+
+OK, DIVERGED, INVALID = "ok", "diverged", "invalid"
+DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
+HERE = Compute()
+FRAMES = 1000  # of a motion, at most
+Progress = Callable[[float], None]
+Facts = list[tuple[str, str]]  # rows of a report: what, and its value
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number by which a robot is judged; more is better.
+
+    Attributes:
+        name: such as ``speed``.
+        unit: such as ``BL/s``; empty for a plain number.
+        title: what it means, for people; the name if empty.
+    """
+
+    name: str
+    unit: str = ""
+    title: str = ""
+
+    @property
+    def spoken(self) -> str:
+        """What it means, for people."""
+        return self.title or self.name.replace("_", " ")
+
+    def value(self, number: float) -> str:
+        """A value with its unit, such as ``speed 0.1234 m/s``."""
+        return f"{self.name.replace('_', ' ')} {number:.4f} {self.unit}".rstrip()
+
+
+class World(Protocol):
+    """Where a robot is tried: any frozen description with two names."""
+
+    @property
+    def name(self) -> str:
+        """What options and files call it, such as ``hill:15``."""
+
+    @property
+    def spoken(self) -> str:
+        """What it is after the name of a robot, such as ``up a slope of 15°``; may be empty."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A world that has no more than a name; that of kinds that know only one."""
+
+    name: str = "world"
+    spoken: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a robot did at N points in one world.
+
+    Attributes:
+        measures: values by the names of the robot's measures, shape (N,) each; NaN where the status is not ``"ok"``.
+        status: ``"ok"``, ``"diverged"``, or ``"invalid"`` where a point is no robot, shape (N,). By default
+            ``"diverged"`` where a measure is not finite.
+        reason: why a point is no robot, shape (N,); empty for the others.
+        steps: time steps simulated, shape (N,).
+        gradients: derivatives of measures by the parameters, by name, shape (N, P) each; those of other measures are
+            not known.
+        frames: recorded arrays by name, if recording was asked for.
+        result: the kind's own result, for its motions and pictures.
+    """
+
+    measures: Mapping[str, Floats]
+    status: NDArray[np.str_] = ()  # type: ignore[assignment]
+    reason: NDArray[np.str_] = ()  # type: ignore[assignment]
+    steps: Ints = ()  # type: ignore[assignment]
+    gradients: Mapping[str, Floats] = field(default_factory=dict)
+    frames: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    result: Any = None
+
+    def __post_init__(self) -> None:
+        measures = {name: np.atleast_1d(np.array(values, float)) for name, values in self.measures.items()}
+        count = len(next(iter(measures.values())))
+        whole = np.all([np.isfinite(values) for values in measures.values()], axis=0)
+        status = np.array(self.status if len(self.status) else np.where(whole, OK, DIVERGED), dtype=object)
+        status[(status == OK) & ~whole] = DIVERGED
+        for values in measures.values():
+            values[status != OK] = np.nan
+        gradients = {name: np.array(slopes, float) for name, slopes in self.gradients.items()}
+        for slopes in gradients.values():
+            slopes[status != OK] = np.nan
+        blank = {"reason": np.full(count, ""), "steps": np.zeros(count, np.int64)}
+        object.__setattr__(self, "measures", measures)
+        object.__setattr__(self, "status", status.astype(str))
+        object.__setattr__(self, "gradients", gradients)
+        for name, nothing in blank.items():
+            object.__setattr__(self, name, np.array(getattr(self, name)) if len(getattr(self, name)) else nothing)
+
+    @property
+    def told(self) -> NDArray[np.str_]:
+        """Status of each point, or the reason why it is no robot, shape (N,)."""
+        return np.where(self.reason == "", self.status, self.reason)
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A trial that can be shown: what came of it, and how the robot moved."""
+
+    outcome: Outcome
+    motion: "Motion"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of a design, for reports.
+
+    Attributes:
+        words: what it shows, for people who do and who do not see it.
+        draw: draws it on axes of matplotlib.
+        size: width and height [inches].
+        style: how pages lay it out: ``""``, ``"medium"``, ``"narrow"``, or those followed by ``" screen-only"`` or
+            ``" print-only"``.
+    """
+
+    words: str
+    draw: Callable[[Any], None]
+    size: tuple[float, float] = (3.7, 2.5)
+    style: str = ""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How far a design can be trusted, for people and machines."""
+
+    text: str
+    document: Mapping[str, Any]
+    failed: bool = False
+
+
+class Robot(ABC):
+    """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
+
+    Points are arrays of shape (N, P): N designs, each a value for every parameter. A robot of which nothing is free
+    has points of shape (N, 0). Only what is abstract must be defined; parameters and measures may be attributes.
+    """
+
+    kind: str
+    parameters: tuple[Parameter, ...] = ()
+    measures: tuple[Measure, ...]
+    worlds: tuple[World, ...] = (Place(),)
+    exportable = False  # whether :meth:`table` makes a table for hardware
+    pictured = False  # whether searches draw pictures of the best design
+    curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
+    horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
+
+    @property
+    def name(self) -> str:
+        """What people call this robot."""
+        return KINDS[self.kind].title
+
+    @abstractmethod
+    def simulate(
+        self,
+        points: ArrayLike,
+        world: World,
+        *,
+        compute: Compute = HERE,
+        record_every: int | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        """Try N designs in a world, as one batch; what one of them does must not depend on the others.
+
+        Args:
+            points: shape (N, P).
+            world: where.
+            compute: device, precision and threads.
+            record_every: time steps between recorded poses, for ``Outcome.frames`` and motions; None for none.
+            progress: called now and then with the fraction done.
+
+        Raises:
+            ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
+        """
+
+    def differentiate(
+        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Outcome:
+        """As :meth:`simulate`, with the derivatives of at least the first measure by the parameters.
+
+        Raises:
+            ValueError: if the robot has no gradients.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
+
+    def replay(
+        self,
+        point: ArrayLike,
+        world: World,
+        *,
+        frames: int = FRAMES,
+        name: str = "",
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> Replay:
+        """Try one design, shape (P,), with about so many recorded frames, and build its motion of that name.
+
+        Raises:
+            ValueError: if the design is no robot, or robots of this kind cannot be shown.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
+
+    def design(self, point: ArrayLike) -> "Robot":
+        """The robot of one point, shape (P,), with nothing free."""
+        return FixedRobot(self, point)
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design of one point, shape (P,), to a file: always the same bytes for the same point."""
+        names = [parameter.name for parameter in self.parameters]
+        values = dict(zip(names, self.points(point)[0].tolist(), strict=True))
+        record = {"kind": self.kind, "robot": self.describe(), "values": values}
+        write_record(path, DESIGN_FORMAT, record)
+
+    def describe(self) -> dict[str, Any]:
+        """Everything that results depend on, as values that fit JSON; the fields of a dataclass."""
+        return dataclasses.asdict(self) if dataclasses.is_dataclass(self) and not isinstance(self, type) else {}
+
+    @property
+    def start(self) -> Floats:
+        """The point before any search, shape (P,)."""
+        return np.array([parameter.first for parameter in self.parameters])
+
+    def points(self, given: ArrayLike) -> Floats:
+        """Points as an array of shape (N, P).
+
+        Raises:
+            ValueError: for another shape, or numbers that are not finite.
+        """
+        points = np.atleast_2d(np.asarray(given, float))
+        if points.ndim != 2 or points.shape[1] != len(self.parameters) or not np.isfinite(points).all():
+            raise ValueError(
+                f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.parameters)})"
+            )
+        return points
+
+    def facts(self) -> Facts:
+        """Rows for a report about what is the same for all points."""
+        return [("Robot", self.name)]
+
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """Rows for a report about one design."""
+        return []
+
+    def columns(self, points: ArrayLike) -> dict[str, list[str]]:
+        """What a table of several designs, shape (N, P), tells of each: values by name."""
+        points = self.points(points)
+        return {p.name: [f"{value:.4g}" for value in points[:, n]] for n, p in enumerate(self.parameters)}
+
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = ()) -> list[Picture]:
+        """Pictures of one design, for a report; ``replays`` has its trials, if it was tried again."""
+        return []
+
+    def document(self) -> dict[str, Any]:
+        """What a command tells machines of a robot of which nothing is free, beside its measures."""
+        return {}
+
+    def spoken(self, outcome: Outcome) -> str:
+        """What a command tells people of the first design of an outcome that is ok."""
+        return ", ".join(measure.value(float(outcome.measures[measure.name][0])) for measure in self.measures)
+
+    def judge(
+        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Judgement:
+        """Tell how far the measures of a robot, of which nothing is free, can be trusted.
+
+        Raises:
+            ValueError: if robots of this kind have no such check.
+        """
+        raise ValueError(f"judge: {KINDS[self.kind].title} has no such check; leave it out")
+
+    def table(self, **settings: Any) -> Any:
+        """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
+
+        Raises:
+            ValueError: if no hardware plays robots of this kind.
+        """
+        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+
+    def save_picture(self, world: World, path: Path) -> None:
+        """Draw a robot of which nothing is free as it moves, to a PNG, SVG or PDF file."""
+        from robots.view.picture import save_picture
+
+        save_picture(self.replay((), world, compute=Compute(precision="f32")).motion, path)
+
+    def at_horizon(self, length: int) -> tuple[str, "Robot"]:
+        """The robot in trials of another length, in a unit of its kind, and what that length is called.
+
+        Raises:
+            ValueError: if trials of this kind have one length only.
+        """
+        raise ValueError(f"horizons: trials of {KINDS[self.kind].title} have one length; leave it out")
+
+
+class FixedRobot(Robot):
+    """The robot of one point: nothing of it is free."""
+
+    def __init__(self, robot: Robot, point: ArrayLike) -> None:
+        """Fix a robot at a point, shape (P,)."""
+        self.robot, self.point = robot, robot.points(point)[0]
+        self.kind, self.measures, self.worlds = robot.kind, robot.measures, robot.worlds
+        self.curves = robot.curves
+
+    @property
+    def name(self) -> str:
+        """What people call this robot."""
+        return self.robot.name
+
+    def simulate(self, points: ArrayLike, world: World, **settings: Any) -> Outcome:
+        """Try the design, as often as there are points, shape (N, 0)."""
+        return self.robot.simulate(np.tile(self.point, (len(self.points(points)), 1)), world, **settings)
+
+    def replay(self, point: ArrayLike, world: World, **settings: Any) -> Replay:
+        """Try the design, and build its motion."""
+        return self.robot.replay(self.point, world, **settings)
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design."""
+        self.robot.save(self.point, path)
+
+    def describe(self) -> dict[str, Any]:
+        """The robot, and the values that are fixed."""
+        return {"robot": self.robot.describe(), "point": self.point.tolist()}
+
+    def facts(self) -> Facts:
+        """Rows for a report."""
+        return self.robot.facts()
+
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """Rows for a report about the design."""
+        return self.robot.facts_of(self.point)
+
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = ()) -> list[Picture]:
+        """Pictures of the design."""
+        return self.robot.pictures(self.point, replays)
+
+    def document(self) -> dict[str, Any]:
+        """The values that are fixed, by name."""
+        names = [parameter.name for parameter in self.robot.parameters]
+        return {"values": dict(zip(names, self.point.tolist(), strict=True))}
+
+
+class RobotKind(ABC):
+    """A kind of robot: makes robots of options and of files. Its module should import quickly.
+
+    Attributes:
+        name: in the table ``KINDS``, or of the entry point.
+        title: what people call robots of this kind.
+        options: of the command line that make a robot, see :meth:`build`.
+        designs: names of designs that commands know without a file.
+        world_option: what the option for a world is called.
+        search_precision: of numbers in searches, unless asked otherwise.
+    """
+
+    name: str
+    title: str
+    options: tuple[Option, ...] = ()
+    designs: tuple[str, ...] = ()
+    world_option: str = "world"
+    search_precision: str = "f64"
+
+    @abstractmethod
+    def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
+        """Make a robot.
+
+        Args:
+            source: the file of a robot or of a design, a name among ``designs``, or None.
+            options: values of ``options`` that were given, by name.
+
+        Raises:
+            ValueError: for what is not allowed.
+        """
+
+    def recognises(self, path: Path, form: str | None) -> bool:
+        """Whether a file is of this kind; ``form`` is the format that a JSON file names, None of other files."""
+        return False
+
+    def from_description(self, description: Mapping[str, Any]) -> Robot:
+        """The robot that ``Robot.describe`` described; by default, the description is options."""
+        return self.build(None, description)
+
+    def world(self, text: str) -> World:
+        """The world of a name.
+
+        Raises:
+            ValueError: for any other name.
+        """
+        known = {place.name: place for place in self.build(None, {}).worlds}
+        if text not in known:
+            raise ValueError(f"{self.world_option}: {text!r} is unknown; choose one of {', '.join(known)}")
+        return known[text]
+
+    def world_record(self, world: World) -> Any:
+        """A world as a value that fits JSON and TOML."""
+        return world.name
+
+    def world_of(self, record: Any) -> World:
+        """The world of a record."""
+        return self.world(record)
+
+
+class _Kinds(Registry[RobotKind]):
+    """Kinds of robots by name; an entry may be a kind or its class."""
+
+    def __getitem__(self, name: str) -> RobotKind:
+        found = super().__getitem__(name)
+        if isinstance(found, type):
+            found = self._loaded[name] = found()
+        found.name = name
+        return found
+
+
+KINDS = _Kinds(
+    "morpholab.robots",
+    "robot",
+    {
+        "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
+    },
+)
+
+
+def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
+    """The kind of robot that a text names, and the source from which ``RobotKind.build`` makes it.
+
+    Args:
+        text: a kind's name, a design that a kind knows, or a file.
+
+    Returns:
+        None if it is none of these. Installed packages are imported only if no built-in kind knows the text.
+
+    Raises:
+        ValueError: for a file that cannot be read, or a package that cannot be imported.
+    """
+    if text in KINDS.builtin:
+        return KINDS[text], None
+    for name in KINDS.builtin:
+        if text in KINDS[name].designs:
+            return KINDS[name], text
+    if Path(text).is_file():
+        return kind_of_file(Path(text)), text
+    if text in KINDS:
+        return KINDS[text], None
+    return next(((KINDS[name], text) for name in KINDS if text in KINDS[name].designs), None)
+
+
+def kind_of_file(path: Path) -> RobotKind:
+    """The kind of robot that a file describes.
+
+    Raises:
+        ValueError: if no kind recognises it.
+    """
+    record = _record_of(path)
+    form = record.get("format")
+    if form == DESIGN_FORMAT:
+        return KINDS.find(record.get("kind"))
+    for name in KINDS:
+        if KINDS[name].recognises(path, form if isinstance(form, str) else None):
+            return KINDS[name]
+    raise ValueError(f"robot: {path} is the file of no robot that is known")
+
+
+def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) -> Robot:
+    """The robot of a source and options, see ``RobotKind.build``; the source may also be a saved design of any kind.
+
+    Raises:
+        ValueError: for what is not allowed.
+    """
+    if source is not None and _record_of(Path(source)).get("format") == DESIGN_FORMAT:
+        for name in options:
+            raise ValueError(f"{name}: the design in {source} has its own; leave it out")
+        return load_design(Path(source))
+    return kind.build(source, options)
+
+
+def load_design(path: Path) -> Robot:
+    """The design that ``Robot.save`` wrote.
+
+    Raises:
+        ValueError: if the file is unreadable or damaged.
+    """
+
+    def build(record: dict[str, Any]) -> Robot:
+        robot = KINDS.find(record["kind"]).from_description(record["robot"])
+        return robot.design([record["values"][parameter.name] for parameter in robot.parameters])
+
+    return read_record(path, DESIGN_FORMAT, build)
+
+
+def _record_of(path: Path) -> dict[str, Any]:
+    """The content of a JSON file that is a record; nothing of other files."""
+    try:
+        record = json.loads(read_text(path)) if path.suffix.lower() == ".json" and path.is_file() else None
+    except (ValueError, RecursionError):
+        return {}
+    return record if isinstance(record, dict) else {}

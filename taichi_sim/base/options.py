@@ -1,0 +1,118 @@
+"""Options of commands as data: what they are called, how their text is read, and what they mean."""
+
+import argparse
+import contextlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, TypeVar
+
+from taichi_sim.base import checks
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option ``--name`` of a command.
+
+    Attributes:
+        name: with underscores, as a field or an argument is called; the command line has hyphens instead.
+        help: what it means and what the default is, for people.
+        type: makes the value of a text, and refuses others, see :func:`checked`; None is a flag without a value.
+        metavar: what the help calls the value.
+        choices: the values that are allowed, if these are few.
+        several: whether it may be repeated, to give a list.
+        commands: names of the commands that have it; empty for all.
+    """
+
+    name: str
+    help: str
+    type: Callable[[str], Any] | None = str
+    metavar: str | None = None
+    choices: tuple[str, ...] = ()
+    several: bool = False
+    commands: tuple[str, ...] = ()
+
+    @property
+    def flag(self) -> str:
+        """How the command line spells it."""
+        return "--" + self.name.replace("_", "-")
+
+    def add(self, parser: Any, hidden: bool = False) -> None:
+        """Declare it to a parser, or to a group of one; without a value it is None. The help leaves out hidden ones."""
+        settings: dict[str, Any] = {"dest": self.name, "help": argparse.SUPPRESS if hidden else self.help}
+        if self.type is None:
+            parser.add_argument(self.flag, action="store_true", default=None, **settings)
+            return
+        if self.choices:
+            settings["choices"] = self.choices
+        elif self.metavar:
+            settings["metavar"] = self.metavar
+        parser.add_argument(self.flag, type=self.type, action="append" if self.several else "store", **settings)
+
+
+def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:
+    """Options for numbers and texts among the fields of a dataclass.
+
+    Args:
+        described: the dataclass; its own checks refuse values that are not allowed.
+        meanings: what to say of each field, by name; these fields become options. The default is added.
+    """
+    known = {field.name: field for field in fields(described)}
+    found = []
+    for name, meaning in meanings.items():
+        default = known[name].default
+        told = "" if default is MISSING or default is None or default == "" else f" (default: {default})"
+        kind = str if isinstance(default, str) else whole(-(2**63)) if isinstance(default, int) else number()
+        found.append(Option(name, meaning + told, kind, "TEXT" if kind is str else "N"))
+    return tuple(found)
+
+
+def checked(check: Callable[[str], T]) -> Callable[[str], T]:
+    """A check that raises ``field: why`` as a type for argparse, which names the option itself."""
+
+    def convert(text: str) -> T:
+        try:
+            return check(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error).partition(": ")[2]) from None
+
+    return convert
+
+
+def number(low: float = -math.inf, high: float = math.inf, unit: str = "") -> Callable[[str], float]:
+    """The type of an option with a finite number between two bounds, both included."""
+    return checked(lambda text: checks.number("", value_of(text), low, high, unit))
+
+
+def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    """The type of an option with so many finite numbers, with commas between."""
+    example = ",".join(["1", "-0.5", "0", "0.5"][:count])
+
+    def convert(text: str) -> tuple[float, ...]:
+        parts = [value_of(part) for part in text.split(",")]
+        if len(parts) != count or any(isinstance(part, str) for part in parts):
+            raise ValueError(f": {text!r} is not allowed; give {count} numbers, such as {example}")
+        return tuple(checks.number("", part) for part in parts)
+
+    return checked(convert)
+
+
+def whole(low: int, high: int = 2**63 - 1) -> Callable[[str], int]:
+    """The type of an option with a whole number between two bounds, both included."""
+    return checked(lambda text: checks.whole_number("", value_of(text), low, high))
+
+
+def value_of(text: str) -> float | str:
+    """The number that a text stands for, as it is written; else the text."""
+    for convert in (int, float):
+        with contextlib.suppress(ValueError):
+            return convert(text)
+    return text
+
+
+def given(options: Sequence[Option], values: Any) -> dict[str, Any]:
+    """Those options that have a value, by name; ``values`` is what a parser made."""
+    found = {option.name: getattr(values, option.name, None) for option in options}
+    return {name: value for name, value in found.items() if value is not None}

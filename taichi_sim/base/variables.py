@@ -1,0 +1,64 @@
+"""Named numbers that a search may change."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+Kind = Literal["continuous", "integer", "angle", "binary"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number that a search may change: one coordinate of a space.
+
+    Attributes:
+        name: what logs and design files call it.
+        low: smallest value, included.
+        high: largest value, included (for an angle the same direction as ``low``).
+        kind: ``"continuous"``; ``"integer"``, rounded; ``"angle"``, which wraps round from ``high`` to
+            ``low``; ``"binary"``, an integer from 0 to 1.
+        step: standard deviation of a mutation, in the unit of the variable.
+        unit: of the values, such as ``Pa``; empty for a plain number.
+        start: the value before any search; None is the middle.
+    """
+
+    name: str
+    low: float
+    high: float
+    kind: Kind = "continuous"
+    step: float = 0.0
+    unit: str = ""
+    start: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ValueError(
+                f"kind: {self.kind!r} of {self.name} is unknown; choose one of {', '.join(get_args(Kind))}"
+            )
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; low must be below high")
+        if self.is_integer and (self.low % 1 or self.high % 1):
+            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; give whole numbers")
+        if self.kind == "binary" and (self.low, self.high) != (0, 1):
+            raise ValueError(
+                f"{self.name}: bounds {self.low} to {self.high} are not allowed; a binary runs from 0 to 1"
+            )
+        if not (math.isfinite(self.step) and self.step >= 0):
+            raise ValueError(f"{self.name}: step {self.step} is not allowed; give a finite number, at least 0")
+        if self.start is not None and not self.low <= self.start <= self.high:
+            raise ValueError(
+                f"{self.name}: start {self.start} is not allowed; give a number from {self.low:g} to {self.high:g}"
+            )
+
+    @property
+    def is_integer(self) -> bool:
+        """Whether only whole numbers are values."""
+        return self.kind in ("integer", "binary")
+
+    @property
+    def first(self) -> float:
+        """The value before any search: the start, or the middle, rounded down where only whole numbers are values."""
+        if self.start is not None:
+            return self.start
+        middle = (self.low + self.high) / 2
+        return float(math.floor(middle)) if self.is_integer else middle
