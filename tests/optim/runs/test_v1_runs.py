@@ -1,0 +1,121 @@
+"""Run folders of version 1.0, see ``tests/data/v1_runs/make.py``: read, and continued to what 1.0 found next."""
+
+import json
+import runpy
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from optim.report.kinds import kind_of
+from optim.runs import open_run, read_config, run_search
+from optim.runs.environment import versions
+from optim.runs.history import read_history, read_result
+from optim.search import METHODS, build_method
+from optim.space import Space, Variable
+from robots.hardware import read_csv, read_design
+from robots.lattice_robot import load_robot
+from robots.lattice_robot.walker import load_walker
+
+DATA = Path(__file__).resolve().parents[2] / "data/v1_runs"
+NEXT = json.loads((DATA / "next.json").read_text())
+RUNS = ("gait", "walker", "vehicle", "robot")
+LOADERS = {"gait": read_design, "walker": load_walker, "robot": load_robot}
+# Continued to the same bits where the CPU is the one on which version 1.0 ran; for the others, whose laws were joined
+# since, and on other CPUs, which round differently, to TOLERANCE.
+EXACT = ("vehicle",)
+TOLERANCE = 1e-6
+
+runs = pytest.mark.parametrize("name", RUNS)
+
+
+@pytest.fixture
+def folder(tmp_path, name):
+    """A copy of the run's folder."""
+    return Path(shutil.copytree(DATA / name, tmp_path / name))
+
+
+def same_machine():
+    flags = runpy.run_path(str(DATA / "make.py"))["flags"]()
+    here, there = versions(), NEXT["versions"]
+    return flags == NEXT["cpu_flags"] and all(here[name] == there[name] for name in ("numpy", "taichi"))
+
+
+def numbers(value):
+    """All numbers in a line of a log, in order."""
+    if isinstance(value, dict):
+        return [number for each in value.values() for number in numbers(each)]
+    if isinstance(value, list):
+        return [number for each in value for number in numbers(each)]
+    return [] if value is None else [value]
+
+
+@runs
+def test_they_are_read(name, folder, morpholab):
+    code, out, _ = morpholab(f"status {folder} --json")
+    (document,) = json.loads(out)
+    line = json.loads((DATA / name / "log.jsonl").read_text().splitlines()[-1])
+    assert code == 0 and document["state"] == "finished" and document["generation"] == 2
+    assert document["best"] == line["best"] and document["evaluations"] == line["evaluations"]
+    code, _, error = morpholab(f"report {folder} --no-player --quiet --out page.html")
+    assert (code, error) == (0, "")
+
+
+@runs
+def test_their_designs_are_loaded(name, folder):
+    if name in LOADERS:
+        assert LOADERS[name](folder / "best.json") is not None
+    problem, history = kind_of(folder, read_config(folder)).problem, read_history(folder)
+    best = problem.space.from_dict(history.generations[-1].best_point)
+    problem.save(best, folder / "again.json")
+    assert (folder / "again.json").read_bytes() == (folder / "best.json").read_bytes()
+    kept = read_result(history, problem)
+    assert np.array_equal(kept.point, best) and kept.score == history.generations[-1].best
+
+
+def test_the_table_for_the_hardware_is_read():
+    table = read_csv(DATA / "gait/gait.csv")
+    assert table.schedule() == read_design(DATA / "gait/best.json").schedule
+
+
+@runs
+def test_they_go_on_to_what_version_1_found_next(name, folder):
+    config = read_config(folder) | {"generations": 3}
+    problem = kind_of(folder, config).problem
+    settings = dict(config["method"])
+    before = (folder / "log.jsonl").read_bytes()
+    with open_run(folder, config, resume=True, environment={}) as opened:
+        run_search(problem, build_method(settings.pop("name"), problem.space, settings), opened, 3)
+    after = (folder / "log.jsonl").read_bytes()
+    assert after.startswith(before) and after.count(b"\n") == 4
+    found, wanted = json.loads(after.splitlines()[-1]), NEXT["lines"][name]
+    assert found.keys() == wanted.keys()
+    if name in EXACT and same_machine():
+        assert found == wanted
+    assert numbers(found) == pytest.approx(numbers(wanted), rel=TOLERANCE, abs=1e-12)
+
+
+with np.load(DATA / "methods.npz", allow_pickle=False) as _arrays:
+    V1_METHODS = sorted({key.partition("/")[0] for key in _arrays})
+
+
+def test_every_method_of_version_1_is_still_there():
+    assert len(V1_METHODS) == 13 and set(V1_METHODS) <= set(METHODS)
+
+
+@pytest.mark.parametrize("name", V1_METHODS)
+def test_states_of_methods_go_on(name):
+    """The next points and the best score are those of version 1.0, but for what linear algebra may round otherwise."""
+    with np.load(DATA / "methods.npz", allow_pickle=False) as arrays:
+        state = {key.removeprefix(f"{name}/state/"): arrays[key] for key in arrays if key.startswith(f"{name}/state/")}
+        asked, score = arrays[f"{name}/asked"], float(arrays[f"{name}/score"])
+    plain = Variable("x", -2.0, 6.0, step=0.5), Variable("a", -180.0, 180.0, "angle", step=20.0)
+    whole = () if name == "gradient" else (Variable("n", -3, 4, "integer", step=1.0),)
+    space = Space((*plain, *whole, Variable("b", 0, 1, "binary", step=0.3)))
+    size = "climbers" if name in ("generating-set", "gradient", "hill-climb", "random") else "population"
+    method = build_method(name, space, {size: 6, "seed": 5})
+    assert set(method.state()) == set(state)
+    method.restore(state)
+    assert method.result().score == score
+    assert method.ask() == pytest.approx(asked, rel=1e-12, abs=1e-12)
