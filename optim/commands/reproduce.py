@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from optim.commands import Report, interrupted, options
+from optim.commands import Report, interrupted
+from optim.commands import options as arguments
 from optim.progress import shown_progress
 
 
@@ -22,50 +23,49 @@ def add_parser(commands: Any) -> None:
         "--budget",
         choices=("small", "medium", "full"),
         default="small",
-        help="to see that it works (default); an hour to a few, of studies of the soft robot that take days; or all",
+        help="to see that it works (default); an hour to a few, of some studies; or all that was published, which may "
+        "take days: the list says how long",
     )
     parser.add_argument(
         "--sweep", type=Path, metavar="DIR", help="folder of a sweep, of studies that read bodies from one"
     )
     parser.add_argument(
         "--jobs",
-        type=options.whole(1),
+        type=arguments.whole(1),
         metavar="N",
         help="runs that go on at the same time, of studies of many runs (default: one after the other)",
     )
     parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
+    arguments.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> Report:
     """Do a study, or list all."""
-    from optim.hints import nearest
-    from optim.studies.catalogue import CATALOGUE
+    from optim.studies.catalogue import STUDIES
 
     if args.study is None:
         for name in ("out", "sweep", "jobs"):
             if getattr(args, name) is not None:
                 raise ValueError(f"{name}: {getattr(args, name)} is not allowed without a study; name one first")
-        items = {name: {"source": item.source, "title": item.title} for name, item in CATALOGUE.items()}
-        return Report(items, "\n".join(f"{name}: {item.title} ({item.source})" for name, item in CATALOGUE.items()))
-    if args.study not in CATALOGUE:
-        known = ", ".join(CATALOGUE)
-        raise ValueError(f"study: {args.study!r} is unknown; choose one of {known}{nearest(args.study, CATALOGUE)}")
-    item = CATALOGUE[args.study]
+        studies = {name: STUDIES[name] for name in STUDIES}
+        items = {name: {"source": s.source, "title": s.title, "cost": s.cost} for name, s in studies.items()}
+        lines = [f"{name}: {s.title} ({s.source}{s.cost and f'; full: {s.cost}'})" for name, s in studies.items()]
+        return Report(items, "\n".join(lines))
+    study = STUDIES.find(args.study)
     if args.out is None:
         raise ValueError("out: none given; name a folder for the results")
-    if args.sweep is not None and not item.sweep:
+    given = {"sweep_folder": args.sweep, "jobs": args.jobs}
+    options = {name: value for name, value in given.items() if value is not None}
+    for name in options.keys() - study.options:
+        if name == "jobs":
+            able = ", ".join(name for name in STUDIES if "jobs" in STUDIES[name].options)
+            raise ValueError(f"jobs: {args.jobs} is not allowed with study {args.study}; {able} take them")
         raise ValueError(f"sweep: study {args.study} reads none; leave it out")
-    if args.jobs is not None and not item.jobs:
-        able = ", ".join(name for name, one in CATALOGUE.items() if one.jobs)
-        raise ValueError(f"jobs: {args.jobs} is not allowed with study {args.study}; {able} take them")
-    given = {"sweep_folder": args.sweep} if args.sweep else {}
-    given |= {"jobs": args.jobs} if args.jobs else {}
     try:
         with shown_progress(args.study, 1.0, args.quiet) as update:
-            item.run(args.out, args.budget, update, **given)
+            study.reproduce(args.out, args.budget, update, **options)
     except KeyboardInterrupt as interrupt:
         return interrupted(args.out, interrupt)
-    document = {"folder": str(args.out), "study": args.study, "budget": args.budget, "files": list(item.writes)}
-    return Report(document, f"{args.out}: {', '.join(item.writes)}")
+    document = {"folder": str(args.out), "study": args.study, "budget": args.budget, "files": list(study.writes)}
+    return Report(document, f"{args.out}: {', '.join(study.writes)}")

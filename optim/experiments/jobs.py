@@ -38,7 +38,9 @@ class _Job:
     process: SpawnProcess
 
 
-def beside(tasks: Sequence[tuple[str, Task]], jobs: int, where: Mapping[str, Any], progress: Progress = None) -> None:
+def run_parallel(
+    tasks: Sequence[tuple[str, Task]], jobs: int, where: Mapping[str, Any], progress: Progress = None
+) -> None:
     """Do parts of a study in several processes, before the study gathers what they leave; nothing for one job.
 
     Args:

@@ -82,7 +82,7 @@ def check_tables(folder: Path, settings: Mapping[str, Any]) -> None:
             )
 
 
-def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
+def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
     """Arrays of a part of a study: those in the folder, or computed now and kept there.
 
     Args:
@@ -98,10 +98,10 @@ def kept(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays])
     return found
 
 
-def kept_in_turn(
+def cached_in_turn(
     folder: ResultsFolder, key: str, parts: Iterable[tuple[str, Callable[[Progress], NDArray[Any]]]], progress: Progress
 ) -> list[NDArray[Any]]:
-    """An array of each part of a study, those of the folder or computed now, one after the other: see :func:`kept`.
+    """An array of each part of a study, those of the folder or computed now, one after the other: see :func:`cached`.
 
     Args:
         folder: takes each as it comes.
@@ -112,7 +112,7 @@ def kept_in_turn(
     parts = list(parts)
 
     def one(number: int, name: str, compute: Callable[[Progress], NDArray[Any]]) -> NDArray[Any]:
-        return kept(folder, name, lambda: {key: compute(part_of(progress, number, len(parts)))})[key]
+        return cached(folder, name, lambda: {key: compute(part_of(progress, number, len(parts)))})[key]
 
     return [one(number, *part) for number, part in enumerate(parts)]
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.experiments.results import kept
+from optim.experiments.results import cached
 from optim.experiments.side_by_side import BudgetedSearch, judge_together, run_side_by_side
 from optim.problem import Evaluation
 from optim.runs.requests import Request
@@ -164,6 +164,6 @@ def record_trials(
     return Trials(points, objectives[0], solved, with_gradient)
 
 
-def kept_trials(folder: ResultsFolder | None, arm: str, *searches: Any, **options: Any) -> Trials:
+def cached_trials(folder: ResultsFolder | None, arm: str, *searches: Any, **options: Any) -> Trials:
     """The trials of an arm of a study: those in the folder, or made now, see :func:`record_trials`, and kept there."""
-    return Trials.from_arrays(kept(folder, f"trials_{arm}", lambda: record_trials(*searches, **options).arrays))
+    return Trials.from_arrays(cached(folder, f"trials_{arm}", lambda: record_trials(*searches, **options).arrays))

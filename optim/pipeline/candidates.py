@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, kept, part_of
+from optim.experiments.results import Progress, cached, part_of
 from optim.pipeline.task import PipelineTask
 from optim.runs import open_run, run_search
 from optim.search import build_method
@@ -102,7 +102,7 @@ def speeds_of(
                 run = gaits.simulate(copies, terrain, perturbation=NOISE, seed=task.seed, progress=part, **where)
                 return {"speeds": run.speed}
 
-            rows.append(kept(folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play)["speeds"])
+            rows.append(cached(folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play)["speeds"])
         found[name] = np.array(rows)
     return found
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, kept, part_of
+from optim.experiments.results import Progress, cached, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
@@ -91,7 +91,7 @@ def find_change(
         legs = [*first, Leg(design, ground), Leg(designs[1], terrains[1])]
         key = f"change {names} {[slug(t) for t in terrains]} {slug(ground)} {together} {grip}"
         part = part_of(progress, number, len(ways))
-        found = kept(folder, part_name(key), lambda legs=legs, part=part: _play(legs, task, part, threads))  # type: ignore[misc]
+        found = cached(folder, part_name(key), lambda legs=legs, part=part: _play(legs, task, part, threads))  # type: ignore[misc]
         way = f"{'while' if together else 'after'} the bladders empty, feet {'grip' if grip else 'slide'}"
         tried.append(_judged(names, ground, design, way, found, task))
         if not tried[-1].faults:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optim.experiments.results import Progress, kept, part_of
+from optim.experiments.results import Progress, cached, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change, part_name
 from optim.pipeline.machine import State
@@ -75,7 +75,7 @@ def cross(
 
     way = "" if change is None else f"{slug(change.terrain)} {change.way}"
     key = f"crossing {[f'{slug(state.terrain)} {state.gait}' for state in states]} {way} {single[0]}"
-    played = kept(folder, part_name(key), play)
+    played = cached(folder, part_name(key), play)
     shown = simulate_journey(
         legs,
         **{**where, "precision": "f32"},

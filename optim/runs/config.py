@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import tomli_w
 
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Objective, Problem, objectives_of, score_of
+from optim.search import METHODS, default_settings
 from taichi_sim.base import files
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
@@ -127,5 +128,13 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
             check_same(old, value, folder, f"{name}.")
         elif prefix + name == "generations" and value < known[name]:
             raise ValueError(f"generations: {value} is below the {old} of the run in {folder}; it may only be raised")
+        elif prefix == "method." and name not in known and value == _default(known, name):
+            continue  # a setting that methods did not have when the run began
         elif prefix + name != "generations" and value != old:
             raise ValueError(f"{prefix}{name}: {value!r} is not what the run in {folder} has, {old!r}; leave it out")
+
+
+def _default(method: Mapping[str, Any], setting: str) -> Any:
+    """The default of a setting of the method that a run names; None if there is none."""
+    name = str(method.get("name"))
+    return default_settings(name).get(setting) if name in METHODS else None

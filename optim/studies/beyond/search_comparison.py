@@ -15,8 +15,9 @@ from typing import Any
 from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, kept_trials
+from optim.experiments.trials import Trials, cached_trials
 from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
@@ -68,7 +69,7 @@ def search(
             problem = settings.problem("environments" if method == "borg" else "total", **given)
             report = part_of(progress, done, parts)
             trial = problem, method, own, settings.seeds, settings.budget
-            found[name][label] = kept_trials(folder, f"{name}_{label}", *trial, until_solved=True, progress=report)
+            found[name][label] = cached_trials(folder, f"{name}_{label}", *trial, until_solved=True, progress=report)
             done += 1
     return found
 
@@ -121,8 +122,17 @@ def _draw(times: dict[str, dict[str, dict[str, Ints]]], budget: int, path: Path)
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
     """Write ``summary.json``, raw data as CSV and a figure.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
     results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})
     write_json(folder / "summary.json", report(settings, search(settings, results, progress), folder))
+
+
+STUDY = Study(
+    title="gradients beside gradient-free searches: evaluations until all environments are solved",
+    source="beyond chapter 4",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "evaluations-until-all-solved.csv", "search-comparison.png"),
+)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.study import Study
 from optim.studies.chapter2.alone import Alone, train_alone
 from optim.studies.chapter2.champions import champions_of, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
@@ -111,7 +112,7 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     """The nine treatments in two and in four environments, and each robot on each light alone.
 
     Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``; for the arguments see
-    :class:`optim.studies.catalogue.Item`.
+    :class:`optim.experiments.study.Study`.
     """
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
     interference = Interference(population=settings.population)
@@ -129,3 +130,23 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
         replace(interference, lights=LIGHTS[4]), tuple(ROBOTS), settings.alone, folder, progress=part_of(progress, 2, 3)
     )
     write_json(folder / "summary.json", {"alone": alone})
+
+
+STUDY = Study(
+    title="which robots, trained in several environments, suffer when what helps in one harms in another",
+    source="chapter 2, tables M1 to M4 and figures",
+    scales=SCALES,
+    run=study,
+    writes=(
+        "two/tables.md",
+        "two/changes.png",
+        "two/changes-of-champions.png",
+        "two/curves.png",
+        "two/traces.png",
+        "four/tables.md",
+        "four/curves.png",
+        "four/traces.png",
+        "alone.csv",
+    ),
+    cost="65 h of CPU time for two environments, 80 for four",
+)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import kept
+from optim.experiments.results import cached
 from robots.braitenberg import weight_grid
 from robots.rover.robot import STEPS, Rover, simulate
 from taichi_sim.base import checks
@@ -81,7 +81,7 @@ def successes(
     wanted = sorted({design for design, _ in stand_ins})
     for n, design in enumerate(wanted):
         compute = partial(_one, design, settings, {"device": device, "threads": threads})
-        known = kept(results, f"design_{design}", compute)["success"]
+        known = cached(results, f"design_{design}", compute)["success"]
         for index, (own, mirrored) in enumerate(stand_ins):
             if own == design:
                 found[index] = known.transpose(1, 0, 2)[..., MIRRORED_LIGHTS] if mirrored else known

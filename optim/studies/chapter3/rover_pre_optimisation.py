@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, COLUMN, figure
-from optim.experiments.results import Budget, Progress, kept, write_json
+from optim.experiments.results import Budget, Progress, cached, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, kept_trials
+from optim.experiments.trials import Trials, cached_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
@@ -109,7 +110,7 @@ SCALES: Mapping[Budget, PreOptimisation] = {"small": PreOptimisation(1, 400, wei
 def study(folder: Path, settings: PreOptimisation, progress: Progress = None) -> None:
     """Write ``summary.json``, the fronts as CSV and a figure, search by search.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     numbers = {name: value for name, value in asdict(settings).items() if name != "threads"}
     problems = {name: settings.problem(name) for name in CONTROLLERS}
@@ -120,7 +121,7 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
         trials = []
         for run in range(settings.runs):
             search = problem, "borg", BORG, [settings.seed + run], settings.budget
-            trials.append(kept_trials(results, f"{name}_{run}", *search))
+            trials.append(cached_trials(results, f"{name}_{run}", *search))
             if progress:
                 progress((n * settings.runs + run + 1) / parts)
         fronts[name] = Front.of(trials)
@@ -170,7 +171,7 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
         ]
         return {"closest": alone.closest, "overlaps": np.array(swept).reshape(-1, *[settings.weights] * 2)}
 
-    found = kept(results, f"judged_{name}", compute)
+    found = cached(results, f"judged_{name}", compute)
     return {
         "parameters": _shown(base),
         "effort": float(effort([base])[0]),
@@ -215,3 +216,12 @@ def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> Non
         axes.plot([], [], "o", color="black", markersize=3, label="filled: all four lights reached")
         axes.set(xlabel="torque + speed + rate [$\\pi$]", ylabel="sum of smallest distances [m]", ylim=(0, None))
         axes.legend(loc="upper right")
+
+
+STUDY = Study(
+    title="the search for the two-wheel vehicle's base body: distance from the light against effort of its drives",
+    source="chapter 3, the empirical model",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "rover-fronts.csv", "rover-pre-optimisation.png"),
+)

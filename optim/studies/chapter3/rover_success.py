@@ -13,6 +13,7 @@ import numpy as np
 
 from optim.experiments.figures import COLUMN, figure, letter, save_arrays
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import write_table
 from optim.measures.overlap import interference, learnability
 from optim.plots.vehicles import add_overlap_bar, draw_overlap
@@ -66,7 +67,7 @@ SCALES: Mapping[Budget, RoverSuccess] = {
 def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> None:
     """Write ``summary.json``, a table and a figure, its numbers beside it.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     check_folder(
         folder, ("success", "theory", "summary.json", *(f"rover-success.{end}" for end in ("csv", "npz", "png")))
@@ -110,3 +111,12 @@ def draw(overlaps: dict[tuple[str, str], Overlap], path: Path) -> None:
         add_overlap_bar(drawn, image, panels.ravel().tolist())
         letter(panels)
     save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})
+
+
+STUDY = Study(
+    title="all controllers in the canonical and the best body of the two-wheel vehicle, as rigid bodies",
+    source="chapter 3, figure of landscapes, empirical model",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "rover-success.csv", "rover-success.png"),
+)

@@ -12,6 +12,7 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import write_table
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
@@ -71,7 +72,7 @@ SCALES: Mapping[Budget, RoverSweep] = {
 def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None:
     """Write ``summary.json``, a table and a figure.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     check_folder(folder, ("success", "theory", "summary.json", "rover-sweep.csv", "rover-sweep.png"))
     named = {name: rover.vehicle for name, rover in BODIES.items()}
@@ -143,3 +144,13 @@ def draw(metrics: dict[tuple[str, str], Floats], known: dict[tuple[str, str], di
             axes.set_ylabel("bodies")
         panels[1, 0].legend(loc="upper right")
         letter(panels)
+
+
+STUDY = Study(
+    title="learnability of random bodies of the two-wheel vehicle, as rigid bodies and in theory",
+    source="chapter 3, figure of distributions, empirical model",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "rover-sweep.csv", "rover-sweep.png"),
+    cost="31 h of CPU time",
+)

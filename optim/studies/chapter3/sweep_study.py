@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Budget, Progress
+from optim.experiments.study import Study
 from optim.studies.chapter3.sensor_placement_figures import save_figures
 from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
 from optim.studies.chapter4.training import sample_designs
@@ -50,7 +51,7 @@ def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sw
     """Write ``table.csv`` and pictures.
 
     Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: takes the overlaps; one beside the results if None.
     """
     ResultsFolder(folder, "sensor-placement", settings.describe())
@@ -59,3 +60,12 @@ def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sw
     table = read_sweep_table(overlaps).rows(designs)
     table.write(folder / "table.csv")
     save_figures(table, overlaps, folder)
+
+
+STUDY = Study(
+    title="all controllers in bodies of the published grid: learnability and resistance to interference",
+    source="chapters 3 and 4, figures of designs, metrics and their correlation",
+    scales=SCALES,
+    run=study,
+    writes=("table.csv", "distributions.png", "correlation.png", "examples.png"),
+)

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, first_time, kept_trials
+from optim.experiments.trials import Trials, cached_trials, first_time
 from optim.measures.statistics import mean_band
 from optim.problems.braitenberg import VehicleProblem
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
@@ -79,7 +80,7 @@ def co_optimise(settings: CoOptimisation, folder: ResultsFolder | None, progress
     found = {}
     for n, (arm, (_, given)) in enumerate(ARMS.items()):
         searches = settings.problem(**given), "borg", BORG, settings.seeds, settings.budget
-        found[arm] = kept_trials(folder, arm, *searches, progress=part_of(progress, n, len(ARMS)))
+        found[arm] = cached_trials(folder, arm, *searches, progress=part_of(progress, n, len(ARMS)))
     return found
 
 
@@ -121,7 +122,7 @@ def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dic
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
     """Write ``summary.json``, curves and raw data as CSV, and ``co-optimisation.png``.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     from optim.studies.chapter4.co_optimisation_figure import draw
     from optim.studies.chapter4.sensor_homeostasis import follow_homeostasis
@@ -132,3 +133,19 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     summary["homeostasis"] = follow_homeostasis(settings, found, results, folder, part_of(progress, 1, 2))
     write_json(folder / "summary.json", summary)
     draw(folder)
+
+
+STUDY = Study(
+    title="body and controller together beside the controller alone, and how homeostatic their solutions become",
+    source="chapter 4, figure neurips_cooptimization",
+    scales=SCALES,
+    run=study,
+    writes=(
+        "summary.json",
+        "environments-solved.csv",
+        "evaluations-until-all-solved.csv",
+        "homeostasis.csv.gz",
+        "homeostasis-at-the-end.csv",
+        "co-optimisation.png",
+    ),
+)

@@ -17,9 +17,10 @@ import numpy as np
 
 from optim.experiments.comparison import compare, describe_times
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
-from optim.experiments.results import Budget, Progress, kept, part_of, write_json
+from optim.experiments.results import Budget, Progress, cached, part_of, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import NOTHING, Trials, kept_trials
+from optim.experiments.trials import NOTHING, Trials, cached_trials
 from optim.measures import interference, learnability
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
@@ -83,7 +84,7 @@ def search(settings: HomeostasisObjective, folder: ResultsFolder | None, progres
         "with": (HomeostasisProblem(vehicle, settings.samples), {**BORG, "epsilons": [*sides, BOX]}),
     }
     return {
-        arm: kept_trials(folder, arm, problem, "borg", borg, own.seeds, own.budget, progress=part_of(progress, n, 2))
+        arm: cached_trials(folder, arm, problem, "borg", borg, own.seeds, own.budget, progress=part_of(progress, n, 2))
         for n, (arm, (problem, borg)) in enumerate(arms.items())
     }
 
@@ -99,7 +100,7 @@ def reported(settings: HomeostasisObjective, found: dict[str, Trials], folder: R
     last = without.reported(BORG["epsilons"])[:, -1]
     rows = np.arange(len(last))
     last = np.where((last != NOTHING) & (without.solved[rows, last] == goal), last, NOTHING)
-    similar = kept(folder, "similarity_without", partial(_similarity, settings, without))["homeostasis"]
+    similar = cached(folder, "similarity_without", partial(_similarity, settings, without))["homeostasis"]
     chosen = {
         "without": _points(without, last),
         "selected": _points(without, _largest(similar, without.solved == goal)),
@@ -152,13 +153,13 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
 def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
     """Write ``summary.json``, ``reported.csv`` and a figure.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     results = ResultsFolder(folder, "homeostasis-objective", settings.describe())
     found = search(settings, results, part_of(progress, 0, 2))
     outcomes: dict[str, Arrays] = {}
     for n, (way, points) in enumerate(reported(settings, found, results).items()):
-        arrays = kept(results, f"judged_{way}", partial(judge, settings, points, folder / "sweep"))
+        arrays = cached(results, f"judged_{way}", partial(judge, settings, points, folder / "sweep"))
         outcomes[way] = {**arrays, "points": points}
         if progress:
             progress(0.5 + 0.5 * (n + 1) / len(LABELS))
@@ -209,3 +210,12 @@ def draw(outcomes: dict[str, Arrays], path: Path) -> None:
                 logarithmic(axes, "y")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
         letter(panels)
+
+
+STUDY = Study(
+    title="whether homeostasis as an objective helps",
+    source="chapter 6",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "reported.csv", "homeostasis-objective.png"),
+)

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Budget, Progress, kept, part_of, write_json
+from optim.experiments.results import Budget, Progress, cached, part_of, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import read_table, write_table
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
@@ -124,7 +125,7 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
     """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``.
 
     Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
     """
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
@@ -132,7 +133,7 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
     designs, parts = list(bodies), []
     for first in range(0, len(designs), BODIES_PER_PART):
         chosen = {design: bodies[design] for design in designs[first : first + BODIES_PER_PART]}
-        parts.append(kept(results, f"bodies_{first}", partial(measure, settings, chosen)))
+        parts.append(cached(results, f"bodies_{first}", partial(measure, settings, chosen)))
         if progress:
             progress(0.5 + 0.5 * min(1.0, (first + BODIES_PER_PART) / len(designs)))
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in HEADER}
@@ -160,3 +161,12 @@ def draw(folder: Path) -> None:
         for axes, metric in zip(panels[1], ("$M_L$", "$M_{CI}$"), strict=True):
             axes.set_xlabel(metric)
         letter(panels)
+
+
+STUDY = Study(
+    title="whether bodies in which controllers are easily found are homeostatic",
+    source="chapters 4 and 6",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "bodies.csv", "homeostasis-of-bodies.png"),
+)

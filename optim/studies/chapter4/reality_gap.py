@@ -14,7 +14,8 @@ import numpy as np
 
 from optim.experiments.comparison import compare
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Budget, Progress, kept, write_json
+from optim.experiments.results import Budget, Progress, cached, write_json
+from optim.experiments.study import Study
 from optim.experiments.tables import read_table, write_table
 from optim.measures.statistics import mean_band
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
@@ -77,14 +78,14 @@ def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_f
     """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``.
 
     Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
     """
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     found: dict[int, Arrays] = {}
     for design in DESIGNS:
         work = partial(measure, settings, design, sweep_folder or folder / "sweep")
-        found[design] = kept(results, f"design_{design}", work)
+        found[design] = cached(results, f"design_{design}", work)
         if progress:
             progress(len(found) / len(DESIGNS))
     rows: list[tuple[Any, ...]] = []
@@ -126,3 +127,12 @@ def draw(folder: Path) -> None:
         panels.flat[-1].axis("off")
         panels.flat[-1].legend(*panels.flat[0].get_legend_handles_labels(), loc="center")
         letter(panels.ravel()[: len(kinds)])
+
+
+STUDY = Study(
+    title="controllers that still succeed when vehicle or world are changed",
+    source="chapter 6, figure of weight manifolds",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "survival.csv", "reality-gap.png"),
+)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare
-from optim.experiments.results import Progress, kept
+from optim.experiments.results import Progress, cached
 from optim.experiments.tables import write_table
 from optim.experiments.trials import NOTHING, Trials
 from optim.measures import homeostasis
@@ -126,8 +126,8 @@ def follow_homeostasis(
     }
     for n, (arm, trials) in enumerate(found.items()):
         given, reported = ARMS[arm][1], trials.reported(BORG["epsilons"])
-        course = kept(folder, f"course_{arm}", partial(distances_of_reported, settings, given, trials, reported))
-        end = kept(folder, f"end_{arm}", partial(distances_at_the_end, settings, given, trials, reported))
+        course = cached(folder, f"course_{arm}", partial(distances_of_reported, settings, given, trials, reported))
+        end = cached(folder, f"end_{arm}", partial(distances_at_the_end, settings, given, trials, reported))
         solved = trials.of_points(trials.solved, reported, 0) == environments
         shown = {name: trials.of_points(values, reported, np.nan) for name, values in course.items()}
         for name, values in shown.items():

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.study import Study
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
 from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
@@ -59,7 +60,7 @@ def study(
     """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``.
 
     Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: of a sweep of these bodies, or that takes it; one beside the results if None.
     """
     ResultsFolder(folder, "training", settings.describe())
@@ -72,3 +73,12 @@ def study(
     found = [asdict(one) for one in metric_correlations(table, sweep)]
     write_json(folder / "summary.json", {"correlations": found, "metrics": asdict(correlation_of_metrics(sweep))})
     save_training(table, sweep, folder / "training.png")
+
+
+STUDY = Study(
+    title="evaluations that four trainers need, against what a sweep says of the bodies",
+    source="chapter 4, figure of sample efficiency",
+    scales=SCALES,
+    run=study,
+    writes=("summary.json", "runs.csv", "training.png"),
+)

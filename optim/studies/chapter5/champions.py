@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from optim.experiments.results import Progress, kept, part_of
+from optim.experiments.results import Progress, cached, part_of
 from optim.studies.chapter5.costs import Costs
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
@@ -58,7 +58,7 @@ def play_by_hand(
         with costs.of("by hand"):
             return {"speeds": robot.speeds(cases, threads, progress)}
 
-    speeds = iter(kept(folder, "by_hand", compute)["speeds"])
+    speeds = iter(cached(folder, "by_hand", compute)["speeds"])
     return {name: {place: next(speeds) for place in PLACES} for name in BY_HAND}
 
 
@@ -121,7 +121,7 @@ def _again(
         with costs.of("best designs again"):
             return {"speeds": _robot(settings, "f64", settings.copies).speeds(cases, threads, progress)[0]}
 
-    return kept(folder, f"again_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
+    return cached(folder, f"again_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
 
 
 def _elsewhere(
@@ -142,7 +142,7 @@ def _elsewhere(
             robot = _robot(settings, "f32", 1, noise=0.0)
             return {"speeds": np.array([found.scores[-1, best], robot.speeds(cases, threads, progress)[:, 0]])}
 
-    return kept(folder, f"elsewhere_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
+    return cached(folder, f"elsewhere_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
 
 
 def _robot(settings: ShapeChange, precision: str, copies: int, **more: float) -> Robot:

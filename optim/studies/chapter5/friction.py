@@ -12,6 +12,7 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.experiments.results import Budget, Progress, write_summary
+from optim.experiments.study import Study
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
 from optim.studies.chapter5.published import FRICTION
 from robots.inflatable.robot import INCHING
@@ -81,7 +82,7 @@ def study(
 ) -> dict[str, Any]:
     """Write a table and a figure of both sweeps, and all numbers.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     cases = settings.cases
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
@@ -175,3 +176,12 @@ def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
         panels[0, 0].set_ylabel("speed of inching [BL/s]")
         letter(panels)
         legend_above(drawn, [*ours, *dots, *theirs])
+
+
+STUDY = Study(
+    title="inching on flat ground with other friction of sliding and gripping feet",
+    source="chapter 5, figure of friction, d and e",
+    scales=SCALES,
+    run=study,
+    writes=("friction.md", "friction.csv", "friction.png", "summary.json"),
+)

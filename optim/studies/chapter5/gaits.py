@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.experiments.results import Progress, kept_in_turn
+from optim.experiments.results import Progress, cached_in_turn
 from robots.inflatable import robot as inflatable
 from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
 from robots.inflatable.robustness import NOISE
@@ -107,7 +107,7 @@ def speeds_in_parts(
     size = -(-BATCH // robot.copies)
     batches = [cases[first : first + size] for first in range(0, len(cases), size)]
     parts = [(f"speeds_{n}", partial(robot.speeds, batch, threads)) for n, batch in enumerate(batches)]
-    return np.concatenate(kept_in_turn(folder, "speeds", parts, progress))
+    return np.concatenate(cached_in_turn(folder, "speeds", parts, progress))
 
 
 def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Budget, Progress, kept_in_turn, write_summary
+from optim.experiments.results import Budget, Progress, cached_in_turn, write_summary
+from optim.experiments.study import Study
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman, wilson
 from optim.studies.chapter5.gaits import Case, Robot
@@ -115,13 +116,13 @@ def study(
 ) -> dict[str, Any]:
     """Write a table, heat maps and all numbers; more bodies may follow in the same folder.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
     parts = ResultsFolder(folder, KIND, {**about, "robot": settings.robot.describe()})
     flat = [(f"flat_{pressure:g}", partial(on_flat, settings, pressure, threads)) for pressure in settings.pressures]
     hill = [(f"hill_{body[0]:g}_{body[1]:g}", partial(on_hill, settings, body, threads)) for body in settings.bodies]
-    found = kept_in_turn(parts, "speeds", [*flat, *hill], progress)
+    found = cached_in_turn(parts, "speeds", [*flat, *hill], progress)
     ways, climbs = np.array(found[: len(flat)]), np.array(found[len(flat) :])
     level = (travel_directions(np.array(settings.orientations)) @ ways).reshape(climbs.shape)
     rows = rows_of(settings.bodies, np.stack([level, climbs], axis=1))
@@ -203,3 +204,13 @@ def correlations(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         one = asdict(spearman([row["M_L"] for row in here], [row["M_CI"] for row in here], "two-sided"))
         found[name] = one if len(here) >= LEAST_BODIES else {**one, "low": None, "high": None, "p": None}
     return found
+
+
+STUDY = Study(
+    title="learnability and interference of shapes and orientations of the soft robot, by sampled gaits",
+    source="chapters 4 and 6, metrics of complex robots",
+    scales=SCALES,
+    run=study,
+    writes=("metrics.csv", "metrics.png", "summary.json"),
+    cost="20 h of two cores",
+)

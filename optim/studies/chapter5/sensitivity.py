@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Budget, Progress, kept_in_turn, write_summary
+from optim.experiments.results import Budget, Progress, cached_in_turn, write_summary
+from optim.experiments.study import Study
 from optim.hints import nearest
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
@@ -115,7 +116,7 @@ SCALES: Mapping[Budget, Sensitivity] = {
 def study(folder: Path, settings: Sensitivity, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a table, a figure and all numbers; more factors may follow in the same folder.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = ResultsFolder(folder, KIND, about)  # more factors may follow
@@ -124,7 +125,7 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
         (re.sub(r"\W+", "_", f"{name} {factor:.6g}"), partial(travelled, settings, variant, threads))
         for name, factor, variant in variants
     )
-    lengths = kept_in_turn(parts, "lengths", work, progress)
+    lengths = cached_in_turn(parts, "lengths", work, progress)
     found = {(name, factor): each for (name, factor, _), each in zip(variants, lengths, strict=True)}
     rows = rows_of(found, tuple(settings.behaviours))
     summary = {**about, "survives_from": SURVIVES, "rows": rows}
@@ -229,3 +230,13 @@ def _line(axes: Any, rows: Sequence[Mapping[str, Any]], name: str, behaviour: st
         elinewidth=0.6,
         label=name,
     )
+
+
+STUDY = Study(
+    title="whether rolling and inching survive other moduli, densities, time steps, pressures and voxels",
+    source="chapter 5, discussion of the simulator's parameters",
+    scales=SCALES,
+    run=study,
+    writes=("sensitivity.md", "sensitivity.csv", "sensitivity.png", "summary.json"),
+    cost="1 h of two cores",
+)

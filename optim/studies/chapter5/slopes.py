@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
 from optim.experiments.results import Budget, Progress, write_summary
+from optim.experiments.study import Study
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
@@ -57,7 +58,7 @@ SCALES: Mapping[Budget, SlopeSweep] = {
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a table, a figure, the transition and all numbers.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     parts = ResultsFolder(folder, KIND, {"slopes": settings.slopes, "robot": settings.robot.describe()})
     cases = [Case(design, Terrain(slope)) for slope in settings.slopes for design in GAITS.values()]
@@ -173,3 +174,12 @@ def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, 
                 axes.axvspan(found["low"], found["high"], color="0.6", alpha=0.25, linewidth=0)
         axes.set(xlabel="slope [degrees]", ylabel="speed uphill [BL/s]")
         legend_above(drawn, axes.get_legend_handles_labels()[0])
+
+
+STUDY = Study(
+    title="rolling and inching up slopes, and the slope at which inching overtakes",
+    source="chapter 5, transition of gaits",
+    scales=SCALES,
+    run=study,
+    writes=("slopes.md", "slopes.csv", "slopes.png", "summary.json"),
+)

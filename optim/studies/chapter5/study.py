@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.study import Study
 from optim.studies.chapter5.champions import KIND, Played, open_played, play_by_hand, play_found, played_before
 from optim.studies.chapter5.comparison import summarise
 from optim.studies.chapter5.costs import Costs
@@ -25,7 +26,7 @@ BEFORE, SEARCHES, AFTER = 1, 16, 3  # shares of the progress
 def study(folder: Path, settings: ShapeChange, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a run folder for each experiment in ``runs``, the table, curves and all numbers, after every generation.
 
-    For the arguments see :class:`optim.studies.catalogue.Item`.
+    For the arguments see :class:`optim.experiments.study.Study`.
     """
     check_folder(folder, (*FILES, RUNS, KIND))
     beside = open_played(settings, folder)
@@ -49,3 +50,13 @@ def study(folder: Path, settings: ShapeChange, progress: Progress = None, thread
     found = read(settings, folder / RUNS)
     rest = part_of(progress, BEFORE + SEARCHES, total, AFTER)
     return write(found, play_found(settings, found, by_hand, beside, costs, threads, rest))
+
+
+STUDY = Study(
+    title="searches for gaits on flat ground and up a hill, with shape, orientation and control free or fixed",
+    source="chapter 5, table of simulation results and figure of searches",
+    scales=SCALES,
+    run=study,
+    writes=("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", "runs"),
+    cost="10 h of two cores for each of 8 rows",
+)

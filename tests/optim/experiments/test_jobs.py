@@ -12,7 +12,7 @@ import pytest
 from hill import Hill
 from worker_checks import numbers, wait_for
 
-from optim.experiments.jobs import beside
+from optim.experiments.jobs import run_parallel
 from optim.studies.beyond.gait_hunt import study as hunting
 from robots.inflatable import gaits
 from taichi_sim.base import compute
@@ -25,7 +25,7 @@ def nine_cores(monkeypatch):
 
 def test_all_is_done_by_so_many_processes(tmp_path, nine_cores):
     seen, tasks = [], [(name, partial(jobs_to_do.leave, tmp_path, name)) for name in "abcde"]
-    beside(tasks, 2, {"precision": "f32"}, seen.append)
+    run_parallel(tasks, 2, {"precision": "f32"}, seen.append)
     left = [(tmp_path / name).read_text().split() for name in "abcde"]
     assert all(one[:2] == ["4", "4"] for one in left)
     assert len({one[2] for one in left}) == 5 and str(os.getpid()) not in {one[2] for one in left}
@@ -33,24 +33,24 @@ def test_all_is_done_by_so_many_processes(tmp_path, nine_cores):
 
 
 def test_one_job_is_none_beside_the_study(tmp_path):
-    beside([("a", partial(jobs_to_do.leave, tmp_path, "a"))], 1, {}, None)
+    run_parallel([("a", partial(jobs_to_do.leave, tmp_path, "a"))], 1, {}, None)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(ValueError, match=r"^jobs: 0 is not allowed"):
-        beside([], 0, {}, None)
+        run_parallel([], 0, {}, None)
 
 
 def test_fewer_parts_than_jobs_have_more_of_the_machine(tmp_path, nine_cores):
-    beside([(name, partial(jobs_to_do.leave, tmp_path, name)) for name in "abc"], 8, {})
+    run_parallel([(name, partial(jobs_to_do.leave, tmp_path, name)) for name in "abc"], 8, {})
     assert {(tmp_path / name).read_text().split()[0] for name in "abc"} == {"3"}
 
 
 def test_threads_that_were_asked_for_stay(tmp_path):
-    beside([("a", partial(jobs_to_do.leave, tmp_path, "a"))], 2, {"threads": 7}, None)
+    run_parallel([("a", partial(jobs_to_do.leave, tmp_path, "a"))], 2, {"threads": 7}, None)
     assert (tmp_path / "a").read_text().split()[0] == "7"
 
 
 def test_warnings_are_notes_of_a_line(tmp_path, capfd):
-    beside([("a", partial(jobs_to_do.warn, tmp_path))], 2, {})
+    run_parallel([("a", partial(jobs_to_do.warn, tmp_path))], 2, {})
     assert capfd.readouterr().err == "morpholab worker: note: kite: it has no tail\n"
 
 
@@ -64,7 +64,7 @@ def test_warnings_are_notes_of_a_line(tmp_path, capfd):
 )
 def test_a_part_that_fails_ends_the_others(tmp_path, task, error, message):
     with pytest.raises(error, match=message):
-        beside([("long", partial(jobs_to_do.wait, tmp_path)), ("bad", partial(task, tmp_path))], 2, {}, None)
+        run_parallel([("long", partial(jobs_to_do.wait, tmp_path)), ("bad", partial(task, tmp_path))], 2, {}, None)
     assert len(numbers(tmp_path)) == 1 and multiprocessing.active_children() == []
 
 
@@ -87,7 +87,7 @@ def test_an_interrupt_ends_all(tmp_path):
     thread = threading.Thread(target=strike)
     thread.start()
     with pytest.raises(KeyboardInterrupt):
-        beside([(name, partial(jobs_to_do.wait, tmp_path)) for name in "ab"], 2, {}, None)
+        run_parallel([(name, partial(jobs_to_do.wait, tmp_path)) for name in "ab"], 2, {}, None)
     thread.join()
     assert len(numbers(tmp_path)) == 2 and multiprocessing.active_children() == []
 

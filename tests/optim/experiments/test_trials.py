@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import mannwhitneyu
 
 from optim.experiments.comparison import compare, describe_times, ranked
-from optim.experiments.results import kept, write_json
-from optim.experiments.trials import Trials, first_time, kept_trials, record_trials
+from optim.experiments.results import cached, write_json
+from optim.experiments.trials import Trials, cached_trials, first_time, record_trials
 from optim.problem import Evaluation
 from optim.search import Borg
 from optim.space import Space, Variable
@@ -90,18 +90,18 @@ def test_nothing_is_reported_before_the_first_success():
 
 def test_what_a_folder_has_is_not_computed_again_unless_it_is_damaged(tmp_path):
     folder, problem = ResultsFolder(tmp_path / "a", "study", {"x": 1}), Hill()
-    first = kept_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+    first = cached_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
     calls = problem.calls
-    again = kept_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+    again = cached_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
     assert problem.calls == calls and all(np.array_equal(first.arrays[n], again.arrays[n]) for n in first.arrays)
     (file,) = (tmp_path / "a").glob("trials_one-*.npz")
     file.write_bytes(file.read_bytes()[:-40])
     with pytest.warns(UserWarning, match="is damaged, and as good as missing"):
-        third = kept_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+        third = cached_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
     assert problem.calls > calls and np.array_equal(third.points, first.points)
     with pytest.raises(ValueError, match=r"holds a study of other settings .*; name another folder"):
         ResultsFolder(tmp_path / "a", "study", {"x": 2})
-    assert kept(None, "one", lambda: {"a": np.ones(2)})["a"].tolist() == [1.0, 1.0]
+    assert cached(None, "one", lambda: {"a": np.ones(2)})["a"].tolist() == [1.0, 1.0]
 
 
 def test_comparisons_name_the_test_and_agree_with_scipy():

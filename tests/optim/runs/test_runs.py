@@ -381,6 +381,14 @@ def test_nothing_is_overwritten(tmp_path, whole):
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
 
 
+def test_a_setting_that_the_method_did_not_have_then_may_be_given_as_its_default(tmp_path):
+    run(tmp_path / "a")
+    run(tmp_path / "a", resume=True, method={**CONFIG["method"], "bounds": "reflect"})
+    assert read_config(tmp_path / "a")["method"] == CONFIG["method"]
+    with pytest.raises(ValueError, match=r"^method.bounds: 'clip' is not what the run in .* has, None; leave it out$"):
+        run(tmp_path / "a", resume=True, method={**CONFIG["method"], "bounds": "clip"})
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

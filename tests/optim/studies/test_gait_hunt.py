@@ -19,7 +19,7 @@ from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt import climb, judging, searches, spending
 from optim.studies.beyond.gait_hunt import study as hunting
 from optim.studies.beyond.gait_hunt.comparison import differences, table_of_differences
-from optim.studies.beyond.gait_hunt.finalists import kept_finalists
+from optim.studies.beyond.gait_hunt.finalists import cached_finalists
 from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, last_bests
 from optim.studies.beyond.gait_hunt.program import Plan
 from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
@@ -362,7 +362,7 @@ def test_finalists_under_other_conditions_are_judged_anew(hill, tmp_path):
     history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
     calls = []
     for terrain, precision in ((15, "f32"), (15, "f32"), (10, "f32"), (10, "f64")):
-        kept_finalists(tmp_path / "f.json", [history], problem, Terrain(terrain), 1, 2, None, precision=precision)
+        cached_finalists(tmp_path / "f.json", [history], problem, Terrain(terrain), 1, 2, None, precision=precision)
         calls.append(hill.calls)
     assert calls[0] == calls[1] < calls[2] < calls[3]
 
@@ -428,7 +428,7 @@ def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
     stand_in = "optim.studies.beyond.gait_hunt.finalists.judge_finalists"
     monkeypatch.setattr(stand_in, lambda designs, *_, **__: [one] * len(designs))
     for _ in range(2):  # computed, then read
-        found = kept_finalists(tmp_path / "f.json", [history, history], problem, HILL[0], 2, 2, None)
+        found = cached_finalists(tmp_path / "f.json", [history, history], problem, HILL[0], 2, 2, None)
         assert [len(each) for each in found] == [count, count]
         np.testing.assert_array_equal(found[1][0].speeds, [np.nan, 0.1])
     assert judging.best_of(found[0]) is None

@@ -1,12 +1,12 @@
 """``morpholab reproduce``: every study in its catalogue exists, one runs whole, and mistakes are one line."""
 
 import json
-from importlib import import_module
 from inspect import signature
 
 import pytest
+from plug_in import install
 
-from optim.studies.catalogue import CATALOGUE
+from optim.studies.catalogue import STUDIES
 from optim.studies.chapter3 import sweep_study
 from optim.studies.chapter3.sweep_study import SensorPlacement
 from optim.studies.chapter4 import training_study
@@ -15,33 +15,56 @@ from optim.studies.chapter4.training_study import TrainingInBodies
 from robots.braitenberg import Sweep
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", STUDIES)
 def test_every_study_is_there_and_takes_what_it_says(name):
-    item = CATALOGUE[name]
-    module = import_module(f"optim.studies.{item.module}")
-    taken = signature(module.study).parameters
-    assert list(taken)[:3] == ["folder", "settings", "progress"] and {"small", "full"} <= set(module.SCALES)
-    assert ("sweep_folder" in taken) == item.sweep and ("jobs" in taken) == item.jobs
-    assert item.source and item.title and item.writes
+    study = STUDIES[name]
+    taken = signature(study.run).parameters
+    assert list(taken)[:3] == ["folder", "settings", "progress"] and {"small", "full"} <= set(study.scales)
+    assert study.options == {"sweep_folder", "jobs"} & set(taken)
+    assert study.source and study.title and study.writes
 
 
 def test_studies_are_listed(morpholab):
     code, out, _ = morpholab("reproduce")
-    assert code == 0 and all(f"{name}: " in out for name in CATALOGUE)
-    assert list(json.loads(morpholab("reproduce --json")[1])) == list(CATALOGUE)
+    assert code == 0 and all(f"{name}: " in out for name in STUDIES)
+    assert list(json.loads(morpholab("reproduce --json")[1])) == list(STUDIES)
 
 
 def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
-    scales = {"small": SensorPlacement(2, Sweep(weights=7, steps=800))}
-    monkeypatch.setattr("optim.studies.chapter3.sweep_study.SCALES", scales)
+    monkeypatch.setitem(sweep_study.SCALES, "small", SensorPlacement(2, Sweep(weights=7, steps=800)))
     code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")
-    assert code == 0 and all((tmp_path / "a" / name).is_file() for name in CATALOGUE["sensor-placement"].writes)
+    assert code == 0 and all((tmp_path / "a" / name).is_file() for name in STUDIES["sensor-placement"].writes)
     assert "table.csv" in out
     table = (tmp_path / "a/table.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in table] == ["design", *map(str, sorted([162, 6553, *sample_designs(2)]))]
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+STUDY = """
+from optim.experiments.study import Study
+
+
+def study(folder, settings, progress=None):
+    folder.mkdir()
+    (folder / "hops.txt").write_text(settings * "hop ")
+    progress(1.0)
+
+
+HOPS = Study("how often a hopper hops", "nowhere", {"small": 2, "full": 3}, study, ("hops.txt",), "no time")
+"""
+
+
+def test_a_study_of_an_installed_package_is_listed_and_runs(morpholab, tmp_path, monkeypatch):
+    install(tmp_path / "site", "hopping-kit", STUDIES.group, {"hops": "hopping_kit:HOPS"}, STUDY)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    assert "hops: how often a hopper hops (nowhere; full: no time)\n" in morpholab("reproduce")[1]
+    code, out, error = morpholab("reproduce hops --out a --quiet --budget full")
+    assert (code, out, error) == (0, "a: hops.txt\n", "")
+    assert (tmp_path / "a/hops.txt").read_text() == "hop hop hop "
+    assert "budget: 'medium' is unknown" in morpholab("reproduce hops --out b --budget medium")[2]
+    STUDIES._loaded.pop("hops")
+
+
+@pytest.mark.parametrize("name", STUDIES)
 def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_path, name):
     (tmp_path / "a").mkdir()
     (tmp_path / "a/notes.txt").write_text("mine")
@@ -53,7 +76,10 @@ def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_pa
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("reproduce trainings --out a", "study: 'trainings' is unknown; choose one of sensor-placement, training"),
+        (
+            "reproduce trainings --out a",
+            "study: 'trainings' is unknown; did you mean training? all of them: sensor-placement",
+        ),
         ("reproduce training", "out: none given; name a folder for the results"),
         ("reproduce co-optimisation --out a --sweep b", "sweep: study co-optimisation reads none; leave it out"),
         ("reproduce training --out a --jobs 2", "jobs: 2 is not allowed with study training; gait-hunt, gait-climb"),

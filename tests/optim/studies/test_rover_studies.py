@@ -7,7 +7,7 @@ import pytest
 
 from optim.experiments.tables import read_table
 from optim.experiments.trials import Trials
-from optim.studies.catalogue import CATALOGUE
+from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter3 import rover_pre_optimisation, rover_success, rover_sweep
 from optim.studies.chapter3.rover_grid import RoverGrid, successes
 from optim.studies.chapter3.rover_pre_optimisation import Front, PreOptimisation

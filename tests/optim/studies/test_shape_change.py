@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optim.runs.history import read_history
-from optim.studies.catalogue import CATALOGUE
+from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter5 import study as shape_change
 from optim.studies.chapter5.champions import Played
 from optim.studies.chapter5.comparison import best_on_both, curve, summarise, tests

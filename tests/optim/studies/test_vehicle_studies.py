@@ -10,7 +10,7 @@ from optim.experiments.tables import read_table
 from optim.measures import homeostasis
 from optim.problems.braitenberg import VehicleProblem
 from optim.studies.beyond import search_comparison
-from optim.studies.catalogue import CATALOGUE
+from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter4 import co_optimisation, homeostasis_objective, homeostasis_of_bodies, reality_gap
 from optim.studies.chapter4.co_optimisation import CoOptimisation
 from optim.studies.chapter4.homeostasis_objective import HomeostasisObjective
@@ -84,7 +84,7 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
 def test_budgets_that_there_are_not_are_refused(tmp_path):
     for item in CATALOGUE.values():
         with pytest.raises(ValueError, match=r"budget: 'huge' is unknown; choose one of small, (medium, )?full"):
-            item.run(tmp_path / "a", "huge")
+            item.reproduce(tmp_path / "a", "huge")
     assert not (tmp_path / "a").exists()
     with pytest.raises(ValueError, match="runs: 1 is not allowed; give a whole number, at least 2"):
         CoOptimisation(runs=1)

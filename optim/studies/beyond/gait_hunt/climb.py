@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
-from optim.experiments.jobs import beside
+from optim.experiments.jobs import run_parallel
 from optim.experiments.results import (
     Budget,
     Progress,
@@ -23,10 +23,11 @@ from optim.experiments.results import (
     tables_alone,
     write_json,
 )
+from optim.experiments.study import Study
 from optim.experiments.tables import read_records, write_records
 from optim.problems.inflatable.problem import HARD
 from optim.studies.beyond.gait_hunt.checks import check_settings
-from optim.studies.beyond.gait_hunt.finalists import kept_finalists, write_gaits
+from optim.studies.beyond.gait_hunt.finalists import cached_finalists, write_gaits
 from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, columns_of
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
@@ -106,7 +107,7 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
     Where the folder holds the tables alone, the rest is made from them.
 
     Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         jobs: programs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
@@ -116,7 +117,7 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
         return
     seeds, found = settings.seeds, list[Climbed]()
-    beside(
+    run_parallel(
         [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds], jobs, where, progress
     )
     for number, seed in enumerate(seeds):
@@ -133,7 +134,7 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
     finalists: dict[str, Sequence[Finalist]] = {}
     for number, step in enumerate(program.run()):
-        (finalists[step.name],) = kept_finalists(
+        (finalists[step.name],) = cached_finalists(
             runs / f"seed-{seed}-{step.name}.json",
             [step.history],
             step.problem,
@@ -256,3 +257,13 @@ def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path
         panels[0, 0].legend()
         if len(rows) > 1:
             letter(panels)
+
+
+STUDY = Study(
+    title="a program that finds gaits which climb 15 degrees: random ones, their kinds refined, the best led uphill",
+    source="chapter 5, discussion: why the search did not find inching on the hill",
+    scales=SCALES,
+    run=study,
+    writes=("table.md", "seeds.csv", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
+    cost="15 h of CPU time",
+)

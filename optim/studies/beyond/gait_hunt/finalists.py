@@ -40,7 +40,7 @@ def _conditions(problem: GaitProblem, terrain: Terrain, where: Mapping[str, Any]
     return sha256(json.dumps(record, sort_keys=True).encode())
 
 
-def kept_finalists(
+def cached_finalists(
     path: Path,
     histories: Sequence[History],
     problem: GaitProblem,

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, kept
+from optim.experiments.results import Progress, cached
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
@@ -202,7 +202,7 @@ class Program:
         problem = replace(self._on(RUNGS, GRADED), ladder=True)
         settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
-        known = kept(
+        known = cached(
             ResultsFolder(self.folder / "turn", "turn", settings),
             "turn",
             lambda: turned(problem, designs, {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}),

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
-from optim.experiments.jobs import beside
+from optim.experiments.jobs import run_parallel
 from optim.experiments.results import (
     Budget,
     Progress,
@@ -27,6 +27,7 @@ from optim.experiments.results import (
     tables_alone,
     write_json,
 )
+from optim.experiments.study import Study
 from optim.experiments.tables import read_records, write_records
 from optim.hints import nearest
 from optim.measures.statistics import mean_interval
@@ -34,7 +35,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt.checks import check_settings
 from optim.studies.beyond.gait_hunt.comparison import differences, table_of_differences
-from optim.studies.beyond.gait_hunt.finalists import kept_finalists, write_gaits
+from optim.studies.beyond.gait_hunt.finalists import cached_finalists, write_gaits
 from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, columns_of
 from optim.studies.beyond.gait_hunt.searches import SEARCHES
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
@@ -120,7 +121,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     Where the folder holds the tables alone, the rest is made from them.
 
     Args:
-        folder, settings, progress: see :class:`optim.studies.catalogue.Item`.
+        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         jobs: runs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
@@ -131,7 +132,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
         write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
         return
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
-    beside(
+    run_parallel(
         [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
         jobs,
         where,
@@ -145,7 +146,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
             report(folder, settings, list(found.values()))  # what there is so far is of use
     for number, (name, path) in enumerate(zip(searches, judged, strict=True)):
         of = [(name, seed) for seed in settings.seeds]
-        finalists = kept_finalists(
+        finalists = cached_finalists(
             path,
             [found[part].history for part in of],
             _problem(settings, name, where),
@@ -319,3 +320,13 @@ def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record],
             label.set_color(colour)  # they are the legend of both panels
         end.invert_yaxis()
         letter(panels)
+
+
+STUDY = Study(
+    title="evolution as published, on cycles, along gradients and both: gaits that climb 15 degrees, at equal cost",
+    source="chapter 5, discussion: why the search did not find inching on the hill",
+    scales=SCALES,
+    run=study,
+    writes=("table.md", "table.csv", "generations.csv", "hunt.png", "summary.json", "runs", "gaits"),
+    cost="20 h of CPU time",
+)

@@ -1,0 +1,61 @@
+"""What a study is: something published that ``morpholab reproduce`` repeats or extends."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from optim.experiments.results import Budget, Progress, scale_of
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that repeats or extends something published.
+
+    ``run`` is called as ``run(folder, settings, progress)``:
+
+    * ``folder`` takes the results; it is new, or that of a study of the same settings, which goes on from where it was.
+      One of something else is refused by a ValueError of one line, before any work.
+    * ``settings`` are any, those in ``scales`` or others.
+    * ``progress`` is called with the fraction done; it may be None.
+    * ``threads``, where ``run`` takes it, are CPU threads, all available if None; they change no result.
+
+    It writes ``summary.json`` or a table, and figures; where it returns anything, that is what ``summary.json`` holds.
+    If ``run`` takes ``sweep_folder``, it reads bodies from a sweep there; if it takes ``jobs``, so many of its parts go
+    on at the same time.
+
+    Attributes:
+        title: what it asks, in a line.
+        source: where that was published, such as ``"chapter 4"``.
+        scales: settings by budget; ``"small"`` and ``"full"`` at least.
+        run: does the study.
+        writes: files in its folder, beside raw results.
+        cost: what ``"full"`` takes, where that is hours.
+    """
+
+    title: str
+    source: str
+    scales: Mapping[Budget, Any]
+    run: Callable[..., Any]
+    writes: tuple[str, ...]
+    cost: str = ""
+
+    @property
+    def options(self) -> set[str]:
+        """Which of ``"sweep_folder"`` and ``"jobs"`` it takes."""
+        return {"sweep_folder", "jobs"} & set(signature(self.run).parameters)
+
+    def reproduce(self, folder: Path, budget: str = "full", progress: Progress = None, **options: Any) -> None:
+        """Do the study; it goes on where its folder left off.
+
+        Args:
+            folder: new, or that of the same study.
+            budget: ``"small"``, to see that it works, ``"full"``, or ``"medium"``, where the study has that.
+            progress: called with the fraction done.
+            options: some of :attr:`options`, by name.
+
+        Raises:
+            ValueError: if the study does not have the budget, or the folder is of something else.
+        """
+        self.run(folder, scale_of(budget, self.scales), progress, **options)
