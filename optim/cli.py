@@ -6,9 +6,11 @@ import json
 import os
 import signal
 import sys
+import tempfile
 import threading
+import traceback
 from collections.abc import Iterator, Sequence
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from optim.commands import (
     FAILED,
@@ -32,16 +34,25 @@ from optim.commands import (
 )
 from optim.notes import notes, say
 
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
+
+CLOSED_PIPE = 141  # as shells report SIGPIPE
+LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
+
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, without the usage."""
+    """A parser that says what is wrong in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: error: {message}\n")
 
+    def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
+        (file or sys.stderr).write(message)  # argparse ignores a full disk
+
 
 class _Version(argparse.Action):
-    """Prints versions and ends; looks for them only when asked."""
+    """The option that prints versions; it looks for them only when asked."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from optim.runs.environment import versions
@@ -82,27 +93,82 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Returns:
-        The exit code: 0; 2 for bad input; 1 for work that failed; 130 when interrupted; 143 when asked to end.
+        The exit code: 0; 2 for bad input; 1 for work that failed; 130 when interrupted; 143 when asked to end; 141
+        when nobody reads the output any more.
     """
-    args = build_parser().parse_args(arguments)
+    _open_streams()
     try:
-        with _ended_by_sigterm(), notes(args.command), _stdout_to_stderr() if args.json else contextlib.nullcontext():
+        args = build_parser().parse_args(arguments)
+    except SystemExit as stop:  # after help, versions, or a wrong option
+        raise SystemExit(_print("", None, int(stop.code or 0))) from None
+    except OSError as error:
+        return _unprinted("", error)
+    stdout = _stdout_to_stderr() if args.json else contextlib.nullcontext()
+    try:
+        with _ended_by_sigterm(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
             report = args.run(args)
-    except ValueError as error:
-        return _fail(args.command, f"error: {error}", 2)
-    except (OSError, RuntimeError) as error:
-        return _fail(args.command, f"failed: {error}", FAILED)
-    except MemoryError as error:
-        return _fail(args.command, f"failed: there is not enough memory for this ({error})", FAILED)
+        text = json.dumps(report.document, allow_nan=False) if args.json else report.text
     except KeyboardInterrupt as interrupt:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
-    print(json.dumps(report.document, allow_nan=False) if args.json else report.text)
-    return int(report.code)
+    except Exception as error:
+        return _refuse(args.command, error)
+    return _print(args.command, text, int(report.code))
+
+
+def _print(command: str, text: str | None, code: int) -> int:
+    """Print a result; the exit code, which is another one if standard output does not take it."""
+    try:
+        if text is not None:
+            print(text)
+        sys.stdout.flush()
+    except OSError as error:
+        return _unprinted(command, error)
+    return code
+
+
+def _unprinted(command: str, error: OSError) -> int:
+    """The exit code after standard output has failed; it is silent if nobody reads it."""
+    if not isinstance(error, BrokenPipeError):
+        say(command, f"failed: standard output cannot be written ({error.strerror})")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that Python does not fail again when it ends
+    return CLOSED_PIPE if isinstance(error, BrokenPipeError) else FAILED
+
+
+def _refuse(command: str, error: Exception) -> int:
+    """Tell in one line why a command could not do its work."""
+    if os.environ.get("MORPHOLAB_DEBUG") == "1":
+        traceback.print_exception(error)
+    if isinstance(error, ValueError):
+        return _fail(command, f"error: {error}", 2)
+    if isinstance(error, OSError | RuntimeError):
+        return _fail(command, f"failed: {error}", FAILED)
+    if isinstance(error, MemoryError):
+        return _fail(command, f"failed: there is not enough memory for this ({error})", FAILED)
+    story = "".join(traceback.format_exception(error))
+    try:
+        with tempfile.NamedTemporaryFile("w", prefix="morpholab-", suffix=".log", delete=False) as file:
+            file.write(story)
+        place = f"please report it with {file.name}"
+    except OSError:
+        place = "set MORPHOLAB_DEBUG=1 to see where"
+    summary = "".join(traceback.format_exception_only(error))[:LONGEST_SUMMARY]
+    return _fail(command, f"this is a bug in morpholab ({summary.strip()}); {place}", FAILED)
+
+
+def _open_streams() -> None:
+    """Let a stream that was closed before the start take everything and keep nothing."""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            descriptor = os.open(os.devnull, os.O_WRONLY)
+            if descriptor != number:
+                os.dup2(descriptor, number)
+                os.close(descriptor)
+            setattr(sys, name, os.fdopen(number, "w", closefd=False))
 
 
 @contextlib.contextmanager
 def _ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM ends a command as Ctrl-C does, while it works."""
+    """Let SIGTERM end a command as Ctrl-C does."""
 
     def end(*_: object) -> NoReturn:
         raise Terminated
@@ -119,7 +185,7 @@ def _ended_by_sigterm() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _stdout_to_stderr() -> Iterator[None]:
-    """Keeps stdout for the document, whatever else has something to say, be it below Python."""
+    """Keep standard output for the document; what libraries print goes to stderr, also from outside Python."""
     sys.stdout.flush()
     stdout = os.dup(1)
     os.dup2(2, 1)

@@ -1,4 +1,4 @@
-"""Warnings to users: one line each, as errors are, without the place in the code."""
+"""Messages of commands: one line each on stderr."""
 
 import contextlib
 import sys
@@ -8,13 +8,14 @@ from typing import Any
 
 
 def say(name: str, message: str) -> None:
-    """Print a message of a command on one line of stderr."""
-    print(f"morpholab {name}: {' '.join(message.split())}", file=sys.stderr)
+    """Print a message of a command on one line of stderr; nowhere if that is full or closed."""
+    with contextlib.suppress(OSError):
+        print(f"{' '.join(('morpholab', name)).strip()}: {' '.join(message.split())}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
 def notes(name: str) -> Iterator[None]:
-    """Prints warnings to users as notes of that name."""
+    """Print warnings to users as notes of a command, without their place in the code."""
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **other: Any) -> None:
         if issubclass(category, UserWarning):

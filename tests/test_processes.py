@@ -3,7 +3,14 @@
 import os
 import subprocess
 import sys
+import tempfile
+import threading
 from pathlib import Path
+
+import pytest
+
+from optim.commands import options
+from taichi_sim.base import files
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -70,3 +77,102 @@ def test_threads_and_forks_without_a_cache_and_a_home(tmp_path):
     assert len(notes) == 1 and notes[0].startswith("note: kernels are not cached, ") and "cannot be written" in notes[0]
     wrong, refusal, ended = process.stdout.splitlines()
     assert wrong == "wrong: []" and "'spawn'" in refusal and ended == "child ended: 3"
+
+
+def test_output_that_nobody_takes_is_no_traceback(tmp_path):
+    """A closed pipe, a full disk, and streams that were closed before the start."""
+    for command in (("export", "rolling", "--dry-run", "--json"), ("--help",), ("--version",)):
+        end, closed = os.pipe()
+        os.close(end)
+        process = run("-m", "optim", *command, stdout=closed)
+        os.close(closed)
+        assert (process.returncode, process.stderr) == (141, "")
+        with open("/dev/full", "w") as full:
+            process = run("-m", "optim", *command, stdout=full)
+        assert process.returncode == 1
+        assert process.stderr.endswith("failed: standard output cannot be written (No space left on device)\n")
+        assert process.stderr.count("\n") == 1
+    shell = 'exec "$0" -m optim export rolling --dry-run --json >&- 2>&-'
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    assert subprocess.run(["sh", "-c", shell, sys.executable], env=environment, check=False).returncode == 0
+
+
+def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp_path):
+    def broken(*_):
+        raise KeyError("fault")
+
+    monkeypatch.setattr(options, "load_gait", broken)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    code, out, error = morpholab("simulate --gait rolling")
+    assert (code, out) == (1, "") and error.count("\n") == 1
+    assert error.startswith(
+        "morpholab simulate: this is a bug in morpholab (KeyError: 'fault'); please report it with "
+    )
+    log = Path(error.split()[-1])
+    assert log.parent == tmp_path and "Traceback" in log.read_text() and 'raise KeyError("fault")' in log.read_text()
+    with monkeypatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+        patch.setenv("MORPHOLAB_DEBUG", "1")
+        code, _, error = morpholab("simulate --gait rolling")
+    assert code == 1 and "Traceback" in error and error.endswith("; set MORPHOLAB_DEBUG=1 to see where\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "claimed"),
+    [
+        ("simulate --gait rolling --out a/b", "a/b"),
+        ("gradient-check --out a/b", "a/b"),
+        ("view rolling --glb a.glb --out a.html", "a.html"),
+        ("report run --out a.html", "a.html"),
+        ("calibrate --example a.toml", "a.toml"),
+    ],
+)
+def test_of_two_commands_that_write_the_same_the_second_is_refused(morpholab, tmp_path, line, claimed):
+    claim = files.claimed_folder if claimed == "a/b" else files.claimed_path
+    with claim("out", tmp_path / claimed):
+        code, out, error = morpholab(line)
+        assert (
+            code == 2
+            and out == ""
+            and error.endswith("is being written already; name a new " + error.split()[-1] + "\n")
+        )
+        assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_of_many_that_want_a_path_one_gets_it(tmp_path):
+    """And what it writes is there; those after it are refused, too."""
+    got, refused = [], []
+
+    def work(number, claim, path, write):
+        try:
+            with claim("out", path):
+                write(path, str(number))
+                got.append(number)
+        except ValueError as error:
+            refused.append(str(error))
+
+    for claim, path, write in (
+        (files.claimed_path, tmp_path / "a.txt", files.write_text),
+        (files.claimed_folder, tmp_path / "b/c", lambda path, text: files.write_text(path / "a.txt", text)),
+    ):
+        got.clear()
+        threads = [threading.Thread(target=work, args=(number, claim, path, write)) for number in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(got) == 1 and (path if path.is_file() else path / "a.txt").read_text() == str(got[0])
+        assert [each.name for each in path.parent.iterdir() if each.name.startswith(".")] == []
+    assert len(refused) == 14
+
+
+def test_a_claim_of_a_killed_process_is_free(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a/.aside-claim").touch()
+    with files.claimed_folder("out", tmp_path / "a"):
+        pass
+    assert list((tmp_path / "a").iterdir()) == []
+    with pytest.raises(ValueError, match=r"^out: .*a/b cannot be made \(Not a directory\)$|^out: .* is a file"):
+        (tmp_path / "file").touch()
+        files.claimed_folder("out", tmp_path / "file/a").__enter__()

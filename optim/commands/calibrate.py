@@ -67,9 +67,10 @@ def _write_example(args: argparse.Namespace) -> Report:
     from robots.calibration import Laboratory, write_measurements
     from robots.calibration.example import TRUTH, example
     from robots.inflatable.robot import NAMED_GEOMETRIES
-    from taichi_sim.base.files import new_path
+    from taichi_sim.base.files import claimed_path
 
-    path, geometry = new_path(args.example), args.geometry or "small"
+    path, geometry = args.example, args.geometry or "small"
+    args.held.enter_context(claimed_path("path", path))
     laboratory = Laboratory(NAMED_GEOMETRIES[geometry], precision=args.precision, threads=args.threads)
     with shown_progress("simulating the experiments", 1.0, args.quiet):
         write_measurements(path, geometry, example(laboratory, args.seed))
@@ -85,7 +86,7 @@ def _fit(args: argparse.Namespace) -> Report:
 
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
-    options.check_new_folder(args.out)
+    options.claim_folder(args)
     found = read_measurements(args.data, lambda *gait: _load(args.data.parent, *gait))
     names, bounds = _names(args.fit, found.experiments), _bounds(args.bounds)
     if unused := [text for text in args.bounds if text.partition("=")[0] not in names]:

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> Report:
     from taichi_sim.base.files import write_text
 
     problems = _problems(args)
-    options.check_new_folder(args.out)
+    options.claim_folder(args)
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
             problems,

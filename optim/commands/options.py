@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robots.world import STEEPEST, Terrain
-from taichi_sim.base import checks
+from taichi_sim.base import checks, files
 from taichi_sim.base.options import checked as checked
 from taichi_sim.base.options import number as number
 from taichi_sim.base.options import value_of
@@ -147,17 +147,14 @@ def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":
     return read_design(Path(text), from_rows)
 
 
-def check_new_folder(path: Path | None) -> None:
-    """Refuse a folder for results, if one is given, that holds anything, is none, or cannot be made."""
-    if path is None:
-        return
-    if path.is_dir():
-        if any(path.iterdir()):
-            raise ValueError(f"out: {path} exists and is not empty; name a new folder")
-        return
-    above = next((each for each in (path, *path.parents) if each.exists()), path)
-    if not above.is_dir():
-        raise ValueError(f"out: {above} is a file; name a new folder")
+def claim_folder(args: argparse.Namespace) -> None:
+    """Make the new folder ``--out``, if one is given, and keep other processes off it while the command runs.
+
+    Raises:
+        ValueError: if the folder holds anything, cannot be made, or another process fills it.
+    """
+    if args.out is not None:
+        args.held.enter_context(files.claimed_folder("out", args.out))
 
 
 def cut(schedule: "Schedule", columns: int | None, repeats: int | None) -> "Schedule":

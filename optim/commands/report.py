@@ -50,16 +50,13 @@ def run(args: argparse.Namespace) -> Report:
     out: Path = args.out
     if out.suffix.lower() not in SUFFIXES:
         raise ValueError(f"out: {out} is not allowed; its name must end in {' or '.join(SUFFIXES)}")
-    if out.exists():
-        raise ValueError(f"out: {out} exists; name a new file")
-    if not out.parent.is_dir():
-        raise ValueError(f"out: {out.parent} is not a folder; make it first")
     if args.no_player and args.frames is not None:
         raise ValueError("frames: there are none without a player; leave out --frames or --no-player")
     from optim.report import Settings, build
     from robots.hardware import PneumaticRig
-    from taichi_sim.base.files import write_text
+    from taichi_sim.base.files import claimed_path, write_text
 
+    args.held.enter_context(claimed_path("out", out))
     rig = PneumaticRig.load(args.rig) if args.rig else None
     settings = Settings(not args.no_player, args.frames or Settings.frames, rig, args.by)
     with shown_progress("report", 1.0, args.quiet) as update:

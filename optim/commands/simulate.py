@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> Report:
 
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
-    options.check_new_folder(args.out)
+    options.claim_folder(args)
     design = options.load_gait(args.gait, args.from_rows)
     design = gaits.design_of(
         design.pressure if args.pressure is None else args.pressure,

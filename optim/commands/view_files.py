@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optim.commands import options
+from taichi_sim.base.files import claimed_path
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -61,20 +62,17 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Whether everything asked for can be written.
+    """Check that everything asked for can be written, and keep other processes off it while the command runs.
 
     Raises:
-        ValueError: in one line, if nothing is asked for, for paths that exist or cannot be, and several robots in
-            files that hold one.
+        ValueError: if nothing is asked for, a path exists or cannot be written, or a file would hold several robots
+            although it can hold only one.
     """
     asked = _asked(args)
     if not asked:
         raise ValueError("out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png")
     for output, path in asked:
-        if path.exists():
-            raise ValueError(f"{output.option}: {path} exists; name a new {output.metavar.lower()}")
-        if not path.parent.is_dir():
-            raise ValueError(f"{output.option}: {path.parent} is not a folder; make it first")
+        args.held.enter_context(claimed_path(output.option, path, output.metavar.lower()))
         if output.endings and path.suffix.lower() not in output.endings:
             endings = " or ".join(output.endings)
             raise ValueError(f"{output.option}: {path} is not allowed; give a name that ends in {endings}")

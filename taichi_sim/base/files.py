@@ -247,7 +247,7 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
                 if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
                     break  # else the holder before has just removed the file: make a new one
         except BlockingIOError:
-            raise ValueError(f"{field}: {path} is being written by another process; name a new {kind}") from None
+            raise ValueError(f"{field}: {path} is being written already; name a new {kind}") from None
         except OSError as error:
             raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
         try:

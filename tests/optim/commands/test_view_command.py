@@ -141,7 +141,7 @@ BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
     "rolling --out there.html": "out: there.html exists; name a new file",
     "rolling --glb there.html": "glb: there.html exists; name a new file",
-    "rolling --out no/page.html": "out: no is not a folder; make it first",
+    "rolling --out no/page.html": "out: no/page.html cannot be written; there is no folder no",
     "rolling inching --glb a.glb": "glb: 2 robots are not allowed in one file; give one",
     "rolling inching --picture a.png": "picture: 2 robots are not allowed in one file; give one",
     "rolling --picture there.html": "picture: there.html exists; name a new file",

@@ -238,7 +238,7 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
         ("empty --out a.html", "run: empty holds no run; a report takes folders of runs"),
         ("a --out a.txt", "out: a.txt is not allowed; its name must end in .html or .htm"),
         ("a --out there.html", "out: there.html exists; name a new file"),
-        ("a --out no/where.html", "out: no is not a folder; make it first"),
+        ("a --out no/where.html", "out: no/where.html cannot be written; there is no folder no"),
         ("none --out b.html", "run: none has no complete generation yet; continue it with --resume"),
         ("a steep --out b.html", 'run: a and steep are judged differently (terrains [{"slope": 0.0}] and [{"'),
         ("a --no-player --frames 9 --out b.html", "frames: there are none without a player"),
