@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.rigid import memory
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import State
@@ -103,7 +103,7 @@ def _check(name: str, value: Floats, shape: tuple[int | None, ...]) -> Floats:
 
 
 def fill(
-    slots: np.ndarray,
+    found: np.ndarray,
     plan: NDArray[np.int32],
     given: Given,
     trees: Sequence[Tree],
@@ -113,29 +113,33 @@ def fill(
     """Write what robots start with into their memory.
 
     Args:
-        slots: memory, (slots, B), zero.
+        found: memory, (slots, B), zero.
         plan: its sections.
         given: what the run is given, of these robots.
         trees: of these robots: one, or one each.
         numbers: values (B, ...) or (1, ...) of sections that trees and senses fill.
         by_momentum: whether bodies carry momenta from step to step.
     """
-    state = given.state
-    slots[memory.POSITION : memory.POSITION + 3] = state.position.T
-    slots[memory.ORIENTATION : memory.ORIENTATION + 4] = state.orientation.T
-    slots[memory.LIGHT : memory.LIGHT + 3] = given.lights.T
-    slots[memory.CLOSEST], slots[memory.DIVERGED] = 1e30, -1
-    for section, values in (*numbers.items(), (memory.WEIGHT, given.weights), (memory.COMMAND, given.commands)):
+
+    def put(first: int, values: Floats) -> None:
         flat = values.reshape(len(values), -1)
-        slots[plan[section] : plan[section] + flat.shape[1]] = flat.T
+        found[first : first + flat.shape[1]] = flat.T
+
+    state = given.state
+    put(slots.POSITION, state.position)
+    put(slots.ORIENTATION, state.orientation)
+    put(slots.LIGHT, given.lights)
+    found[slots.CLOSEST], found[slots.DIVERGED] = 1e30, -1
+    for section, values in (*numbers.items(), (slots.WEIGHT, given.weights), (slots.COMMAND, given.commands)):
+        put(plan[section], values)
     carried, places, moving = _carried(trees, state, by_momentum)
     for n in range(len(trees[0].bodies)):
-        body = plan[memory.BODY] + n * memory.BODY_WIDTH
-        slots[body + memory.CARRIED : body + memory.CARRIED + 6] = carried[:, n].T
-        slots[body + memory.OWN : body + memory.OWN + 3] = places[:, n].T
-        slots[body + memory.MOVING : body + memory.MOVING + 6] = moving[:, n].T
+        body = plan[slots.BODY] + n * slots.BODY_WIDTH
+        put(body + slots.CARRIED, carried[:, n])
+        put(body + slots.OWN, places[:, n])
+        put(body + slots.MOVING, moving[:, n])
     for h, n in enumerate(trees[0].hinged):
-        slots[plan[memory.BODY] + n * memory.BODY_WIDTH + memory.ANGLE] = state.angles[:, h]
+        found[plan[slots.BODY] + n * slots.BODY_WIDTH + slots.ANGLE] = state.angles[:, h]
 
 
 def _carried(trees: Sequence[Tree], state: State, by_momentum: bool) -> tuple[Floats, Floats, Floats]:
@@ -156,7 +160,7 @@ def _of_tree(tree: Tree, state: State, by_momentum: bool) -> tuple[Floats, Float
     if not by_momentum:
         return moving, places, moving
     carried = momenta(tree, places, turns, moving)
-    if not tree.fixed:  # as ``motion_stage.shift_moments`` has them
+    if not tree.fixed:  # as ``stages.motion.shift_moments`` has them
         masses = np.array([body.mass for body, _ in tree.ordered])[:, None]
         arms = places - places[..., :1, :]
         centre, velocity = ((masses * x).sum(-2, keepdims=True) / masses.sum() for x in (arms, moving[..., 3:]))

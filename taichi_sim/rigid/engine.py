@@ -1,20 +1,21 @@
 """``RigidEngine``: batches of articulated robots on flat ground."""
 
 from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.rigid import batch, memory
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.rigid import batch, slots
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.model.settings import Network, World
 from taichi_sim.rigid.model.shapes import is_whole
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.session import RigidSession
-from taichi_sim.rigid.stages import step
 from taichi_sim.rigid.stages.friction import ENDLESS
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, points_of, tables_of
@@ -33,10 +34,8 @@ class RigidEngine:
         world: ground, gravity and time.
         senses: what they sense.
         network: how neurons turn that into commands.
-        precision: ``"f32"`` or ``"f64"``.
-        device: ``"cpu"``, ``"cuda"``, ...
-        threads: CPU threads; all available cores if None.
         width: robots side by side on a CPU, 1, 2, 4, 8, 16 or 32; results do not depend on it.
+        **compute: precision (default ``"f64"``), device and threads, as of :class:`Compute`.
 
     Raises:
         ValueError: in one line, for trees of different structure or anything else that is not allowed.
@@ -49,16 +48,14 @@ class RigidEngine:
         senses: Senses | None = None,
         network: Network | None = None,
         *,
-        precision: str = "f32",
-        device: str = "cpu",
-        threads: int | None = None,
         width: int | None = None,
+        **compute: Unpack[ComputeOptions],
     ) -> None:
         self.trees = [trees] if isinstance(trees, Tree) else list(trees)
         if not self.trees:
             raise ValueError("trees: an empty list is not allowed; give at least one tree")
         self.world, self.senses, self.network = world or World(), senses or Senses(), network or Network()
-        self.precision, self.device, self.threads, self.width = precision, device, threads, width
+        self.compute, self.width = Compute.given(compute), width
         first = tables_of(self.trees[0], self.senses, 0)
         for n, tree in enumerate(self.trees[1:], 1):
             if tree.fixed != self.tree.fixed or not first.same_structure(tables_of(tree, self.senses, 0)):
@@ -150,7 +147,7 @@ class RigidEngine:
         parts, memories = [], []
         for chosen in setup.chunks():
             part = self._part(setup, chosen)
-            tape = part.store(int(setup.plan[memory.KEPT]) * (steps + 1))
+            tape = part.store(int(setup.plan[slots.KEPT]) * (steps + 1))
             part.run(tape=tape)
             parts.append((part, tape, len(chosen)))
             memories.append(part.memory.read()[:, : len(chosen)])
@@ -190,12 +187,12 @@ class RigidEngine:
             if value is not None and (not is_whole(value) or value < 1):
                 raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least 1")
         given = batch.check(self.trees, self.senses.count, weights, commands, lights, start or self.rest())
-        running = runtime.start(self.device, self.precision, self.threads)
+        running = runtime.start(self.compute)
         tables = tables_of(self.tree, self.senses, given.commands.shape[1])
         plan = tables.counts.plan(hold, steps, record_every or max(1, steps))
-        on_cpu = self.device == "cpu"
-        width = NATIVE_WIDTH[self.precision] if self.width is None else self.width
-        real = Real(self.precision, width if on_cpu else 1)
+        on_cpu = running.device == "cpu"
+        width = NATIVE_WIDTH[running.precision] if self.width is None else self.width
+        real = Real(running.precision, width if on_cpu else 1)
         at_once = real.width * BLOCKS_AT_ONCE * running.thread_count if on_cpu else ROBOTS_AT_ONCE
         return Setup(self.trees, given, tables, plan, running, real, start is None, at_once)
 
@@ -204,59 +201,64 @@ class RigidEngine:
         real, blocks = setup.real, -(-len(chosen) // setup.real.width)
         padded = np.resize(chosen, blocks * real.width)
         sections = {
-            memory.PARAMETER: self._parameters,
-            memory.POINT_PARAMETER: self._points,
-            memory.LIGHT_PARAMETER: eyes_of(self.senses)[None],
+            slots.PARAMETER: self._parameters,
+            slots.POINT_PARAMETER: self._points,
+            slots.LIGHT_PARAMETER: eyes_of(self.senses)[None],
         }
         several = len(self.trees) > 1
         numbers = {key: values[padded] if len(values) > 1 else values for key, values in sections.items()}
         trees = [self.trees[n] for n in padded] if several else self.trees
-        part = Part(real, blocks, setup.plan, setup.tables, self._settings(real), self.world, self.device == "cpu")
-        filled = np.zeros((int(setup.plan[memory.SLOTS]), len(padded)))
+        part = Part(setup, blocks, self._settings(real), self.world)
+        filled = np.zeros((int(setup.plan[slots.SLOTS]), len(padded)))
         batch.fill(filled, setup.plan, setup.given.rows(padded), trees, numbers, self.world.integration == "momentum")
         part.memory.write(filled)
         return part
 
     def _settings(self, real: Real) -> np.ndarray:
+        """Numbers that all robots of a run share, by their places in ``slots``."""
         world, network = self.world, self.network
-        found: np.ndarray = np.zeros(step.SETTINGS, real.numpy)
-        found[[step.TIME_STEP, step.GRAVITY, step.ERROR_REDUCTION]] = (
-            world.time_step,
-            world.gravity,
-            world.error_reduction,
-        )
-        found[step.SLIP_STRENGTH] = world.time_step / world.slip
-        found[step.FRICTION] = min(world.friction, ENDLESS)
-        found[step.COMPLIANCE], found[step.TOLERANCE] = COMPLIANCE[self.precision], TOLERANCE[self.precision]
-        found[[step.MEMORY, step.GAIN]] = network.memory, network.gain
-        found[[step.APART, step.TOUCHING]] = network.touch_values
-        found[step.FLOATING] = 0 if self.tree.fixed else 1
+        found: np.ndarray = np.zeros(slots.SETTINGS, real.numpy)
+        for place, value in {
+            slots.TIME_STEP: world.time_step,
+            slots.GRAVITY: world.gravity,
+            slots.SLIP_STRENGTH: world.time_step / world.slip,
+            slots.FRICTION: min(world.friction, ENDLESS),
+            slots.COMPLIANCE: COMPLIANCE[real.precision],
+            slots.TOLERANCE: TOLERANCE[real.precision],
+            slots.MEMORY: network.memory,
+            slots.GAIN: network.gain,
+            slots.APART: network.touch_values[0],
+            slots.TOUCHING: network.touch_values[1],
+            slots.FLOATING: 0 if self.tree.fixed else 1,
+        }.items():
+            found[place] = value
+        found[slots.PUSH_OUT] = real.numpy(world.error_reduction) / found[slots.TIME_STEP]
         return found
 
     def _result(self, found: np.ndarray, frames: np.ndarray, setup: Setup, record_every: int | None) -> RigidResult:
         """Arrays of a result from memory after a run."""
         plan, counts, tree = setup.plan, setup.tables.counts, self.tree
-        diverged = found[memory.DIVERGED] >= 0
-        found = np.where(diverged & (np.arange(len(found)) != memory.DIVERGED)[:, None], np.nan, found)
-        bodies = plan[memory.BODY] + memory.BODY_WIDTH * np.arange(counts.bodies)
-        angles = found[[bodies[n] + memory.ANGLE for n in tree.hinged]].T.reshape(found.shape[1], -1)
+        diverged = found[slots.DIVERGED] >= 0
+        found = np.where(diverged & (np.arange(len(found)) != slots.DIVERGED)[:, None], np.nan, found)
+        bodies = plan[slots.BODY] + slots.BODY_WIDTH * np.arange(counts.bodies)
+        angles = found[[bodies[n] + slots.ANGLE for n in tree.hinged]].T.reshape(found.shape[1], -1)
         sensors = counts.touches + counts.lights
-        steps = np.where(diverged, found[memory.DIVERGED], plan[memory.STEPS]).astype(np.int64)
+        steps = np.where(diverged, found[slots.DIVERGED], plan[slots.STEPS]).astype(np.int64)
         recorded: Frames | None = None
         if record_every is not None:
-            each = frames.reshape(int(plan[memory.FRAMES]), int(plan[memory.FRAME]), -1).transpose(0, 2, 1)
+            each = frames.reshape(int(plan[slots.FRAMES]), int(plan[slots.FRAME]), -1).transpose(0, 2, 1)
             times: Floats = np.arange(len(each), dtype=float) * record_every * self.world.time_step
             ends = np.cumsum([3, 4, counts.hinges, sensors])
             recorded = Frames(times, *np.split(each, ends, axis=-1))
         return RigidResult(
-            position=found[memory.POSITION : memory.POSITION + 3].T,
-            orientation=found[memory.ORIENTATION : memory.ORIENTATION + 4].T,
+            position=found[slots.POSITION : slots.POSITION + 3].T,
+            orientation=found[slots.ORIENTATION : slots.ORIENTATION + 4].T,
             angles=angles,
-            velocities=np.stack([found[b + memory.MOVING : b + memory.MOVING + 6].T for b in bodies], 1),
-            readings=found[plan[memory.READING] : plan[memory.READING] + sensors].T,
-            closest=np.sqrt(found[memory.CLOSEST]),
+            velocities=np.stack([found[b + slots.MOVING : b + slots.MOVING + 6].T for b in bodies], 1),
+            readings=found[plan[slots.READING] : plan[slots.READING] + sensors].T,
+            closest=np.sqrt(found[slots.CLOSEST]),
             status=np.where(diverged, "diverged", "ok"),
             steps=steps,
-            residual=found[memory.RESIDUAL],
+            residual=found[slots.RESIDUAL],
             frames=recorded,
         )

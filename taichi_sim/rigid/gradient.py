@@ -12,14 +12,14 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid import memory
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.state import RigidResult
 from taichi_sim.rigid.tables import parameters_of, points_of
 
 if TYPE_CHECKING:
+    from taichi_sim.rigid.memory import Store
     from taichi_sim.rigid.part import Part, Setup
-    from taichi_sim.rigid.store import Store
 
 _SHIFT = 1e-5  # part of a number by which descriptions are shifted; they are polynomials of low degree
 
@@ -115,18 +115,18 @@ class RigidTape:
         plan, tree, batch = self._setup.plan, self._setup.trees[0], self._setup.given.batch
         counts = self._setup.tables.counts
         sensors = counts.touches + counts.lights
-        body_slots = plan[memory.BODY] + memory.BODY_WIDTH * np.arange(counts.bodies)
-        seeds = np.zeros((int(plan[memory.SLOTS]), batch))
-        for name, value, slots in (
-            ("position", position, memory.POSITION + np.arange(3)),
-            ("orientation", orientation, memory.ORIENTATION + np.arange(4)),
-            ("readings", readings, plan[memory.READING] + np.arange(sensors)),
-            ("angles", angles, body_slots[tree.hinged] + memory.ANGLE),
+        body_slots = plan[slots.BODY] + slots.BODY_WIDTH * np.arange(counts.bodies)
+        seeds = np.zeros((int(plan[slots.SLOTS]), batch))
+        for name, value, places in (
+            ("position", position, slots.POSITION + np.arange(3)),
+            ("orientation", orientation, slots.ORIENTATION + np.arange(4)),
+            ("readings", readings, plan[slots.READING] + np.arange(sensors)),
+            ("angles", angles, body_slots[tree.hinged] + slots.ANGLE),
         ):
             if value is not None:
-                if np.shape(value) != (batch, len(slots)):
-                    raise ValueError(f"{name}: shape {np.shape(value)} is not allowed; give ({batch}, {len(slots)})")
-                seeds[slots] = np.asarray(value, float).T
+                if np.shape(value) != (batch, len(places)):
+                    raise ValueError(f"{name}: shape {np.shape(value)} is not allowed; give ({batch}, {len(places)})")
+                seeds[places] = np.asarray(value, float).T
         found = self._go_back(seeds)
         found[:, self.result.status != "ok"] = np.nan
         return self._gradient(found)
@@ -153,20 +153,20 @@ class RigidTape:
         def section(first: int, *shape: int) -> Floats:
             return found[first : first + int(np.prod(shape))].T.reshape(found.shape[1], *shape)
 
-        parameters = section(plan[memory.PARAMETER], counts.bodies, memory.PARAMETER_WIDTH)
-        bodies = section(plan[memory.BODY], counts.bodies, memory.BODY_WIDTH)
+        parameters = section(plan[slots.PARAMETER], counts.bodies, slots.PARAMETER_WIDTH)
+        bodies = section(plan[slots.BODY], counts.bodies, slots.BODY_WIDTH)
         neural = counts.commands == 0
         return RigidGradient(
-            weights=section(plan[memory.WEIGHT], sensors if neural else 0, counts.motors),
-            commands=section(plan[memory.COMMAND], counts.commands, counts.motors),
-            lights=section(memory.LIGHT, 3),
-            masses=parameters[..., memory.MASS],
+            weights=section(plan[slots.WEIGHT], sensors if neural else 0, counts.motors),
+            commands=section(plan[slots.COMMAND], counts.commands, counts.motors),
+            lights=section(slots.LIGHT, 3),
+            masses=parameters[..., slots.MASS],
             parameters=parameters,
-            points=section(plan[memory.POINT_PARAMETER], counts.points, memory.POINT_PARAMETER_WIDTH),
-            position=section(memory.POSITION, 3),
-            orientation=section(memory.ORIENTATION, 4),
-            angles=bodies[:, tree.hinged, memory.ANGLE],
-            places=bodies[..., memory.OWN : memory.OWN + 3],
-            carried=bodies[..., memory.CARRIED : memory.CARRIED + 6],
+            points=section(plan[slots.POINT_PARAMETER], counts.points, slots.POINT_PARAMETER_WIDTH),
+            position=section(slots.POSITION, 3),
+            orientation=section(slots.ORIENTATION, 4),
+            angles=bodies[:, tree.hinged, slots.ANGLE],
+            places=bodies[..., slots.OWN : slots.OWN + 3],
+            carried=bodies[..., slots.CARRIED : slots.CARRIED + 6],
             described=self._setup.described,
         )

@@ -1,136 +1,188 @@
-"""A robot's memory: one run of slots, in sections whose places an integer array, the plan, holds.
+"""Memory of a batch of robots: its arrays, and how kernels read and write its slots (see ``slots``)."""
 
-So nothing compiles again for another tree: what differs between trees is an argument of the kernel.
-"""
-
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_sim.autodiff.lanes import load, store
-from taichi_sim.runtime import ti
+from taichi_sim.autodiff.lanes import Real, accumulate, load, store
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.rigid import slots
+from taichi_sim.runtime import element, emit
 
-# Places in the plan: counts, then the first slots of sections.
-BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS, HOLD, STEPS, EVERY, FRAME, FRAMES, KEPT = range(13)
-BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
-    range(13, 25)
-)
-PLAN_LENGTH = 25
-
-# The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
-# steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.
-POSITION, ORIENTATION, LIGHT = 0, 3, 7
-CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
-ROOT, ROOT_RIGHT, HEAD = 13, 34, 40
-
-# Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
-CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
-STATE_WIDTH = 12
-# Work: rotation, place relative to the base, drift off the tree, hinge as a spatial vector, inertia about the base,
-# momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row.
-ROTATION, PLACE, DRIFT, SCREW, INERTIA, MOMENTUM = 12, 21, 24, 27, 33, 39
-ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
-TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
-MOVING = MOMENTUM  # after a step: its velocity, that of its centre
-BODY_WIDTH = 92
-
-# Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
-# axis; of its motor: torque, desired rate = by command, by angle, offset; stops.
-MASS, REST_INERTIA, CENTRE, ANCHOR, AXIS = 0, 1, 7, 10, 13
-TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER = 16, 17, 18, 19, 20, 21
-PARAMETER_WIDTH = 22
-
-# Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
-# its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast
-# it slides without friction; then its hinges' entries.
-AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, SLIDES, HINGES = 0, 3, 4, 6, 7, 13, 14, 15, 16, 17, 18
-POINT_PARAMETER_WIDTH = 4  # offset from the body's centre, radius
-LIGHT_PARAMETER_WIDTH = 3
-
-# Columns of the integers of bodies and points.
-PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
-
-NO_STOP = 1e20
-MODE_DRIVEN = 0.0  # of a hinge's row: the rate is as desired; else its impulse is at the upper (1) or lower (-1) bound
+Pieces = tuple[tuple[Any, int], ...]  # first slots of runs of slots, and their lengths
 
 
-@dataclass(frozen=True)
-class Counts:
-    """Sizes of a tree and its controller."""
+class Store:
+    """Memory for so many slots a robot, zero at first: lanes block by block (CPU), or robots side by side (GPU)."""
 
-    bodies: int
-    hinges: int
-    points: int
-    touches: int
-    lights: int
-    motors: int
-    depth: int
-    commands: int
-
-    def plan(self, hold: int, steps: int, every: int) -> NDArray[np.int32]:
-        """The plan of a run."""
-        sensors = self.touches + self.lights
-        pairs = self.points * (self.points + 1) // 2
-        sections = {
-            BODY: BODY_WIDTH * self.bodies,
-            PARAMETER: PARAMETER_WIDTH * self.bodies,
-            POINT: self.point_width * self.points,
-            POINT_PARAMETER: POINT_PARAMETER_WIDTH * self.points,
-            LIGHT_PARAMETER: LIGHT_PARAMETER_WIDTH * self.lights,
-            READING: sensors,
-            NEURON: self.motors,
-            WEIGHT: sensors * self.motors,
-            COMMAND: self.commands * self.motors,
-            MATRIX: pairs,
-            FACTOR: pairs,
-        }
-        plan = np.zeros(PLAN_LENGTH, np.int32)
-        plan[[BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS]] = (
-            self.bodies,
-            self.points,
-            self.touches,
-            self.lights,
-            self.motors,
-            self.depth,
-            self.commands,
-        )
-        plan[[HOLD, STEPS, EVERY]] = hold, steps, every
-        plan[KEPT] = 7 + STATE_WIDTH * self.bodies + self.motors + 2 * self.points
-        plan[[FRAME, FRAMES]] = 7 + self.hinges + sensors + self.motors, steps // every + 1
-        slot = HEAD
-        for section, width in sections.items():
-            plan[section] = slot
-            slot += width
-        plan[SLOTS] = slot
-        return plan
+    def __init__(self, real: Real, count: int, blocks: int, on_cpu: bool) -> None:
+        """Allocate ``count`` slots for each of ``blocks`` reals."""
+        self._real, self._on_cpu = real, on_cpu
+        self._array = real.array((blocks, count)) if on_cpu else np.zeros((count, blocks), real.numpy)
 
     @property
-    def point_width(self) -> int:
-        """Slots of a point."""
-        return HINGES + self.depth
+    def argument(self) -> np.ndarray:
+        """The memory as a kernel argument."""
+        return self._real.reals(self._array.reshape(-1, self._real.width)) if self._on_cpu else self._array
+
+    def write(self, values: np.ndarray) -> None:
+        """Set all slots, (slots, robots)."""
+        if self._on_cpu:
+            blocks, count, width = self._array.shape
+            self._array[:] = values.reshape(count, blocks, width).transpose(1, 0, 2)
+        else:
+            self._array[:] = values
+
+    def read(self) -> np.ndarray:
+        """All slots, (slots, robots), in double precision."""
+        if not self._on_cpu:
+            return self._array.astype(float)
+        blocks, count, width = self._array.shape
+        return self._array.transpose(1, 0, 2).reshape(count, blocks * width).astype(float)
 
 
-@ti.func
-def row(m: ti.template(), k, first, count: ti.template()):
+class Block(NamedTuple):
+    """A block of robots as functions of a kernel see it: a memory, and what describes its robots.
+
+    Attributes:
+        m: the memory.
+        k: where the block lies in it, see ``lanes.load``.
+        number: of the block.
+        plan: counts, and first slots of sections.
+        table: integers of bodies, see ``slots.PARENT`` and so on.
+        points: body of each point.
+        paths: hinged bodies between the base and each body.
+        eyes: body of each light sensor.
+        listed: points that touch the ground in any robot of the block, (blocks, points).
+        settings: numbers of the run, see ``slots.TIME_STEP`` and so on.
+        drifting: whether bodies carry velocities and may drift off their hinges; else they carry momenta.
+    """
+
+    m: Any
+    k: Any
+    number: Any
+    plan: Any
+    table: Any
+    points: Any
+    paths: Any
+    eyes: Any
+    listed: Any
+    settings: Any
+    drifting: bool
+
+
+@primitive
+def read(robots: Block, slot: Any) -> Any:
+    """Read a slot."""
+    return load(robots.m, robots.k, slot)
+
+
+@primitive
+def write(robots: Block, slot: Any, value: Any) -> None:
+    """Write a slot."""
+    store(robots.m, robots.k, slot, value)
+
+
+@primitive
+def row(robots: Block, first: Any, count: int) -> tuple[Any, ...]:
     """Read slots that follow one another."""
-    return ti.static(tuple([load(m, k, first + i) for i in range(count)]))
+    return gather(robots, ((first, count),))
 
 
-@ti.func
-def put(m: ti.template(), k, first, values: ti.template()):
+@primitive
+def put(robots: Block, first: Any, values: Sequence[Any]) -> None:
     """Write slots that follow one another."""
-    for i in ti.static(range(len(values))):
-        store(m, k, first + i, values[i])
+    start = emit(first)
+    for i, value in enumerate(values):
+        write(robots, start + i, value)
 
 
-@ti.func
-def body_at(plan: ti.template(), b):
+@primitive
+def add(robots: Block, first: Any, values: Sequence[Any]) -> None:
+    """Add to slots that follow one another."""
+    start = emit(first)
+    for i, value in enumerate(values):
+        accumulate(robots.m, robots.k, start + i, value)
+
+
+@primitive
+def gather(robots: Block, pieces: Pieces) -> tuple[Any, ...]:
+    """Read runs of slots, one after the other."""
+    starts = [(emit(first), count) for first, count in pieces]
+    return tuple(read(robots, start + i) for start, count in starts for i in range(count))
+
+
+@primitive
+def scatter(robots: Block, pieces: Pieces, values: Sequence[Any], written: Sequence[int] = ()) -> None:
+    """Add values to the slots that ``gather`` reads; write those of some pieces instead."""
+    for n, (first, count) in enumerate(pieces):
+        (put if n in written else add)(robots, first, values[:count])
+        values = values[count:]
+
+
+@primitive
+def setting(robots: Block, place: int) -> Any:
+    """A number of the run."""
+    return element(robots.settings, place)
+
+
+@primitive
+def count_of(robots: Block, place: int) -> Any:
+    """A count of the plan, or the first slot of a section."""
+    return element(robots.plan, place)
+
+
+@primitive
+def body_at(robots: Block, b: Any) -> Any:
     """First slot of a body."""
-    return plan[BODY] + b * BODY_WIDTH
+    return emit(count_of(robots, slots.BODY) + b * slots.BODY_WIDTH)
 
 
-@ti.func
-def point_at(plan: ti.template(), i):
+@primitive
+def given_at(robots: Block, b: Any) -> Any:
+    """First slot of a body's parameters."""
+    return emit(count_of(robots, slots.PARAMETER) + b * slots.PARAMETER_WIDTH)
+
+
+@primitive
+def point_at(robots: Block, i: Any) -> Any:
     """First slot of a point."""
-    return plan[POINT] + i * (HINGES + plan[DEPTH])
+    return emit(count_of(robots, slots.POINT) + i * (slots.HINGES + count_of(robots, slots.DEPTH)))
+
+
+@primitive
+def column(robots: Block, b: Any, place: int) -> Any:
+    """An integer of a body."""
+    return emit(element(robots.table, b * slots.BODY_COLUMNS + place))
+
+
+@primitive
+def parent_at(robots: Block, b: Any) -> Any:
+    """First slot of the body that carries a body."""
+    return body_at(robots, column(robots, b, slots.PARENT))
+
+
+@primitive
+def is_hinged(robots: Block, b: Any) -> Any:
+    """Whether a body hangs on a hinge."""
+    return column(robots, b, slots.HINGED) == 1
+
+
+@primitive
+def listed_point(robots: Block, n: Any) -> tuple[Any, Any, Any]:
+    """A point that touches the ground: its number, its body, its first slot."""
+    i = emit(element(robots.listed, robots.number, n))
+    return i, emit(element(robots.points, i)), point_at(robots, i)
+
+
+@primitive
+def listed_at(robots: Block, n: Any) -> Any:
+    """First slot of a point that touches the ground."""
+    return point_at(robots, element(robots.listed, robots.number, n))
+
+
+@primitive
+def hinge_on_path(robots: Block, b: Any, d: Any) -> Any:
+    """The hinged body number d on the way from the base to a body."""
+    return emit(element(robots.paths, b * count_of(robots, slots.DEPTH) + d))

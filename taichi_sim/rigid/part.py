@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.base.arrays import Ints
 from taichi_sim.base.compute import Compute
-from taichi_sim.rigid import memory
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.batch import Given
-from taichi_sim.rigid.gradient_kernel import gradient_kernel
+from taichi_sim.rigid.kernels import gradient_kernel, rollout_kernel
+from taichi_sim.rigid.memory import Store
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.tree import Tree
-from taichi_sim.rigid.rollout_kernel import rollout_kernel
-from taichi_sim.rigid.store import Store
 from taichi_sim.rigid.tables import Tables
 from taichi_sim.runtime import GRAIN
 
@@ -53,68 +52,39 @@ class Setup:
 
 
 class Part:
-    """Robots that run together.
+    """Robots that run together: their memory, and the arguments that all kernels take.
 
     Args:
-        real: what a real is.
-        blocks: how many.
-        plan: places of sections.
-        tables: integers of the tree.
+        setup: what all parts of the run share.
+        blocks: number of reals.
         settings: numbers of the run.
         world: ground, gravity and time.
-        on_cpu: whether slots lie block by block.
     """
 
-    def __init__(
-        self,
-        real: Real,
-        blocks: int,
-        plan: NDArray[np.int32],
-        tables: Tables,
-        settings: np.ndarray,
-        world: World,
-        on_cpu: bool,
-    ) -> None:
-        self.real, self.blocks, self.plan, self.on_cpu = real, blocks, plan, on_cpu
-        self.memory = self.store(int(plan[memory.SLOTS]))
-        self.drifting = world.integration == "velocity"
-        self._phases = VISCOUS_PHASES if np.isinf(world.friction) else COULOMB_PHASES
+    def __init__(self, setup: Setup, blocks: int, settings: np.ndarray, world: World) -> None:
+        self.real, self.blocks, self.plan = setup.real, blocks, setup.plan
+        self.on_cpu = setup.running.device == "cpu"
+        self.memory = self.store(int(self.plan[slots.SLOTS]))
+        tables = setup.tables
         listed = np.zeros((blocks, max(1, tables.counts.points)), np.int32)
-        self.shared = (plan, tables.bodies, tables.points, tables.paths, tables.eyes, listed, settings)
+        self._phases = VISCOUS_PHASES if np.isinf(world.friction) else COULOMB_PHASES
+        self._kind = setup.real, GRAIN if self.on_cpu else 1, world.integration == "velocity"
+        self._shared = self.plan, tables.bodies, tables.points, tables.paths, tables.eyes, listed, settings
 
-    def store(self, slots: int) -> Store:
+    def store(self, count: int) -> Store:
         """Memory for so many slots of each robot."""
-        return Store(self.real, slots, self.blocks, self.on_cpu)
-
-    @property
-    def grain(self) -> int:
-        """Iterations of the kernel's outer loop for each block."""
-        return GRAIN if self.on_cpu else 1
+        return Store(self.real, count, self.blocks, self.on_cpu)
 
     def run(self, recording: bool = False, tape: Store | None = None) -> np.ndarray:
         """Run to the end; what was recorded, (values, robots). States before steps go to the tape."""
-        frames = self.store(int(self.plan[memory.FRAME] * self.plan[memory.FRAMES]) if recording else 1)
-        kernel = rollout_kernel(self.real, self.grain, self.drifting, not self.drifting, recording, tape is not None)
-        kernel(
-            self.blocks,
-            self._phases,
-            self.memory.argument,
-            frames.argument,
-            (tape or self.store(1)).argument,
-            *self.shared,
-        )
+        frames = self.store(int(self.plan[slots.FRAME] * self.plan[slots.FRAMES]) if recording else 1)
+        kernel = rollout_kernel(*self._kind, recording, tape is not None)
+        memories = (self.memory, frames, tape or self.store(1))
+        kernel(self.blocks, self._phases, *(each.argument for each in memories), *self._shared)
         return frames.read()
 
     def go_back(self, tape: Store, cotangents: Store) -> None:
         """Turn cotangents of the end of a run into those of all that it was given."""
-        kernel = gradient_kernel(self.real, self.grain, self.drifting, not self.drifting)
-        adjoint = self.store(int(self.plan[memory.SLOTS]))
-        kernel(
-            self.blocks,
-            self._phases,
-            self.memory.argument,
-            adjoint.argument,
-            cotangents.argument,
-            tape.argument,
-            *self.shared,
-        )
+        adjoint = self.store(int(self.plan[slots.SLOTS]))
+        memories = (self.memory, adjoint, cotangents, tape)
+        gradient_kernel(*self._kind)(self.blocks, self._phases, *(each.argument for each in memories), *self._shared)

@@ -6,7 +6,7 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.rigid import memory
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.shapes import is_whole
 from taichi_sim.rigid.part import Part, Setup
 from taichi_sim.rigid.state import RigidResult
@@ -43,21 +43,21 @@ class RigidSession:
             ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
         """
         plan, batch = self._setup.plan, self._setup.given.batch
-        motors = int(plan[memory.MOTORS])
+        motors = int(plan[slots.MOTORS])
         if not is_whole(steps) or steps < 0:
             raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
         given = None if commands is None else np.asarray(commands, float)
         if given is not None and (given.shape != (batch, motors) or not np.isfinite(given).all()):
             raise ValueError(f"commands: shape {given.shape} is not allowed; give finite numbers, ({batch}, {motors})")
         runtime.start(self._setup.running)
-        plan[memory.STEPS] = steps  # which kernels read at every launch
+        plan[slots.STEPS] = steps  # which kernels read at every launch
         found = []
         for part, chosen in self._parts:
             if given is not None:
-                slots = part.memory.read()
-                padded = np.resize(chosen, slots.shape[1])
-                slots[plan[memory.COMMAND] : plan[memory.COMMAND] + motors] = given[padded].T
-                part.memory.write(slots)
+                held = part.memory.read()
+                padded = np.resize(chosen, held.shape[1])
+                held[plan[slots.COMMAND] : plan[slots.COMMAND] + motors] = given[padded].T
+                part.memory.write(held)
             part.run()
             found.append(part.memory.read()[:, : len(chosen)])
         return self._result(np.concatenate(found, -1))

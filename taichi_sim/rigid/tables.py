@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid import memory
-from taichi_sim.rigid.memory import Counts
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.shapes import Vector, vector
 from taichi_sim.rigid.model.tree import Hinge, Tree
+from taichi_sim.rigid.slots import Counts
 
 Ints = NDArray[np.int32]
 
@@ -73,7 +73,7 @@ def tables_of(tree: Tree, senses: Senses, commands: int) -> Tables:
         raise ValueError(f"touch: {list(senses.touch)!r} is not allowed; give each body once")
     feeling = {tree.place_of(name): s for s, name in enumerate(senses.touch)}
     paths: list[list[int]] = []
-    rows = np.full((len(tree.bodies), memory.BODY_COLUMNS), -1, np.int32)
+    rows = np.full((len(tree.bodies), slots.BODY_COLUMNS), -1, np.int32)
     for n, (_, joint) in enumerate(tree.ordered):
         hinged = isinstance(joint, Hinge)
         paths.append([] if n == 0 else paths[tree.parents[n]] + [n] * hinged)
@@ -104,26 +104,26 @@ def tables_of(tree: Tree, senses: Senses, commands: int) -> Tables:
 
 def parameters_of(tree: Tree) -> Floats:
     """Parameters of all bodies, (bodies, PARAMETER_WIDTH)."""
-    found = np.zeros((len(tree.bodies), memory.PARAMETER_WIDTH))
+    found = np.zeros((len(tree.bodies), slots.PARAMETER_WIDTH))
     for n, (body, joint) in enumerate(tree.ordered):
         each, position = found[n], np.array(body.position, float)
-        each[memory.MASS] = body.mass
+        each[slots.MASS] = body.mass
         inertia = np.asarray(body.inertia)
-        each[memory.REST_INERTIA : memory.REST_INERTIA + 6] = inertia[np.tril_indices(3)]
-        each[[memory.LOWER, memory.UPPER]] = -memory.NO_STOP, memory.NO_STOP
+        each[slots.REST_INERTIA : slots.REST_INERTIA + 6] = inertia[np.tril_indices(3)]
+        each[[slots.LOWER, slots.UPPER]] = -slots.NO_STOP, slots.NO_STOP
         if joint is None:
             continue
         of_parent = np.array(tree.ordered[tree.parents[n]][0].position, float)
         anchor = np.array(joint.anchor, float) if isinstance(joint, Hinge) else position
-        each[memory.CENTRE : memory.CENTRE + 3] = position - anchor
-        each[memory.ANCHOR : memory.ANCHOR + 3] = anchor - of_parent
+        each[slots.CENTRE : slots.CENTRE + 3] = position - anchor
+        each[slots.ANCHOR : slots.ANCHOR + 3] = anchor - of_parent
         if isinstance(joint, Hinge):
-            each[memory.AXIS : memory.AXIS + 3] = np.array(joint.axis) / np.linalg.norm(joint.axis)
+            each[slots.AXIS : slots.AXIS + 3] = np.array(joint.axis) / np.linalg.norm(joint.axis)
             if joint.motor is not None:
                 motor = joint.motor
-                each[memory.TORQUE : memory.OFFSET + 1] = motor.torque, motor.by_command, motor.by_angle, motor.offset
+                each[slots.TORQUE : slots.OFFSET + 1] = motor.torque, motor.by_command, motor.by_angle, motor.offset
             if joint.stops is not None:
-                each[[memory.LOWER, memory.UPPER]] = joint.stops
+                each[[slots.LOWER, slots.UPPER]] = joint.stops
     return found
 
 

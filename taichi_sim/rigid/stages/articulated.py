@@ -6,173 +6,146 @@ the impulse along it is; in both cases u = u0 - (U.v) / D with U = I S and 1 / D
 parent sees I - U U^T / D and p - U u0. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 7, for velocities.)
 """
 
-from taichi_sim.autodiff.lanes import larger, load, store
+from taichi_sim.autodiff.lanes import larger
 from taichi_sim.autodiff.tracing import select
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
-    ARTICULATED,
-    AT,
-    BODIES,
-    BODY_COLUMNS,
-    COLUMN,
-    CONTACT,
-    DRIFT,
-    FREE_RATE,
-    HIGH,
-    HINGED,
-    IMPULSE,
-    INERTIA,
-    INVERSE,
-    LOW,
-    MASS,
-    MODE_DRIVEN,
-    MODES,
-    MOMENTUM,
-    PARAMETER,
-    PARAMETER_WIDTH,
-    PARENT,
-    PLACE,
-    PUSH,
-    RATE,
-    ROOT,
-    ROOT_RIGHT,
-    RUBS,
-    SCREW,
-    TARGET,
-    VELOCITY,
     body_at,
-    point_at,
+    given_at,
+    is_hinged,
+    listed_point,
+    parent_at,
     put,
+    read,
     row,
+    setting,
+    write,
 )
 from taichi_sim.rigid.stages import spatial
 from taichi_sim.runtime import ti
 
 
 @ti.func
-def assemble(
-    m: ti.template(),
-    k,
-    plan: ti.template(),
-    points: ti.template(),
-    listed: ti.template(),
-    block,
-    count,
-    phase,
-    correction,
-    drifting: ti.template(),
-):
+def assemble(robots: ti.template(), count, phase, push_out):
     """Inertias and momenta of bodies on their own; from phase 1 on with the friction of points that rub."""
-    for b in range(plan[BODIES]):
-        body = body_at(plan, b)
-        mass = load(m, k, plan[PARAMETER] + b * PARAMETER_WIDTH + MASS)
-        inertia, place = ti.static(row(m, k, body + INERTIA, 6)), ti.static(row(m, k, body + PLACE, 3))
-        put(m, k, body + ARTICULATED, spatial.rigid_matrix(inertia, mass, place))
-        put(m, k, body + IMPULSE, row(m, k, body + MOMENTUM, 6))
-        store(m, k, body + CONTACT, 0.0 * mass)
+    for b in range(robots.plan[slots.BODIES]):
+        body = body_at(robots, b)
+        mass = read(robots, given_at(robots, b) + slots.MASS)
+        inertia, place = ti.static(row(robots, body + slots.INERTIA, 6)), ti.static(row(robots, body + slots.PLACE, 3))
+        put(robots, body + slots.ARTICULATED, spatial.rigid_matrix(inertia, mass, place))
+        put(robots, body + slots.IMPULSE, row(robots, body + slots.MOMENTUM, 6))
+        write(robots, body + slots.CONTACT, 0.0 * mass)
     if phase > 0:
         for n in range(count):
-            point = point_at(plan, listed[block, n])
-            body = body_at(plan, points[listed[block, n]])
-            strength = load(m, k, point + RUBS)
-            at = ti.static(row(m, k, point + AT, 3))
+            _i, b, point = listed_point(robots, n)
+            body = body_at(robots, b)
+            strength = read(robots, point + slots.RUBS)
+            at = ti.static(row(robots, point + slots.AT, 3))
             added = ti.static(spatial.drag(at, strength))
             for e in ti.static(range(len(added))):
-                slot = body + ARTICULATED + added[e][0]
-                store(m, k, slot, load(m, k, slot) + added[e][1])
-            if ti.static(drifting):  # its own velocity is that of the tree less the correction of its drift
-                fx = strength * correction * load(m, k, body + DRIFT)
-                fy = strength * correction * load(m, k, body + DRIFT + 1)
+                slot = body + slots.ARTICULATED + added[e][0]
+                write(robots, slot, read(robots, slot) + added[e][1])
+            if ti.static(robots.drifting):  # its own velocity is that of the tree less the correction of its drift
+                fx = strength * push_out * read(robots, body + slots.DRIFT)
+                fy = strength * push_out * read(robots, body + slots.DRIFT + 1)
                 pull = ti.static((fx, fy, 0.0 * fx))
-                added_impulse = ti.static(spatial.joined(spatial.cross(at, pull), pull))
-                put(m, k, body + IMPULSE, spatial.plus(row(m, k, body + IMPULSE, 6), added_impulse))
+                impulse = ti.static(spatial.joined(spatial.cross(at, pull), pull))
+                put(robots, body + slots.IMPULSE, spatial.plus(row(robots, body + slots.IMPULSE, 6), impulse))
 
 
 @ti.func
-def gather(m: ti.template(), k, plan: ti.template(), table: ti.template(), phase):
-    """From the leaves to the base; then the base's factor and free velocity."""
-    for back in range(1, plan[BODIES]):
-        b = plan[BODIES] - back
-        body, parent = body_at(plan, b), body_at(plan, table[b * BODY_COLUMNS + PARENT])
-        inertia, impulse = ti.static(row(m, k, body + ARTICULATED, 21)), ti.static(row(m, k, body + IMPULSE, 6))
-        of_parent = ti.static(row(m, k, parent + ARTICULATED, 21))
-        at_parent = ti.static(row(m, k, parent + IMPULSE, 6))
-        if table[b * BODY_COLUMNS + HINGED] == 1:
-            screw = ti.static(row(m, k, body + SCREW, 6))
+def collect(robots: ti.template(), phase):
+    """From the leaves to the base: what each body's parent has to move beside itself."""
+    for back in range(1, robots.plan[slots.BODIES]):
+        b = robots.plan[slots.BODIES] - back
+        body, parent = body_at(robots, b), parent_at(robots, b)
+        inertia = ti.static(row(robots, body + slots.ARTICULATED, 21))
+        impulse = ti.static(row(robots, body + slots.IMPULSE, 6))
+        of_parent = ti.static(row(robots, parent + slots.ARTICULATED, 21))
+        at_parent = ti.static(row(robots, parent + slots.IMPULSE, 6))
+        if is_hinged(robots, b):
+            screw = ti.static(row(robots, body + slots.SCREW, 6))
             column = ti.static(spatial.times(inertia, screw))
-            mode = load(m, k, body + MODES + phase)
+            mode = read(robots, body + slots.MODES + phase)
             driven = (mode > -0.5) & (mode < 0.5)
-            bound = select(mode > 0.0, load(m, k, body + HIGH), load(m, k, body + LOW))
+            bound = select(mode > 0.0, read(robots, body + slots.HIGH), read(robots, body + slots.LOW))
             inverse = 1.0 / spatial.dot(screw, column)
-            free = (load(m, k, body + PUSH) + bound + spatial.dot(screw, impulse)) * inverse
-            rate = select(driven, load(m, k, body + TARGET), free)
+            free = (read(robots, body + slots.PUSH) + bound + spatial.dot(screw, impulse)) * inverse
+            rate = select(driven, read(robots, body + slots.TARGET), free)
             inverse = select(driven, 0.0, inverse)
-            put(m, k, body + COLUMN, column)
-            store(m, k, body + INVERSE, inverse)
-            store(m, k, body + FREE_RATE, rate)
-            put(m, k, parent + ARTICULATED, spatial.plus(of_parent, spatial.less_outer(inertia, column, inverse)))
-            put(m, k, parent + IMPULSE, spatial.plus(at_parent, spatial.minus_times(impulse, column, rate)))
+            put(robots, body + slots.COLUMN, column)
+            write(robots, body + slots.INVERSE, inverse)
+            write(robots, body + slots.FREE_RATE, rate)
+            left = ti.static(spatial.less_outer(inertia, column, inverse))
+            put(robots, parent + slots.ARTICULATED, spatial.plus(of_parent, left))
+            rest = ti.static(spatial.minus_times(impulse, column, rate))
+            put(robots, parent + slots.IMPULSE, spatial.plus(at_parent, rest))
         else:
-            put(m, k, parent + ARTICULATED, spatial.plus(of_parent, inertia))
-            put(m, k, parent + IMPULSE, spatial.plus(at_parent, impulse))
+            put(robots, parent + slots.ARTICULATED, spatial.plus(of_parent, inertia))
+            put(robots, parent + slots.IMPULSE, spatial.plus(at_parent, impulse))
 
 
 @ti.func
-def solve_base(m: ti.template(), k, plan: ti.template(), floating):
-    """The base's velocity without contacts; ``floating`` is 0 where it is fixed to the world, else 1."""
-    root = body_at(plan, 0)
-    factor = ti.static(spatial.cholesky(row(m, k, root + ARTICULATED, 21)))
-    right = ti.static([x * floating for x in spatial.forward(factor, row(m, k, root + IMPULSE, 6))])
-    put(m, k, ROOT, factor)
-    put(m, k, ROOT_RIGHT, right)
-    put(m, k, root + VELOCITY, spatial.backward(factor, right))
+def solve_base(robots: ti.template()):
+    """The base's factor, and its velocity without contacts."""
+    floating = setting(robots, slots.FLOATING)
+    root = body_at(robots, 0)
+    factor = ti.static(spatial.cholesky(row(robots, root + slots.ARTICULATED, 21)))
+    free = ti.static(spatial.forward(factor, row(robots, root + slots.IMPULSE, 6)))
+    right = ti.static([x * floating for x in free])
+    put(robots, slots.ROOT, factor)
+    put(robots, slots.ROOT_RIGHT, right)
+    put(robots, root + slots.VELOCITY, spatial.backward(factor, right))
 
 
 @ti.func
-def spread(m: ti.template(), k, plan: ti.template(), table: ti.template()):
-    """From the base to the leaves, contacts included."""
-    put(m, k, body_at(plan, 0) + VELOCITY, spatial.backward(row(m, k, ROOT, 21), row(m, k, ROOT_RIGHT, 6)))
-    for b in range(1, plan[BODIES]):
-        body, parent = body_at(plan, b), body_at(plan, table[b * BODY_COLUMNS + PARENT])
-        velocity = ti.static(row(m, k, parent + VELOCITY, 6))
-        if table[b * BODY_COLUMNS + HINGED] == 1:
-            pulled = load(m, k, body + CONTACT) - spatial.dot(row(m, k, body + COLUMN, 6), velocity)
-            rate = load(m, k, body + FREE_RATE) + load(m, k, body + INVERSE) * pulled
-            store(m, k, body + RATE, rate)
-            put(m, k, body + VELOCITY, spatial.plus_times(velocity, row(m, k, body + SCREW, 6), rate))
+def spread(robots: ti.template()):
+    """From the base to the leaves: velocities, contacts included."""
+    factor, right = ti.static(row(robots, slots.ROOT, 21)), ti.static(row(robots, slots.ROOT_RIGHT, 6))
+    put(robots, body_at(robots, 0) + slots.VELOCITY, spatial.backward(factor, right))
+    for b in range(1, robots.plan[slots.BODIES]):
+        body = body_at(robots, b)
+        velocity = ti.static(row(robots, parent_at(robots, b) + slots.VELOCITY, 6))
+        if is_hinged(robots, b):
+            pulled = read(robots, body + slots.CONTACT) - spatial.dot(row(robots, body + slots.COLUMN, 6), velocity)
+            rate = read(robots, body + slots.FREE_RATE) + read(robots, body + slots.INVERSE) * pulled
+            write(robots, body + slots.RATE, rate)
+            put(robots, body + slots.VELOCITY, spatial.plus_times(velocity, row(robots, body + slots.SCREW, 6), rate))
         else:
-            put(m, k, body + VELOCITY, velocity)
+            put(robots, body + slots.VELOCITY, velocity)
 
 
 @ti.func
-def row_impulse(m: ti.template(), k, body):
+def row_impulse(robots: ti.template(), body):
     """The impulse of a hinge's row, beside its push: what its body needs less what it has."""
-    needed = spatial.dot(row(m, k, body + COLUMN, 6), row(m, k, body + VELOCITY, 6))
-    given = spatial.dot(row(m, k, body + SCREW, 6), row(m, k, body + IMPULSE, 6))
-    return needed - given - load(m, k, body + CONTACT) - load(m, k, body + PUSH)
+    needed = spatial.dot(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
+    given = spatial.dot(row(robots, body + slots.SCREW, 6), row(robots, body + slots.IMPULSE, 6))
+    return needed - given - read(robots, body + slots.CONTACT) - read(robots, body + slots.PUSH)
 
 
 @ti.func
-def switch_rows(m: ti.template(), k, plan: ti.template(), table: ti.template(), phase, tolerance, together):
+def switch_rows(robots: ti.template(), phase, together):
     """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one, change; whether any did.
 
     All at once; where that goes on in circles, ``together`` being 0, the last one only, which ends (Murty).
     """
-    changes = 0.0 * load(m, k, 0)
-    for back in range(1, plan[BODIES]):
-        b = plan[BODIES] - back
-        if table[b * BODY_COLUMNS + HINGED] == 1:
-            body = body_at(plan, b)
-            impulse = row_impulse(m, k, body)
-            low, high = load(m, k, body + LOW), load(m, k, body + HIGH)
-            ahead = load(m, k, body + RATE) - load(m, k, body + TARGET)
-            mode = load(m, k, body + MODES + phase)
+    tolerance = setting(robots, slots.TOLERANCE)
+    changes = 0.0 * read(robots, 0)
+    for back in range(1, robots.plan[slots.BODIES]):
+        b = robots.plan[slots.BODIES] - back
+        if is_hinged(robots, b):
+            body = body_at(robots, b)
+            impulse = row_impulse(robots, body)
+            low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
+            ahead = read(robots, body + slots.RATE) - read(robots, body + slots.TARGET)
+            mode = read(robots, body + slots.MODES + phase)
             driven = (mode > -0.5) & (mode < 0.5)
             beyond = select(impulse > high + tolerance, 1.0, select(impulse < low - tolerance, -1.0, 0.0 * impulse))
             passed = ((mode > 0.5) & (ahead > tolerance)) | ((mode < -0.5) & (ahead < 0.0 - tolerance))
-            kept = select(passed & (low < high), MODE_DRIVEN, mode)
+            kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
             after = select(driven, beyond, kept)
             if together == 0:
                 after = select(changes > 0.0, mode, after)
-            store(m, k, body + MODES + phase, after)
+            write(robots, body + slots.MODES + phase, after)
             changes = larger(changes, (after - mode) * (after - mode))
     return changes

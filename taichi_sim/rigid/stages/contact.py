@@ -4,242 +4,201 @@ With M = L^T D L of the articulated tree, the matrix of normal rows is A = (L^-T
 holds an entry for each hinge between it and the base, and six for the base.
 """
 
-from taichi_sim.autodiff.lanes import any_lane, larger, load, store
-from taichi_sim.autodiff.tracing import select, sqrt
+from typing import Any
+
+from taichi_sim.autodiff.lanes import any_lane, larger
+from taichi_sim.autodiff.tracing import primitive, select, sqrt
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
-    AT,
-    BODY_COLUMNS,
-    COLUMN,
-    CONTACT,
-    DEEP,
-    DEPTH,
-    DRIFT,
-    EXCESS,
-    FACTOR,
-    FREE_RATE,
-    HINGES,
-    IMPULSES,
-    INVERSE,
-    MATRIX,
-    MEMBER,
-    PATH_LENGTH,
-    PLACE,
-    POINT_PARAMETER,
-    POINT_PARAMETER_WIDTH,
-    POINTS,
-    POSITION,
-    READING,
-    RESIDUAL,
-    RIGHT,
-    ROOT,
-    ROOT_RIGHT,
-    ROTATION,
-    ROW,
-    SCRATCH,
-    SCREW,
-    TOUCH,
-    VELOCITY,
+    Block,
     body_at,
+    column,
+    count_of,
+    hinge_on_path,
+    listed_at,
+    listed_point,
     point_at,
     put,
+    read,
     row,
+    setting,
+    write,
 )
 from taichi_sim.rigid.stages import spatial
 from taichi_sim.runtime import ti
 
+MOST_PIVOTS = 60
 BLOCK_FLIPS = 5.0  # of all violators at once without there being fewer; then one at a time, which always ends
 
 
+@primitive
+def entry_at(robots: Block, section: int, n: Any, l: Any) -> Any:
+    """Slot of an entry of the matrix of normal rows, or of its factor: row n, column l <= n."""
+    return count_of(robots, section) + n * (n + 1) // 2 + l
+
+
 @ti.func
-def find_contacts(
-    m: ti.template(),
-    k,
-    plan: ti.template(),
-    table: ti.template(),
-    points: ti.template(),
-    listed: ti.template(),
-    block,
-    touching,
-):
+def find_contacts(robots: ti.template()):
     """Depths of all points; lists those that touch in any lane, sets touch sensors, returns their number."""
+    touching = setting(robots, slots.TOUCHING)
     count = 0
-    for i in range(plan[POINTS]):
-        b = points[i]
-        body, point, given = body_at(plan, b), point_at(plan, i), plan[POINT_PARAMETER] + i * POINT_PARAMETER_WIDTH
-        at = ti.static(
-            spatial.plus(row(m, k, body + PLACE, 3), spatial.turned(row(m, k, body + ROTATION, 9), row(m, k, given, 3)))
-        )
-        radius = load(m, k, given + 3)
-        height = load(m, k, POSITION + 2) + at[2] + load(m, k, body + DRIFT + 2)
+    for i in range(robots.plan[slots.POINTS]):
+        b = robots.points[i]
+        body, point = body_at(robots, b), point_at(robots, i)
+        given = robots.plan[slots.POINT_PARAMETER] + i * slots.POINT_PARAMETER_WIDTH
+        arm = ti.static(spatial.turned(row(robots, body + slots.ROTATION, 9), row(robots, given, 3)))
+        at = ti.static(spatial.plus(row(robots, body + slots.PLACE, 3), arm))
+        radius = read(robots, given + 3)
+        height = read(robots, slots.POSITION + 2) + at[2] + read(robots, body + slots.DRIFT + 2)
         depth = radius - height
-        put(m, k, point + AT, (at[0], at[1], at[2] - radius))
-        store(m, k, point + DEEP, depth)
+        put(robots, point + slots.AT, (at[0], at[1], at[2] - radius))
+        write(robots, point + slots.DEEP, depth)
         touches = depth >= 0.0
         for phase in ti.static(range(2)):
-            store(m, k, point + IMPULSES + phase, select(touches, load(m, k, point + IMPULSES + phase), 0.0))
-        sensor = table[b * BODY_COLUMNS + TOUCH]
+            slot = point + slots.IMPULSES + phase
+            write(robots, slot, select(touches, read(robots, slot), 0.0))
+        sensor = column(robots, b, slots.TOUCH)
         if sensor >= 0:
-            slot = plan[READING] + sensor
-            store(m, k, slot, select(touches, touching, load(m, k, slot)))
+            slot = robots.plan[slots.READING] + sensor
+            write(robots, slot, select(touches, touching, read(robots, slot)))
         if any_lane(touches):
-            listed[block, count] = i
+            robots.listed[robots.number, count] = i
             count += 1
     return count
 
 
 @ti.func
-def reduce_points(
-    m: ti.template(),
-    k,
-    plan: ti.template(),
-    points: ti.template(),
-    paths: ti.template(),
-    table: ti.template(),
-    listed: ti.template(),
-    block,
-    count,
-    push_out,
-    floating,
-):
+def reduce_points(robots: ti.template(), count, push_out):
     """Rows of the factored matrix, and how much each point's free velocity falls short."""
+    floating = setting(robots, slots.FLOATING)
     for n in range(count):
-        b = points[listed[block, n]]
-        point, own = point_at(plan, listed[block, n]), body_at(plan, b)
-        x, y = load(m, k, point + AT), load(m, k, point + AT + 1)
+        _i, b, point = listed_point(robots, n)
+        x, y = read(robots, point + slots.AT), read(robots, point + slots.AT + 1)
         zero = 0.0 * x
         f0, f1, f2, f3, f4, f5 = y, 0.0 - x, zero, zero, zero, zero + 1.0
         free = zero
-        length = table[b * BODY_COLUMNS + PATH_LENGTH]
+        length = column(robots, b, slots.PATH_LENGTH)
         for back in range(length):
             d = length - 1 - back
-            hinge = body_at(plan, paths[b * plan[DEPTH] + d])
-            share = spatial.dot(row(m, k, hinge + SCREW, 6), (f0, f1, f2, f3, f4, f5))
-            store(m, k, point + HINGES + d, share)
-            free = free + share * load(m, k, hinge + FREE_RATE)
-            lost = share * load(m, k, hinge + INVERSE)
-            f0 = f0 - lost * load(m, k, hinge + COLUMN)
-            f1 = f1 - lost * load(m, k, hinge + COLUMN + 1)
-            f2 = f2 - lost * load(m, k, hinge + COLUMN + 2)
-            f3 = f3 - lost * load(m, k, hinge + COLUMN + 3)
-            f4 = f4 - lost * load(m, k, hinge + COLUMN + 4)
-            f5 = f5 - lost * load(m, k, hinge + COLUMN + 5)
+            hinge = body_at(robots, hinge_on_path(robots, b, d))
+            share = spatial.dot(row(robots, hinge + slots.SCREW, 6), (f0, f1, f2, f3, f4, f5))
+            write(robots, point + slots.HINGES + d, share)
+            free = free + share * read(robots, hinge + slots.FREE_RATE)
+            lost = share * read(robots, hinge + slots.INVERSE)
+            f0 = f0 - lost * read(robots, hinge + slots.COLUMN)
+            f1 = f1 - lost * read(robots, hinge + slots.COLUMN + 1)
+            f2 = f2 - lost * read(robots, hinge + slots.COLUMN + 2)
+            f3 = f3 - lost * read(robots, hinge + slots.COLUMN + 3)
+            f4 = f4 - lost * read(robots, hinge + slots.COLUMN + 4)
+            f5 = f5 - lost * read(robots, hinge + slots.COLUMN + 5)
         left = ti.static((f0, f1, f2, f3, f4, f5))
-        free = free + spatial.dot(left, row(m, k, body_at(plan, 0) + VELOCITY, 6))
-        put(m, k, point + ROW, [x * floating for x in spatial.forward(row(m, k, ROOT, 21), left)])
-        target = push_out * load(m, k, point + DEEP) + push_out * load(m, k, own + DRIFT + 2)
-        store(m, k, point + RIGHT, target - free)
+        free = free + spatial.dot(left, row(robots, body_at(robots, 0) + slots.VELOCITY, 6))
+        reduced = ti.static(spatial.forward(row(robots, slots.ROOT, 21), left))
+        put(robots, point + slots.ROW, [x * floating for x in reduced])
+        deep, drift = read(robots, point + slots.DEEP), read(robots, body_at(robots, b) + slots.DRIFT + 2)
+        write(robots, point + slots.RIGHT, push_out * deep + push_out * drift - free)
 
 
 @ti.func
-def fill_matrix(
-    m: ti.template(),
-    k,
-    plan: ti.template(),
-    points: ti.template(),
-    paths: ti.template(),
-    table: ti.template(),
-    listed: ti.template(),
-    block,
-    count,
-    compliance,
-):
-    """The matrix of normal rows, its lower triangle; ``compliance`` on its diagonal makes it definite."""
+def fill_matrix(robots: ti.template(), count):
+    """The matrix of normal rows, its lower triangle; the compliance on its diagonal makes it definite."""
+    compliance = setting(robots, slots.COMPLIANCE)
     for n in range(count):
-        b, point = points[listed[block, n]], point_at(plan, listed[block, n])
-        mine = ti.static(row(m, k, point + ROW, 6))
+        _i, b, point = listed_point(robots, n)
+        mine = ti.static(row(robots, point + slots.ROW, 6))
         for l in range(n + 1):
-            c, other = points[listed[block, l]], point_at(plan, listed[block, l])
-            value = spatial.dot(mine, row(m, k, other + ROW, 6))
-            shared = ti.min(table[b * BODY_COLUMNS + PATH_LENGTH], table[c * BODY_COLUMNS + PATH_LENGTH])
+            _j, c, other = listed_point(robots, l)
+            value = spatial.dot(mine, row(robots, other + slots.ROW, 6))
+            shared = ti.min(column(robots, b, slots.PATH_LENGTH), column(robots, c, slots.PATH_LENGTH))
             for d in range(shared):
-                hinge = paths[b * plan[DEPTH] + d]
-                if hinge == paths[c * plan[DEPTH] + d]:
-                    both = load(m, k, point + HINGES + d) * load(m, k, other + HINGES + d)
-                    value = value + both * load(m, k, body_at(plan, hinge) + INVERSE)
+                hinge = hinge_on_path(robots, b, d)
+                if hinge == hinge_on_path(robots, c, d):
+                    both = read(robots, point + slots.HINGES + d) * read(robots, other + slots.HINGES + d)
+                    value = value + both * read(robots, body_at(robots, hinge) + slots.INVERSE)
             if n == l:
                 value = value + compliance
-            store(m, k, plan[MATRIX] + n * (n + 1) // 2 + l, value)
+            write(robots, entry_at(robots, slots.MATRIX, n, l), value)
 
 
 @ti.func
-def solve_members(m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase):
+def solve_members(robots: ti.template(), count, phase):
     """Impulses of the points that push: those make their velocities as required; the others' are zero."""
     for n in range(count):
-        point, first = point_at(plan, listed[block, n]), n * (n + 1) // 2
-        member = load(m, k, point + MEMBER)
-        value = member * load(m, k, point + RIGHT)
+        point = listed_at(robots, n)
+        member = read(robots, point + slots.MEMBER)
+        value = member * read(robots, point + slots.RIGHT)
+        factor_n = entry_at(robots, slots.FACTOR, n, 0)
         for l in range(n):
-            start = l * (l + 1) // 2
-            other = point_at(plan, listed[block, l])
-            entry = member * load(m, k, other + MEMBER) * load(m, k, plan[MATRIX] + first + l)
+            other = listed_at(robots, l)
+            factor_l = entry_at(robots, slots.FACTOR, l, 0)
+            entry = member * read(robots, other + slots.MEMBER) * read(robots, entry_at(robots, slots.MATRIX, n, l))
             for j in range(l):
-                entry = entry - load(m, k, plan[FACTOR] + first + j) * load(m, k, plan[FACTOR] + start + j)
-            entry = entry * load(m, k, plan[FACTOR] + start + l)
-            store(m, k, plan[FACTOR] + first + l, entry)
-            value = value - entry * load(m, k, other + SCRATCH)
-        diagonal = select(member > 0.5, load(m, k, plan[MATRIX] + first + n), 1.0)
+                entry = entry - read(robots, factor_n + j) * read(robots, factor_l + j)
+            entry = entry * read(robots, factor_l + l)
+            write(robots, factor_n + l, entry)
+            value = value - entry * read(robots, other + slots.SCRATCH)
+        diagonal = select(member > 0.5, read(robots, entry_at(robots, slots.MATRIX, n, n)), 1.0)
         for l in range(n):
-            entry = load(m, k, plan[FACTOR] + first + l)
+            entry = read(robots, factor_n + l)
             diagonal = diagonal - entry * entry
         inverse = 1.0 / sqrt(diagonal)
-        store(m, k, plan[FACTOR] + first + n, inverse)
-        store(m, k, point + SCRATCH, value * inverse)
+        write(robots, factor_n + n, inverse)
+        write(robots, point + slots.SCRATCH, value * inverse)
     for back in range(count):
         n = count - 1 - back
-        point = point_at(plan, listed[block, n])
-        value = load(m, k, point + SCRATCH)
+        point = listed_at(robots, n)
+        value = read(robots, point + slots.SCRATCH)
         for l in range(n + 1, count):
-            other = point_at(plan, listed[block, l])
-            value = value - load(m, k, plan[FACTOR] + l * (l + 1) // 2 + n) * load(m, k, other + IMPULSES + phase)
-        store(m, k, point + IMPULSES + phase, value * load(m, k, plan[FACTOR] + n * (n + 1) // 2 + n))
+            impulse = read(robots, listed_at(robots, l) + slots.IMPULSES + phase)
+            value = value - read(robots, entry_at(robots, slots.FACTOR, l, n)) * impulse
+        write(robots, point + slots.IMPULSES + phase, value * read(robots, entry_at(robots, slots.FACTOR, n, n)))
 
 
 @ti.func
-def violations(m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase, tolerance):
+def violations(robots: ti.template(), count, phase):
     """Marks points that pull, or sink in without pushing; their number, and the largest violation."""
-    number = 0.0 * load(m, k, 0)
+    tolerance = setting(robots, slots.TOLERANCE)
+    number = 0.0 * read(robots, 0)
     worst = number
     for n in range(count):
-        point = point_at(plan, listed[block, n])
-        impulse = load(m, k, point + IMPULSES + phase)
-        short = load(m, k, point + RIGHT)
+        point = listed_at(robots, n)
+        impulse = read(robots, point + slots.IMPULSES + phase)
+        short = read(robots, point + slots.RIGHT)
         for l in range(count):
-            lower, upper = ti.min(n, l), ti.max(n, l)
-            entry = load(m, k, plan[MATRIX] + upper * (upper + 1) // 2 + lower)
-            short = short - entry * load(m, k, point_at(plan, listed[block, l]) + IMPULSES + phase)
-        pushes = load(m, k, point + MEMBER) > 0.5
-        touches = load(m, k, point + DEEP) >= 0.0
+            entry = read(robots, entry_at(robots, slots.MATRIX, ti.max(n, l), ti.min(n, l)))
+            short = short - entry * read(robots, listed_at(robots, l) + slots.IMPULSES + phase)
+        pushes = read(robots, point + slots.MEMBER) > 0.5
+        touches = read(robots, point + slots.DEEP) >= 0.0
         amount = select(pushes, 0.0 - impulse, select(touches, short, 0.0))
         wrong = amount > tolerance
-        store(m, k, point + EXCESS, select(wrong, 1.0, 0.0 * amount))
+        write(robots, point + slots.EXCESS, select(wrong, 1.0, 0.0 * amount))
         number = number + select(wrong, 1.0, 0.0)
         worst = larger(amount, worst)
     return number, worst
 
 
 @ti.func
-def choose_members(m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase):
+def choose_members(robots: ti.template(), count, phase):
     """Begin with the points that pushed in the last step."""
     for n in range(count):
-        point = point_at(plan, listed[block, n])
-        store(m, k, point + MEMBER, select(load(m, k, point + IMPULSES + phase) > 0.0, 1.0, 0.0))
+        point = listed_at(robots, n)
+        pushed = read(robots, point + slots.IMPULSES + phase) > 0.0
+        write(robots, point + slots.MEMBER, select(pushed, 1.0, 0.0))
 
 
 @ti.func
-def solve_normals(
-    m: ti.template(), k, plan: ti.template(), listed: ti.template(), block, count, phase, tolerance, most
-):
+def solve_normals(robots: ti.template(), count, phase):
     """Normal impulses, exactly: those push that must, and no other point sinks in.
 
     Block principal pivoting: all violators change sides at once; where that stops helping, the last one does (Murty).
     Source: Judice, Pires, Computers & Operations Research 21 (1994) 587.
     """
-    fewest = 0.0 * load(m, k, 0) + 1e9
+    fewest = 0.0 * read(robots, 0) + 1e9
     patience = 0.0 * fewest + BLOCK_FLIPS
-    left = most
+    left = MOST_PIVOTS
     while left > 0:
-        solve_members(m, k, plan, listed, block, count, phase)
-        number, worst = violations(m, k, plan, listed, block, count, phase, tolerance)
+        solve_members(robots, count, phase)
+        number, worst = violations(robots, count, phase)
         left -= 1
         if any_lane(number > 0.5):
             better = number < fewest
@@ -248,40 +207,30 @@ def solve_normals(
             last_only = patience < 0.0
             pending = 0.0 * number + 1.0
             for back in range(count):
-                point = point_at(plan, listed[block, count - 1 - back])
-                wrong = load(m, k, point + EXCESS)
+                point = listed_at(robots, count - 1 - back)
+                wrong = read(robots, point + slots.EXCESS)
                 flip = select(last_only, wrong * pending, wrong)
                 pending = pending * (1.0 - wrong)
-                member = load(m, k, point + MEMBER)
-                store(m, k, point + MEMBER, member + flip * (1.0 - 2.0 * member))
+                member = read(robots, point + slots.MEMBER)
+                write(robots, point + slots.MEMBER, member + flip * (1.0 - 2.0 * member))
             if left == 0:
-                store(m, k, RESIDUAL, larger(worst, load(m, k, RESIDUAL)))
+                write(robots, slots.RESIDUAL, larger(worst, read(robots, slots.RESIDUAL)))
         else:
             left = 0
     for n in range(count):  # what rounding leaves of a point that does not push
-        point = point_at(plan, listed[block, n])
-        impulse = load(m, k, point + IMPULSES + phase)
-        store(m, k, point + IMPULSES + phase, select(impulse > 0.0, impulse, 0.0))
+        slot = listed_at(robots, n) + slots.IMPULSES + phase
+        impulse = read(robots, slot)
+        write(robots, slot, select(impulse > 0.0, impulse, 0.0))
 
 
 @ti.func
-def apply_normals(
-    m: ti.template(),
-    k,
-    plan: ti.template(),
-    points: ti.template(),
-    paths: ti.template(),
-    table: ti.template(),
-    listed: ti.template(),
-    block,
-    count,
-    phase,
-):
+def apply_normals(robots: ti.template(), count, phase):
     """Add normal impulses to the right-hand sides of hinges and base."""
     for n in range(count):
-        b, point = points[listed[block, n]], point_at(plan, listed[block, n])
-        impulse = load(m, k, point + IMPULSES + phase)
-        for d in range(table[b * BODY_COLUMNS + PATH_LENGTH]):
-            slot = body_at(plan, paths[b * plan[DEPTH] + d]) + CONTACT
-            store(m, k, slot, load(m, k, slot) + impulse * load(m, k, point + HINGES + d))
-        put(m, k, ROOT_RIGHT, spatial.plus_times(row(m, k, ROOT_RIGHT, 6), row(m, k, point + ROW, 6), impulse))
+        _i, b, point = listed_point(robots, n)
+        impulse = read(robots, point + slots.IMPULSES + phase)
+        for d in range(column(robots, b, slots.PATH_LENGTH)):
+            slot = body_at(robots, hinge_on_path(robots, b, d)) + slots.CONTACT
+            write(robots, slot, read(robots, slot) + impulse * read(robots, point + slots.HINGES + d))
+        right = ti.static(row(robots, slots.ROOT_RIGHT, 6))
+        put(robots, slots.ROOT_RIGHT, spatial.plus_times(right, row(robots, point + slots.ROW, 6), impulse))

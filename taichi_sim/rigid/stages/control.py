@@ -1,122 +1,94 @@
 """What a robot senses, what its neurons make of it, and what its hinges' motors and stops ask for."""
 
 from taichi_sim.autodiff.elementary import hyperbolic_tangent
-from taichi_sim.autodiff.lanes import load, smaller, store
+from taichi_sim.autodiff.lanes import smaller
 from taichi_sim.autodiff.tracing import select
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
-    ANGLE,
-    BODIES,
-    BODY_COLUMNS,
-    BY_ANGLE,
-    BY_COMMAND,
-    CLOSEST,
-    COMMAND,
-    COMMANDS,
-    HIGH,
-    HINGED,
-    HOLD,
-    LIGHT,
-    LIGHT_PARAMETER,
-    LIGHT_PARAMETER_WIDTH,
-    LIGHTS,
-    LOW,
-    LOWER,
-    MODES,
-    MOTOR,
-    MOTORS,
-    NEURON,
-    NO_STOP,
-    OFFSET,
-    PARAMETER,
-    PARAMETER_WIDTH,
-    PLACE,
-    POSITION,
-    PUSH,
-    READING,
-    ROTATION,
-    TARGET,
-    TORQUE,
-    TOUCHES,
-    UPPER,
-    WEIGHT,
     body_at,
+    column,
+    gather,
+    given_at,
+    is_hinged,
+    read,
     row,
+    setting,
+    write,
 )
 from taichi_sim.rigid.stages import laws
+from taichi_sim.rigid.stages.arguments import eye_slots
 from taichi_sim.runtime import ti
 
 
 @ti.func
-def clear_touch(m: ti.template(), k, plan: ti.template(), apart):
-    """Touch sensors before contacts are looked for."""
-    for s in range(plan[TOUCHES]):
-        store(m, k, plan[READING] + s, 0.0 * load(m, k, 0) + apart)
+def clear_touch(robots: ti.template()):
+    """Reset touch sensors before contacts are looked for."""
+    apart = setting(robots, slots.APART)
+    for s in range(robots.plan[slots.TOUCHES]):
+        write(robots, robots.plan[slots.READING] + s, 0.0 * read(robots, 0) + apart)
 
 
 @ti.func
-def sense_light(m: ti.template(), k, plan: ti.template(), eyes: ti.template()):
+def sense_light(robots: ti.template()):
     """Readings 1 / d^2 of light sensors, and how close the base came to the light, seen from above."""
-    source = ti.static(row(m, k, LIGHT, 3))
-    base = ti.static(row(m, k, POSITION, 3))
-    for s in range(plan[LIGHTS]):
-        body = body_at(plan, eyes[s])
-        given = plan[LIGHT_PARAMETER] + s * LIGHT_PARAMETER_WIDTH
-        rotation, place = ti.static(row(m, k, body + ROTATION, 9)), ti.static(row(m, k, body + PLACE, 3))
-        reading = laws.light_reading(*base, *rotation, *place, *row(m, k, given, 3), *source)
-        store(m, k, plan[READING] + plan[TOUCHES] + s, reading)
+    for s in range(robots.plan[slots.LIGHTS]):
+        reading = laws.light_reading(*gather(robots, eye_slots(robots, s)))
+        write(robots, robots.plan[slots.READING] + robots.plan[slots.TOUCHES] + s, reading)
+    source, base = ti.static(row(robots, slots.LIGHT, 3)), ti.static(row(robots, slots.POSITION, 3))
     dx, dy = base[0] - source[0], base[1] - source[1]
-    store(m, k, CLOSEST, smaller(dx * dx + dy * dy, load(m, k, CLOSEST)))
+    write(robots, slots.CLOSEST, smaller(dx * dx + dy * dy, read(robots, slots.CLOSEST)))
 
 
 @ti.func
-def think(m: ti.template(), k, plan: ti.template(), step, memory, gain):
+def think(robots: ti.template(), step):
     """Motor neurons m = tanh(memory m + gain sum of W s), or commands given beforehand."""
-    sensors = plan[TOUCHES] + plan[LIGHTS]
-    for j in range(plan[MOTORS]):
-        slot = plan[NEURON] + j
-        if plan[COMMANDS] > 0:
-            at = ti.min(step // plan[HOLD], plan[COMMANDS] - 1)
-            store(m, k, slot, load(m, k, plan[COMMAND] + at * plan[MOTORS] + j))
+    memory, gain = setting(robots, slots.MEMORY), setting(robots, slots.GAIN)
+    sensors, motors = robots.plan[slots.TOUCHES] + robots.plan[slots.LIGHTS], robots.plan[slots.MOTORS]
+    for j in range(motors):
+        slot = robots.plan[slots.NEURON] + j
+        if robots.plan[slots.COMMANDS] > 0:
+            at = ti.min(step // robots.plan[slots.HOLD], robots.plan[slots.COMMANDS] - 1)
+            write(robots, slot, read(robots, robots.plan[slots.COMMAND] + at * motors + j))
         else:
-            drive = 0.0 * load(m, k, 0)
+            drive = 0.0 * read(robots, 0)
             for s in range(sensors):
-                drive = drive + load(m, k, plan[WEIGHT] + s * plan[MOTORS] + j) * load(m, k, plan[READING] + s)
-            store(m, k, slot, hyperbolic_tangent(memory * load(m, k, slot) + gain * drive))
+                weight = read(robots, robots.plan[slots.WEIGHT] + s * motors + j)
+                drive = drive + weight * read(robots, robots.plan[slots.READING] + s)
+            write(robots, slot, hyperbolic_tangent(memory * read(robots, slot) + gain * drive))
 
 
 @ti.func
-def command_hinges(m: ti.template(), k, plan: ti.template(), table: ti.template(), time_step, push_out):
+def command_hinges(robots: ti.template()):
     """Each hinge's row: the rate it should have, and the impulses it may use for it.
 
     At a stop the row is the stop's, and the motor pushes with all its torque the way it wants to go (ODE's rule for a
     powered joint at its stop).
     """
-    for b in range(1, plan[BODIES]):
-        if table[b * BODY_COLUMNS + HINGED] == 1:
-            body, given = body_at(plan, b), plan[PARAMETER] + b * PARAMETER_WIDTH
-            angle = load(m, k, body + ANGLE)
-            motor = table[b * BODY_COLUMNS + MOTOR]
+    h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
+    for b in range(1, robots.plan[slots.BODIES]):
+        if is_hinged(robots, b):
+            body, given = body_at(robots, b), given_at(robots, b)
+            angle = read(robots, body + slots.ANGLE)
+            motor = column(robots, b, slots.MOTOR)
             command = 0.0 * angle
             if motor >= 0:
-                command = load(m, k, plan[NEURON] + motor)
-            wanted = (
-                load(m, k, given + BY_COMMAND) * command
-                + load(m, k, given + BY_ANGLE) * angle
-                + load(m, k, given + OFFSET)
-            )
-            strength = time_step * load(m, k, given + TORQUE)
-            lower, upper = load(m, k, given + LOWER), load(m, k, given + UPPER)
+                command = read(robots, robots.plan[slots.NEURON] + motor)
+            by_command, by_angle = read(robots, given + slots.BY_COMMAND), read(robots, given + slots.BY_ANGLE)
+            wanted = by_command * command + by_angle * angle + read(robots, given + slots.OFFSET)
+            strength = h * read(robots, given + slots.TORQUE)
+            lower, upper = read(robots, given + slots.LOWER), read(robots, given + slots.UPPER)
             at_lower, at_upper = angle <= lower, angle >= upper
             stopped = at_lower | at_upper
             upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
-            store(m, k, body + PUSH, select(stopped, select(upwards, strength, 0.0 - strength), 0.0 * strength))
+            pushed = select(upwards, strength, 0.0 - strength)
+            write(robots, body + slots.PUSH, select(stopped, pushed, 0.0 * strength))
             back = push_out * (select(at_lower, lower, upper) - angle)
-            store(m, k, body + TARGET, select(stopped, back, wanted))
-            high = select(stopped, select(at_lower, NO_STOP, 0.0 * strength), strength)
-            low = select(stopped, select(at_lower, 0.0 * strength, 0.0 - NO_STOP), 0.0 - strength)
-            store(m, k, body + HIGH, high)
-            store(m, k, body + LOW, low)
+            write(robots, body + slots.TARGET, select(stopped, back, wanted))
+            high = select(stopped, select(at_lower, slots.NO_STOP, 0.0 * strength), strength)
+            low = select(stopped, select(at_lower, 0.0 * strength, 0.0 - slots.NO_STOP), 0.0 - strength)
+            write(robots, body + slots.HIGH, high)
+            write(robots, body + slots.LOW, low)
             for phase in ti.static(range(2)):  # a bound that is out of reach holds nothing
-                mode = load(m, k, body + MODES + phase)
-                absent = ((mode > 0.5) & (high >= NO_STOP)) | ((mode < -0.5) & (low <= 0.0 - NO_STOP))
-                store(m, k, body + MODES + phase, select(absent, 0.0 * mode, mode))
+                mode = read(robots, body + slots.MODES + phase)
+                absent = ((mode > 0.5) & (high >= slots.NO_STOP)) | ((mode < -0.5) & (low <= 0.0 - slots.NO_STOP))
+                write(robots, body + slots.MODES + phase, select(absent, 0.0 * mode, mode))

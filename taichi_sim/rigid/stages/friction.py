@@ -7,9 +7,10 @@ repetition: friction of strength c slowed the point from u to v, so that an impu
 off its speed; the largest impulse, P, leaves u - P (u / v - 1) / c, and has the strength P over that.
 """
 
-from taichi_sim.autodiff.lanes import larger, load, smaller, store
+from taichi_sim.autodiff.lanes import larger, smaller
 from taichi_sim.autodiff.tracing import select, sqrt
-from taichi_sim.rigid.memory import AT, DRIFT, IMPULSES, RUBS, SLIDES, VELOCITY, body_at, point_at, row
+from taichi_sim.rigid import slots
+from taichi_sim.rigid.memory import body_at, listed_point, read, row, setting, write
 from taichi_sim.rigid.stages import spatial
 from taichi_sim.runtime import ti
 
@@ -19,37 +20,26 @@ ENDLESS = 1e30  # a coefficient of friction that stands for infinity
 
 
 @ti.func
-def rub(
-    m: ti.template(),
-    k,
-    plan: ti.template(),
-    points: ti.template(),
-    listed: ti.template(),
-    block,
-    count,
-    phase,
-    strength,
-    friction,
-    correction,
-):
+def rub(robots: ti.template(), count, phase):
     """The strength of each point's friction in the next phase: those rub that push without friction."""
+    strength, friction = setting(robots, slots.SLIP_STRENGTH), setting(robots, slots.FRICTION)
+    push_out = setting(robots, slots.PUSH_OUT)
     for n in range(count):
-        i = listed[block, n]
-        point, body = point_at(plan, i), body_at(plan, points[i])
-        pushes = load(m, k, point + IMPULSES) > 0.0
-        most = 0.0 * load(m, k, point) + strength
+        _i, b, point = listed_point(robots, n)
+        body = body_at(robots, b)
+        pushes = read(robots, point + slots.IMPULSES) > 0.0
+        most = 0.0 * read(robots, point) + strength
         if friction < ENDLESS:
-            w, v = ti.static(row(m, k, body + VELOCITY, 3)), ti.static(row(m, k, body + VELOCITY + 3, 3))
-            moving = ti.static(
-                spatial.minus_times(
-                    spatial.plus(v, spatial.cross(w, row(m, k, point + AT, 3))), row(m, k, body + DRIFT, 3), correction
-                )
-            )
+            y = ti.static(row(robots, body + slots.VELOCITY, 6))
+            of_tree = ti.static(spatial.plus(y[3:], spatial.cross(y[:3], row(robots, point + slots.AT, 3))))
+            moving = ti.static(spatial.minus_times(of_tree, row(robots, body + slots.DRIFT, 3), push_out))
             speed = sqrt(moving[0] * moving[0] + moving[1] * moving[1] + _SLOWEST)
             if phase == 0:
-                store(m, k, point + SLIDES, speed)
+                write(robots, point + slots.SLIDES, speed)
             else:
-                free, largest = load(m, k, point + SLIDES), friction * load(m, k, point + IMPULSES + 1)
-                slowed = larger(free / speed - 1.0, 0.0 * free) / larger(load(m, k, point + RUBS), 0.0 * free + _LEAST)
+                free = read(robots, point + slots.SLIDES)
+                largest = friction * read(robots, point + slots.IMPULSES + 1)
+                before = larger(read(robots, point + slots.RUBS), 0.0 * free + _LEAST)
+                slowed = larger(free / speed - 1.0, 0.0 * free) / before
                 most = smaller(largest / larger(free - largest * slowed, 0.0 * free + _LEAST), most)
-        store(m, k, point + RUBS, select(pushes, most, 0.0 * most))
+        write(robots, point + slots.RUBS, select(pushes, most, 0.0 * most))

@@ -35,7 +35,6 @@ def momentum(
     weight: Any,
     correction: Any,
     drifting: bool,
-    conserving: bool,
 ) -> list[Any]:
     """A body's spatial momentum with what gravity and gyroscopic moments add in a step.
 
@@ -44,7 +43,7 @@ def momentum(
     """
     angular, linear = _cut(carried, 3, 3)
     falling = time_step * weight * mass
-    if conserving:  # carried are momenta
+    if not drifting:  # carried are momenta
         return [
             angular[0] + place[1] * falling,
             angular[1] - place[0] * falling,
@@ -55,7 +54,7 @@ def momentum(
         ]
     spin = [spatial.dot([inertia[i], inertia[j], inertia[l]], angular) for i, j, l in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
     gyroscopic = spatial.cross(angular, spin)
-    v = spatial.plus_times(linear, drift, correction) if drifting else linear
+    v = spatial.plus_times(linear, drift, correction)
     p = [mass * v[0], mass * v[1], mass * v[2] + falling]
     return [*spatial.minus_times(spatial.plus(spatial.cross(place, p), spin), gyroscopic, time_step), *p]
 
@@ -71,7 +70,7 @@ def work(*values: Any) -> Any:
     """z . (momentum - inertia y) of a body.
 
     Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3), y (6), z (6); then time step,
-    weight, correction, drifting, conserving.
+    weight, correction, drifting.
     """
     (mass,), at_rest, rotation, place, carried, drift, y, z = _cut(values, 1, 6, 9, 3, 6, 3, 6, 6)
     turned = spatial.turned_inertia(rotation, at_rest)
@@ -126,18 +125,16 @@ def carried_on(*values: Any) -> tuple[Any, ...]:
     """What a body carries on (6), and where it is then (3).
 
     Values: mass, inertia at rest (6), rotation (9), place (3), drift (3), own place (3), velocity (6); then time step,
-    correction, drifting, conserving.
+    correction, drifting.
     """
     (mass,), at_rest, rotation, place, drift, own, velocity = _cut(values, 1, 6, 9, 3, 3, 3, 6)
-    time_step, correction, drifting, conserving = values[31:]
-    if conserving:  # see ``moment_shift``
+    time_step, correction, drifting = values[31:]
+    if not drifting:  # see ``moment_shift``
         turned = spatial.turned_inertia(rotation, at_rest)
         return (*spatial.times(spatial_inertia(mass, turned, place), velocity), *own)
     linear = spatial.plus(velocity[3:], spatial.cross(velocity[:3], place))
-    if drifting:
-        linear = spatial.minus_times(linear, drift, correction)
-        own = spatial.plus_times(own, linear, time_step)
-    return (*velocity[:3], *linear, *own)
+    linear = spatial.minus_times(linear, drift, correction)
+    return (*velocity[:3], *linear, *spatial.plus_times(own, linear, time_step))
 
 
 @primitive

@@ -1,57 +1,38 @@
 """A robot's state on a tape: all that a step starts with, warm starts included, so that it comes out the same again."""
 
+from typing import Any
+
 from taichi_sim.autodiff.lanes import load, store
-from taichi_sim.rigid.memory import (
-    BODIES,
-    IMPULSES,
-    KEPT,
-    MOTORS,
-    NEURON,
-    POINTS,
-    POSITION,
-    STATE_WIDTH,
-    body_at,
-    point_at,
-)
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.rigid import slots
+from taichi_sim.rigid.memory import Block, body_at, point_at, read, write
 from taichi_sim.runtime import ti
 
 
-@ti.func
-def swap(m: ti.template(), k, slot, tape: ti.template(), kept, at, writing: ti.template()):
+@primitive
+def swap(robots: Block, slot: Any, tape: Any, kept: Any, at: Any, writing: bool) -> None:
     """Write a slot on the tape, or read it back."""
-    if ti.static(writing):
-        store(tape, kept, at, load(m, k, slot))
+    if writing:
+        store(tape, kept, at, read(robots, slot))
     else:
-        store(m, k, slot, load(tape, kept, at))
+        write(robots, slot, load(tape, kept, at))
 
 
 @ti.func
-def wind(m: ti.template(), k, plan: ti.template(), tape: ti.template(), kept, t, writing: ti.template()):
-    """Write the state before step t, or read it back."""
-    at = t * plan[KEPT]
+def wind(robots: ti.template(), tape: ti.template(), kept, t, writing: ti.template()):
+    """Write the state before step t on the tape, or read it back."""
+    at = t * robots.plan[slots.KEPT]
     for c in range(7):
-        swap(m, k, POSITION + c, tape, kept, at + c, writing)
+        swap(robots, slots.POSITION + c, tape, kept, at + c, writing)
     at += 7
-    for b in range(plan[BODIES]):
-        for c in range(STATE_WIDTH):
-            swap(m, k, body_at(plan, b) + c, tape, kept, at + c, writing)
-        at += STATE_WIDTH
-    for c in range(plan[MOTORS]):
-        swap(m, k, plan[NEURON] + c, tape, kept, at + c, writing)
-    at += plan[MOTORS]
-    for i in range(plan[POINTS]):
+    for b in range(robots.plan[slots.BODIES]):
+        for c in range(slots.STATE_WIDTH):
+            swap(robots, body_at(robots, b) + c, tape, kept, at + c, writing)
+        at += slots.STATE_WIDTH
+    for c in range(robots.plan[slots.MOTORS]):
+        swap(robots, robots.plan[slots.NEURON] + c, tape, kept, at + c, writing)
+    at += robots.plan[slots.MOTORS]
+    for i in range(robots.plan[slots.POINTS]):
         for phase in ti.static(range(2)):
-            swap(m, k, point_at(plan, i) + IMPULSES + phase, tape, kept, at + phase, writing)
+            swap(robots, point_at(robots, i) + slots.IMPULSES + phase, tape, kept, at + phase, writing)
         at += 2
-
-
-@ti.func
-def keep(m: ti.template(), k, plan: ti.template(), tape: ti.template(), kept, t):
-    """Write the state before step t."""
-    wind(m, k, plan, tape, kept, t, True)
-
-
-@ti.func
-def fetch(m: ti.template(), k, plan: ti.template(), tape: ti.template(), kept, t):
-    """Read the state before step t back."""
-    wind(m, k, plan, tape, kept, t, False)

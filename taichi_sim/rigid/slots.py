@@ -1,0 +1,114 @@
+"""Layout of a robot's memory: one run of slots, in sections whose places an integer array, the plan, holds.
+
+So nothing compiles again for another tree: what differs between trees is an argument of the kernel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Places in the plan: counts, then the first slots of sections.
+BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS, HOLD, STEPS, EVERY, FRAME, FRAMES, KEPT = range(13)
+BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
+    range(13, 25)
+)
+PLAN_LENGTH = 25
+
+# Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
+# reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world.
+TIME_STEP, GRAVITY, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(6)
+MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE = range(6, 12)
+SETTINGS = 12
+
+# The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
+# steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.
+POSITION, ORIENTATION, LIGHT = 0, 3, 7
+CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
+ROOT, ROOT_RIGHT, HEAD = 13, 34, 40
+
+# Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
+CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
+STATE_WIDTH = 12
+# Work: rotation, place relative to the base, drift off the tree, hinge as a spatial vector, inertia about the base,
+# momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row.
+ROTATION, PLACE, DRIFT, SCREW, INERTIA, MOMENTUM = 12, 21, 24, 27, 33, 39
+ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
+TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
+MOVING = MOMENTUM  # after a step: its velocity, that of its centre
+BODY_WIDTH = 92
+
+# Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
+# axis; of its motor: torque, desired rate = by command, by angle, offset; stops.
+MASS, REST_INERTIA, CENTRE, ANCHOR, AXIS = 0, 1, 7, 10, 13
+TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER = 16, 17, 18, 19, 20, 21
+PARAMETER_WIDTH = 22
+
+# Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
+# its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast
+# it slides without friction; then its hinges' entries.
+AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, SLIDES, HINGES = 0, 3, 4, 6, 7, 13, 14, 15, 16, 17, 18
+POINT_PARAMETER_WIDTH = 4  # offset from the body's centre, radius
+LIGHT_PARAMETER_WIDTH = 3
+
+# Columns of the integers of bodies and points.
+PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
+
+NO_STOP = 1e20
+MODE_DRIVEN = 0.0  # of a hinge's row: the rate is as desired; else its impulse is at the upper (1) or lower (-1) bound
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Sizes of a tree and its controller."""
+
+    bodies: int
+    hinges: int
+    points: int
+    touches: int
+    lights: int
+    motors: int
+    depth: int
+    commands: int
+
+    def plan(self, hold: int, steps: int, every: int) -> NDArray[np.int32]:
+        """The plan of a run."""
+        sensors = self.touches + self.lights
+        pairs = self.points * (self.points + 1) // 2
+        sections = {
+            BODY: BODY_WIDTH * self.bodies,
+            PARAMETER: PARAMETER_WIDTH * self.bodies,
+            POINT: self.point_width * self.points,
+            POINT_PARAMETER: POINT_PARAMETER_WIDTH * self.points,
+            LIGHT_PARAMETER: LIGHT_PARAMETER_WIDTH * self.lights,
+            READING: sensors,
+            NEURON: self.motors,
+            WEIGHT: sensors * self.motors,
+            COMMAND: self.commands * self.motors,
+            MATRIX: pairs,
+            FACTOR: pairs,
+        }
+        plan = np.zeros(PLAN_LENGTH, np.int32)
+        plan[[BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS]] = (
+            self.bodies,
+            self.points,
+            self.touches,
+            self.lights,
+            self.motors,
+            self.depth,
+            self.commands,
+        )
+        plan[[HOLD, STEPS, EVERY]] = hold, steps, every
+        plan[KEPT] = 7 + STATE_WIDTH * self.bodies + self.motors + 2 * self.points
+        plan[[FRAME, FRAMES]] = 7 + self.hinges + sensors + self.motors, steps // every + 1
+        slot = HEAD
+        for section, width in sections.items():
+            plan[section] = slot
+            slot += width
+        plan[SLOTS] = slot
+        return plan
+
+    @property
+    def point_width(self) -> int:
+        """Slots of a point."""
+        return HINGES + self.depth
