@@ -187,14 +187,14 @@ class RigidEngine:
             if value is not None and (not is_whole(value) or value < 1):
                 raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least 1")
         given = batch.check(self.trees, self.senses.count, weights, commands, lights, start or self.rest())
-        running = runtime.start(self.compute)
+        threads = runtime.start(self.compute).thread_count
         tables = tables_of(self.tree, self.senses, given.commands.shape[1])
         plan = tables.counts.plan(hold, steps, record_every or max(1, steps))
-        on_cpu = running.device == "cpu"
-        width = NATIVE_WIDTH[running.precision] if self.width is None else self.width
-        real = Real(running.precision, width if on_cpu else 1)
-        at_once = real.width * BLOCKS_AT_ONCE * running.thread_count if on_cpu else ROBOTS_AT_ONCE
-        return Setup(self.trees, given, tables, plan, running, real, start is None, at_once)
+        on_cpu, precision = self.compute.device == "cpu", self.compute.precision
+        width = NATIVE_WIDTH[precision] if self.width is None else self.width
+        real = Real(precision, width if on_cpu else 1)
+        at_once = real.width * BLOCKS_AT_ONCE * threads if on_cpu else ROBOTS_AT_ONCE
+        return Setup(self.trees, given, tables, plan, self.compute, real, start is None, at_once)
 
     def _part(self, setup: Setup, chosen: Ints) -> Part:
         """Some robots, ready to start; the last real is filled up with the first robots again."""

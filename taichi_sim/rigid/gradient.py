@@ -133,7 +133,7 @@ class RigidTape:
 
     def _go_back(self, seeds: Floats) -> Floats:
         """Cotangents of all slots, (slots, B)."""
-        runtime.start(self._setup.running)
+        runtime.start(self._setup.compute)
         found, first = [], 0
         for part, tape, count in self._parts:
             cotangents = part.store(len(seeds))

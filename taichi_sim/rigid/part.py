@@ -30,7 +30,7 @@ class Setup:
         given: what the run is given.
         tables: integers of the tree.
         plan: places of sections.
-        running: what Taichi was started with.
+        compute: where the run is computed.
         real: what a real is.
         described: whether robots start as their trees describe them.
         at_once: robots of a part.
@@ -40,7 +40,7 @@ class Setup:
     given: Given
     tables: Tables
     plan: NDArray[np.int32]
-    running: Compute
+    compute: Compute
     real: Real
     described: bool
     at_once: int
@@ -63,7 +63,7 @@ class Part:
 
     def __init__(self, setup: Setup, blocks: int, settings: np.ndarray, world: World) -> None:
         self.real, self.blocks, self.plan = setup.real, blocks, setup.plan
-        self.on_cpu = setup.running.device == "cpu"
+        self.on_cpu = setup.compute.device == "cpu"
         self.memory = self.store(int(self.plan[slots.SLOTS]))
         tables = setup.tables
         listed = np.zeros((blocks, max(1, tables.counts.points)), np.int32)

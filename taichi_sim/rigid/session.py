@@ -49,7 +49,7 @@ class RigidSession:
         given = None if commands is None else np.asarray(commands, float)
         if given is not None and (given.shape != (batch, motors) or not np.isfinite(given).all()):
             raise ValueError(f"commands: shape {given.shape} is not allowed; give finite numbers, ({batch}, {motors})")
-        runtime.start(self._setup.running)
+        runtime.start(self._setup.compute)
         plan[slots.STEPS] = steps  # which kernels read at every launch
         found = []
         for part, chosen in self._parts:

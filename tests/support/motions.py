@@ -42,14 +42,14 @@ def soft_walker() -> Motion:
 def legged() -> Motion:
     """A legged quadruped that fidgets."""
     weights = np.random.default_rng(0).uniform(-1, 1, (1, 5, 8))
-    result = quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=40, record_every=4, threads=1)
+    result = quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=40, record_every=4, precision="f32", threads=1)
     return quadruped_motion(quadruped.LEGGED, result, LIGHTS)
 
 
 @cache
 def two_wheels() -> Motion:
     """A two-wheel vehicle that drives."""
-    result = rover.simulate(rover.Rover(), (1.0, 1.0), steps=200, record_every=20, threads=1)
+    result = rover.simulate(rover.Rover(), (1.0, 1.0), steps=200, record_every=20, precision="f32", threads=1)
     return rover_motion(rover.Rover(), result, rover.LIGHTS)
 
 

@@ -161,11 +161,15 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
 
     def compute() -> Arrays:
         searched = replace(base, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT)
-        alone = simulate(searched, (1.0, 1.0), steps=settings.steps, threads=settings.threads)
+        alone = simulate(searched, (1.0, 1.0), steps=settings.steps, precision="f32", threads=settings.threads)
         pairs = RoverGrid(settings.weights).pairs
         swept = [
             simulate(
-                Rover(sites, **_parameters(base)), pairs, steps=settings.steps, threads=settings.threads
+                Rover(sites, **_parameters(base)),
+                pairs,
+                steps=settings.steps,
+                precision="f32",
+                threads=settings.threads,
             ).success.sum(axis=1, dtype=np.uint8)
             for sites in SITES.values()
         ]

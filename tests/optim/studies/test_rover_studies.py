@@ -42,7 +42,7 @@ def test_a_grid_shares_sweeps_between_mirror_images_and_says_what_single_runs_sa
     both = successes([image, design], settings, tmp_path / "a", threads=1)
     assert len(list((tmp_path / "a").glob("*.npz"))) == 1
     for found, number in zip(both, (image, design), strict=True):
-        single = simulate(Rover.published(number), settings.pairs, steps=900, threads=1).success
+        single = simulate(Rover.published(number), settings.pairs, steps=900, precision="f32", threads=1).success
         assert np.array_equal(found, single.reshape(5, 5, 4))
     assert both.any() and settings.pairs[1].tolist() == [-1.0, -0.5]
 

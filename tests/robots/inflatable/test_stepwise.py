@@ -28,7 +28,7 @@ def test_a_session_has_the_bits_of_a_run(kind, precision):
 
 
 def test_a_session_may_hold_its_commands():
-    engine = quadruped.engine(quadruped.LEGGED, threads=1)
+    engine = quadruped.engine(quadruped.LEGGED, precision="f32", threads=1)
     whole = engine.run(6, commands=COMMANDS[:1, :2], hold=3)
     session = engine.session()
     session.advance(COMMANDS[:1, 0], steps=3)
@@ -37,7 +37,7 @@ def test_a_session_may_hold_its_commands():
 
 
 def test_what_a_session_is_given_is_checked():
-    session = quadruped.engine(quadruped.LEGGED, threads=1).session()
+    session = quadruped.engine(quadruped.LEGGED, precision="f32", threads=1).session()
     with pytest.raises(ValueError, match=r"^commands: shape \(8,\) is not allowed; give finite numbers, \(1, 8\)$"):
         session.advance(np.zeros(8))
     with pytest.raises(ValueError, match=r"^commands: .* give finite numbers"):

@@ -85,11 +85,12 @@ def test_wires_cross_and_a_positive_weight_turns_towards_the_other_side():
     assert controllers((0.3, -0.9)).tolist() == [[[0, 0.3], [-0.9, 0]]]  # one row a sensor; columns left, right
     ahead = [(0.0, 6.0)]
     left, right, both = (
-        simulate(Rover(), w, ahead, steps=600, threads=1).position[0, 0] for w in ((1, 0), (0, 1), (1, 1))
+        simulate(Rover(), w, ahead, steps=600, precision="f32", threads=1).position[0, 0]
+        for w in ((1, 0), (0, 1), (1, 1))
     )
     assert left[0] < -1e-2 < 1e-2 < right[0] and left[0] == pytest.approx(-right[0], abs=1e-3)
     assert abs(both[0]) < 1e-3 and both[1] > 0.1
-    still = simulate(Rover(), (0, 0), ahead, steps=600, threads=1).position[0, 0]
+    still = simulate(Rover(), (0, 0), ahead, steps=600, precision="f32", threads=1).position[0, 0]
     assert np.abs(still - [0, 0, Rover().wheel_radius]).max() < 1e-3
 
 

@@ -38,7 +38,7 @@ def inflatable():
 @pytest.fixture(scope="module")
 def legged():
     weights = np.random.default_rng(0).uniform(-1, 1, (2, 5, 8))
-    return quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=60, record_every=1, threads=1)
+    return quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=60, record_every=1, precision="f32", threads=1)
 
 
 def test_boxes_of_voxels_have_their_corners(inflatable):
@@ -113,10 +113,12 @@ def test_a_quadruped_at_the_start_stands_as_built(legged):
 
 
 def test_wheels_and_sensors_are_seen():
-    result = quadruped.simulate(quadruped.WHEELED, np.ones((1, 5, 8)), LIGHTS, steps=5, record_every=1, threads=1)
+    result = quadruped.simulate(
+        quadruped.WHEELED, np.ones((1, 5, 8)), LIGHTS, steps=5, record_every=1, precision="f32", threads=1
+    )
     motion = quadruped_motion(quadruped.WHEELED, result, LIGHTS)
     assert sum(node.solid == BALL for node in motion.nodes) == 4
-    driven = rover.simulate(rover.Rover(), (1.0, 1.0), steps=5, record_every=1, threads=1)
+    driven = rover.simulate(rover.Rover(), (1.0, 1.0), steps=5, record_every=1, precision="f32", threads=1)
     seen = rover_motion(rover.Rover(), driven, rover.LIGHTS, environment=2)
     assert [node.channel for node in seen.nodes[-2:]] == [0, 1] and seen.scale[0, -1] == pytest.approx(0.1 * np.ones(3))
 

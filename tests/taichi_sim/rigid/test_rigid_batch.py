@@ -1,6 +1,6 @@
 """Batches of rigid robots: neighbours, lanes, threads, order and layout change no bit; failures stay where they are."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -29,7 +29,9 @@ STEPS = 200
 
 
 def run(robot, weights=WEIGHTS, **settings):
-    return simulate(robot, weights, TWO_ENVIRONMENTS, steps=STEPS, **{"threads": 1, **settings}).rollouts
+    return simulate(
+        robot, weights, TWO_ENVIRONMENTS, steps=STEPS, **{"precision": "f32", "threads": 1, **settings}
+    ).rollouts
 
 
 def same(first, second, rows=slice(None)):
@@ -81,15 +83,17 @@ def test_the_layout_of_a_gpu_gives_the_same_bits(precision, monkeypatch):
     """Slots lie one after the other there, robots side by side; here a CPU runs it, a robot a thread."""
     expected = run(WHEGGED, precision=precision)
     begin = runtime.start
-    monkeypatch.setattr(runtime, "start", lambda device, precision, threads: begin("cpu", precision, 1))
+    monkeypatch.setattr(runtime, "start", lambda compute: begin(replace(compute, device="cpu", threads=1)))
     assert same(expected, run(WHEGGED, precision=precision, device="cuda"))
 
 
 def test_frames_are_the_states_of_shorter_runs():
-    whole = simulate(LEGGED, WEIGHTS[:3], TWO_ENVIRONMENTS, steps=61, record_every=20, threads=1).rollouts
+    whole = simulate(
+        LEGGED, WEIGHTS[:3], TWO_ENVIRONMENTS, steps=61, record_every=20, precision="f32", threads=1
+    ).rollouts
     assert whole.frames.times.tolist() == [0, 1, 2, 3]
     for frame, steps in enumerate((0, 20, 40, 60)):
-        part = simulate(LEGGED, WEIGHTS[:3], TWO_ENVIRONMENTS, steps=steps + 1, threads=1).rollouts
+        part = simulate(LEGGED, WEIGHTS[:3], TWO_ENVIRONMENTS, steps=steps + 1, precision="f32", threads=1).rollouts
         for name in ("position", "orientation", "angles", "readings"):
             assert np.array_equal(getattr(whole.frames, name)[frame], getattr(part, name))
 

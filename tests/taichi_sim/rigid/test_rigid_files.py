@@ -81,7 +81,7 @@ def test_an_ant_has_its_hinges_drives_and_senses():
 
 def test_an_ant_stands_on_its_feet():
     model = parse_model(ANT)
-    engine = RigidEngine(model.tree, model.world, model.senses, threads=1)
+    engine = RigidEngine(model.tree, model.world, model.senses, precision="f32", threads=1)
     done = engine.run(300, commands=np.zeros((1, 1, 3)))
     assert done.status[0] == "ok" and 0.2 < done.position[0, 2] < 0.6
 

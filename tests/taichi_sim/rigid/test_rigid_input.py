@@ -31,7 +31,7 @@ WEIGHTS = np.zeros((2, 5, 8))
 
 
 def engine(**settings):
-    return RigidEngine(PAIR, senses=Senses(["ball"], [("box", (0, 0, 0))]), threads=1, **settings)
+    return RigidEngine(PAIR, senses=Senses(["ball"], [("box", (0, 0, 0))]), precision="f32", threads=1, **settings)
 
 
 def state(**changes):
