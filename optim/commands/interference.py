@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Train, then write tables of all that was asked for."""
-    from optim.studies.chapter2.alone import Alone, train_alone
+    from optim.studies.chapter2.champions import Alone, train_alone
     from optim.studies.chapter2.settings import FITNESS, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
     from optim.studies.chapter2.study import files_of, train
 

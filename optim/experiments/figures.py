@@ -92,6 +92,11 @@ def letter(panels: "np.ndarray[Any, Any]") -> None:
         place.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
 
 
+def caption(axes: "Axes", text: str) -> None:
+    """Small text above the middle of a panel."""
+    axes.annotate(text, (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom", fontsize=7)
+
+
 def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
     """A legend of all panels above them, in one row, where it hides nothing."""
     drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))

@@ -1,7 +1,9 @@
 """What studies share: budgets, results of parts that are computed once, progress, and summaries."""
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -9,7 +11,16 @@ from numpy.typing import NDArray
 
 from optim.experiments.tables import write_records
 from taichi_sim.base.arrays import Arrays
-from taichi_sim.base.files import ASIDE, make_folder, read_text, write_record, write_text
+from taichi_sim.base.files import (
+    ASIDE,
+    append_line,
+    complete_lines,
+    keep_lines,
+    make_folder,
+    read_text,
+    write_record,
+    write_text,
+)
 from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None
@@ -141,3 +152,31 @@ def write_summary(folder: Path, name: str, header: Sequence[str], summary: Mappi
     if page:
         write_text(folder / f"{name}.md", page)
     write_json(folder / "summary.json", summary)
+
+
+class Costs:
+    """A file of costs, a line for each piece of work that was completed; a kill loses at most the last."""
+
+    def __init__(self, path: Path) -> None:
+        """Go on with the file, if there is one."""
+        self._path = path
+        keep_lines(path, len(complete_lines(path)))  # a torn last line
+
+    @contextmanager
+    def of(self, part: str) -> Iterator[None]:
+        """Measure a piece of work on a part, and note it when it is complete."""
+        wall, cpu = time.perf_counter(), time.process_time()
+        yield
+        spent = {"wall": round(time.perf_counter() - wall, 3), "cpu": round(time.process_time() - cpu, 3)}
+        append_line(self._path, json.dumps({"part": part, **spent}))
+
+    def total(self) -> dict[str, dict[str, float]]:
+        """Seconds of wall time and of CPU time (of all threads), by part, and of ``"all"``."""
+        found: dict[str, dict[str, float]] = {}
+        for line in complete_lines(self._path):
+            entry = json.loads(line)
+            for part in (entry["part"], "all"):
+                sums = found.setdefault(part, {"wall": 0.0, "cpu": 0.0})
+                for clock in sums:
+                    sums[clock] = round(sums[clock] + entry[clock], 3)
+        return found

@@ -11,8 +11,7 @@ from typing import Any
 
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
 from optim.experiments.study import Study
-from optim.studies.chapter2.alone import Alone, train_alone
-from optim.studies.chapter2.champions import champions_of, write_champions
+from optim.studies.chapter2.champions import Alone, champions_of, train_alone, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
 from optim.studies.chapter2.evolution import Run, evolve
 from optim.studies.chapter2.likeness import likeness, write_likeness

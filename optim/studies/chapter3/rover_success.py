@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLUMN, figure, letter, save_arrays
+from optim.experiments.figures import COLUMN, caption, figure, letter, save_arrays
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
@@ -58,10 +58,7 @@ class RoverSuccess:
     theory: Sweep = field(default_factory=Sweep)
 
 
-SCALES: Mapping[Budget, RoverSuccess] = {
-    "small": RoverSuccess(RoverGrid(31), Sweep(31)),
-    "full": RoverSuccess(),
-}
+SCALES: Mapping[Budget, RoverSuccess] = {"small": RoverSuccess(RoverGrid(31), Sweep(31)), "full": RoverSuccess()}
 
 
 def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> None:
@@ -100,14 +97,7 @@ def draw(overlaps: dict[tuple[str, str], Overlap], path: Path) -> None:
     with figure(path, 2 * COLUMN, 5.6, nrows=len(MODELS), ncols=len(BODIES)) as (drawn, panels):
         for axes, ((body, model), overlap) in zip(panels.flat, overlaps.items(), strict=True):
             image = draw_overlap(axes, overlap)
-            axes.annotate(
-                f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all",
-                (0.5, 1.02),
-                xycoords="axes fraction",
-                ha="center",
-                va="bottom",
-                fontsize=7,
-            )
+            caption(axes, f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all")
         add_overlap_bar(drawn, image, panels.ravel().tolist())
         letter(panels)
     save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})

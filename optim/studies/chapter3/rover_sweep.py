@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, figure, letter
+from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter
 from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
@@ -132,14 +132,7 @@ def draw(metrics: dict[tuple[str, str], Floats], known: dict[tuple[str, str], di
             for (body, value), colour in zip(lines.items(), COLOURS[1:], strict=False):
                 axes.axvline(value, color=colour, linestyle="--", label=f"{body} body")
             axes.set(xlabel=f"{MEANINGS[name]}, {model}", yscale="log", ylim=(0.7, 2 * len(values)))
-            axes.annotate(
-                f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0",
-                (0.5, 1.02),
-                ha="center",
-                va="bottom",
-                xycoords="axes fraction",
-                fontsize=7,
-            )
+            caption(axes, f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0")
         for axes in panels[:, 0]:
             axes.set_ylabel("bodies")
         panels[1, 0].legend(loc="upper right")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, COLUMN, PAGE, figure, letter, save_arrays
+from optim.experiments.figures import COLOURS, COLUMN, PAGE, caption, figure, letter, save_arrays
 from optim.experiments.tables import write_table
 from optim.plots.vehicles import add_overlap_bar, draw_overlap, draw_paths
 from optim.studies.chapter3.sensor_placement import (
@@ -175,26 +175,12 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
     limits, ticks = (-1.6 * HALF_SIDE, 1.6 * HALF_SIDE), (-HALF_SIDE, 0, HALF_SIDE)
     axes.set(aspect="equal", xlim=limits, ylim=limits, xticks=ticks, yticks=ticks)
     axes.set(xlabel="ahead [m]", ylabel="to the left [m]")
-    axes.annotate(
-        f"design {design}\n{_named(example.name)}",
-        (0.5, 1.02),
-        xycoords="axes fraction",
-        ha="center",
-        va="bottom",
-        fontsize=7,
-    )
+    caption(axes, f"design {design}\n{_named(example.name)}")
 
 
 def _draw_paths(axes: "Axes", places: Floats, task: VehicleTask, weights: Floats) -> None:
     draw_paths(axes, places, np.unique(task.lights, axis=0))
-    axes.annotate(
-        "$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights),
-        (0.5, 1.02),
-        xycoords="axes fraction",
-        ha="center",
-        va="bottom",
-        fontsize=7,
-    )
+    caption(axes, "$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights))
 
 
 def _named(text: str) -> str:

@@ -41,10 +41,7 @@ class SensorPlacement:
         return {**asdict(self.sweep), "bodies": len(self.designs)}
 
 
-SCALES: Mapping[Budget, SensorPlacement] = {
-    "small": SensorPlacement(98, Sweep(weights=41)),
-    "full": SensorPlacement(),
-}
+SCALES: Mapping[Budget, SensorPlacement] = {"small": SensorPlacement(98, Sweep(weights=41)), "full": SensorPlacement()}
 
 
 def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sweep_folder: Path | None = None) -> None:

@@ -9,6 +9,7 @@ The chapter has the first two arms; the third gives the baseline's controller al
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.experiments.comparison import compare, describe_times, ranked
-from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
+from optim.experiments.results import Budget, Progress, cached, part_of, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, cached_trials, first_time
+from optim.experiments.tables import read_table, write_table
+from optim.experiments.trials import NOTHING, Trials, cached_trials, first_time
 from optim.measures.statistics import mean_band
+from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
+from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
 from taichi_sim.base import checks
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 BORG: dict[str, Any] = {"population": 50, "children": 1, "epsilons": 0.1, "window": 1000}
@@ -33,6 +38,7 @@ ARMS: dict[str, tuple[str, dict[str, Any]]] = {
     "baseline_full": ("baseline body, four weights", {"body": BASELINE, "controller": "full"}),
 }
 PAIRS = (("co_optimised", "baseline"), ("co_optimised", "baseline_full"))
+AT_LEAST = 5  # solved trials for a mean over them
 
 
 @dataclass(frozen=True)
@@ -119,20 +125,161 @@ def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dic
     return summary
 
 
+def distances_of_reported(settings: CoOptimisation, given: Mapping[str, Any], trials: Trials, reported: Ints) -> Arrays:
+    """Distances, from decimated signals, of everything that trials reported: ``raw``, ``normalised``, shape (R, B).
+
+    They are those of points, NaN for all that were never reported.
+    """
+    shown = np.zeros(trials.solved.shape, bool)
+    rows, columns = np.nonzero(reported != NOTHING)
+    shown[rows, reported[rows, columns]] = True
+    problem, task = settings.problem(**given), settings.task
+    sites, controllers = problem.split(trials.points[shown])
+    found = sensor_distances(sites, controllers[:, 0], task, decimation(task), settings.threads)
+    arrays = {name: np.full(shown.shape, np.nan) for name in ("raw", "normalised")}
+    for values, distances in zip(arrays.values(), found, strict=True):
+        values[shown] = distances
+    return arrays
+
+
+def distances_at_the_end(settings: CoOptimisation, given: Mapping[str, Any], trials: Trials, reported: Ints) -> Arrays:
+    """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
+    last = reported[:, -1]
+    chosen = np.flatnonzero(
+        (last != NOTHING) & (trials.solved[np.arange(len(last)), last] == len(settings.task.starts))
+    )
+    arrays = {name: np.full(trials.runs, np.nan) for name in ("raw", "normalised")}
+    if len(chosen):
+        sites, controllers = settings.problem(**given).split(trials.points[chosen, last[chosen]])
+        found = sensor_distances(sites, controllers[:, 0], settings.task, threads=settings.threads)
+        for values, distances in zip(arrays.values(), found, strict=True):
+            values[chosen] = distances
+    return arrays
+
+
+def follow_homeostasis(
+    settings: CoOptimisation, found: Mapping[str, Trials], folder: ResultsFolder | None, out: Path, progress: Progress
+) -> dict[str, Any]:
+    """Write the course of the distances as CSV, and return their numbers."""
+    environments = len(settings.task.starts)
+    curves: list[tuple[Any, ...]] = []
+    ends: dict[str, Floats] = {}
+    summary: dict[str, Any] = {
+        "steps_between_samples_in_the_course": decimation(settings.task),
+        "course": {},
+        "end": {},
+    }
+    for n, (arm, trials) in enumerate(found.items()):
+        given, reported = ARMS[arm][1], trials.reported(BORG["epsilons"])
+        course = cached(folder, f"course_{arm}", partial(distances_of_reported, settings, given, trials, reported))
+        end = cached(folder, f"end_{arm}", partial(distances_at_the_end, settings, given, trials, reported))
+        solved = trials.of_points(trials.solved, reported, 0) == environments
+        shown = {name: trials.of_points(values, reported, np.nan) for name, values in course.items()}
+        for name, values in shown.items():
+            curves += _curve(arm, name, "all", values) + _curve(arm, name, "solved", np.where(solved, values, np.nan))
+            summary["course"].setdefault(arm, {})[name] = from_first_to_last(values, solved)
+        for name, values in end.items():
+            done = values[np.isfinite(values)]
+            ends[f"{arm}/{name}"] = done
+            quartiles = np.percentile(done, [25, 50, 75]).tolist() if len(done) else None
+            summary["end"].setdefault(arm, {})[name] = {"n": len(done), "quartiles": quartiles}
+        if progress:
+            progress((n + 1) / len(found))
+    pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in ("raw", "normalised")]
+    if all(len(ends[name]) > 1 for pair in pairs for name in pair):
+        summary["tests_of_the_end"] = compare(ends, pairs, "two-sided")
+    header = ("arm", "signals", "solutions", "evaluations", "trials", "mean", "low", "high", "median")
+    write_table(out / "homeostasis.csv.gz", header, curves)
+    rows = [(name, value) for name, values in ends.items() for value in values.tolist()]
+    write_table(out / "homeostasis-at-the-end.csv", ("arm_and_signals", "distance"), rows)
+    return summary
+
+
+def _curve(arm: str, signals: str, solutions: str, values: Floats) -> list[tuple[Any, ...]]:
+    """Mean over the trials that have a value, with its band, and their median, after each evaluation."""
+    rows: list[tuple[Any, ...]] = []
+    for n, column in enumerate(values.T):
+        there = column[np.isfinite(column)]
+        if len(there) >= min(AT_LEAST, len(column)):
+            low, high = mean_band(there)
+            middle = float(np.median(there))
+            rows.append(
+                (arm, signals, solutions, n + 1, len(there), float(there.mean()), float(low), float(high), middle)
+            )
+    return rows
+
+
+def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
+    """How a trial's first reported solution differs from its last, over the trials where both are there and differ.
+
+    Args:
+        values: of what is reported after each evaluation, shape (R, B).
+        solved: whether that solves all environments, shape (R, B).
+
+    Returns:
+        Medians, trials in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test; for
+        solutions that solve all alone, and for everything reported, from the first report to the last.
+    """
+    from scipy.stats import wilcoxon  # slow to import
+
+    found: dict[str, Any] = {}
+    for name, there in (("solved", solved & np.isfinite(values)), ("all", np.isfinite(values))):
+        trials = np.flatnonzero(there.any(axis=1))
+        first = values[trials, there[trials].argmax(axis=1)]
+        last = values[trials, there.shape[1] - 1 - there[trials, ::-1].argmax(axis=1)]
+        change = last - first
+        moved = np.count_nonzero(change)
+        found[name] = {
+            "trials": len(trials),
+            "fell": int((change < 0).sum()),
+            "rose": int((change > 0).sum()),
+            "median_first": float(np.median(first)) if len(first) else None,
+            "median_last": float(np.median(last)) if len(last) else None,
+            "p_wilcoxon_two_sided": float(wilcoxon(last, first).pvalue) if moved else 1.0,
+        }
+    return found
+
+
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
     """Write ``summary.json``, curves and raw data as CSV, and ``co-optimisation.png``.
 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
-    from optim.studies.chapter4.co_optimisation_figure import draw
-    from optim.studies.chapter4.sensor_homeostasis import follow_homeostasis
-
     results = ResultsFolder(folder, "co-optimisation", {**settings.describe(), "borg": BORG})
     found = co_optimise(settings, results, part_of(progress, 0, 2))
     summary = report(settings, found, folder)
     summary["homeostasis"] = follow_homeostasis(settings, found, results, folder, part_of(progress, 1, 2))
     write_json(folder / "summary.json", summary)
     draw(folder)
+
+
+def draw(folder: Path) -> None:
+    """Write ``co-optimisation.png`` beside the tables."""
+    _, solved = read_table(folder / "environments-solved.csv")
+    _, distances = read_table(folder / "homeostasis.csv.gz")
+    with figure(folder / "co-optimisation.png", PAGE, 2.8, ncols=3) as (drawn, panels):
+        for number, (arm, (label, _)) in enumerate(ARMS.items()):
+            colour = COLOURS[number]
+            rows = np.array([row[1:] for row in solved if row[0] == arm], float)
+            draw_band(panels[0, 0], *rows[:, :4].T, colour=colour, label=label)
+            for axes, signals in zip(panels[0, 1:], ("raw", "normalised"), strict=True):
+                for solutions, style in (("solved", "-"), ("all", ":")):
+                    chosen = [row[3:] for row in distances if row[:3] == [arm, signals, solutions]]
+                    if not chosen:
+                        continue
+                    values = np.array(chosen, float)
+                    axes.plot(values[:, 0], values[:, 5], style, color=colour)
+        panels[0, 0].set(ylabel="environments solved", ylim=(0, 4.05), yticks=range(5))
+        panels[0, 1].set_ylabel("median DTW distance [1/m$^2$]")
+        panels[0, 2].set_ylabel("median DTW distance, normalised")
+        for axes in panels.flat:
+            axes.set_xlabel("evaluations")
+        for axes in panels[0, 1:]:
+            logarithmic(axes, "y")
+        arms = panels[0, 0].get_legend_handles_labels()[0]
+        kinds = (("solving all", "-"), ("all reported", ":"))
+        legend_above(drawn, [*arms, *(panels[0, 1].plot([], [], f"k{style}", label=k)[0] for k, style in kinds)])
+        letter(panels)
 
 
 STUDY = Study(

@@ -131,11 +131,7 @@ def train(
 
 
 def _run(
-    method: str,
-    bodies: dict[int, VehicleBody],
-    settings: Training,
-    threads: int | None,
-    progress: Progress,
+    method: str, bodies: dict[int, VehicleBody], settings: Training, threads: int | None, progress: Progress
 ) -> dict[int, _Outcome]:
     """All repetitions of a method in some bodies, side by side."""
     problem, weights = settings.problem(threads), VehicleProblem(body=BASELINE).space

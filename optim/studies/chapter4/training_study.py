@@ -5,13 +5,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter
 from optim.experiments.results import Budget, Progress, part_of, write_json
 from optim.experiments.study import Study
+from optim.experiments.tables import write_table
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
-from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
+from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of, read_sweep_table
 from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
-from optim.studies.chapter4.training_figures import save_training
-from optim.studies.chapter4.training_table import metric_correlations
+from optim.studies.chapter4.training_table import TrainingTable, metric_correlations
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -73,6 +74,44 @@ def study(
     found = [asdict(one) for one in metric_correlations(table, sweep)]
     write_json(folder / "summary.json", {"correlations": found, "metrics": asdict(correlation_of_metrics(sweep))})
     save_training(table, sweep, folder / "training.png")
+
+
+NAMES = {
+    "random": "random search",
+    "generating-set": "generating set search",
+    "nes": "natural evolution strategy",
+    "de": "differential evolution",
+}
+SYMBOLS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$"}
+
+
+def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
+    """A column for each method, a row for each metric; a point for each body, the mean of its runs. Beside it: CSV."""
+    part, means = sweep.rows(table.designs), table.evaluations.mean(axis=2)
+    found = {(c.method, c.metric): c.found for c in metric_correlations(table, part) if c.over == "bodies"}
+    width = PAGE * max(len(table.methods), 2) / len(NAMES)
+    with figure(path, width, 3.6, nrows=2, ncols=len(table.methods), sharex="row", sharey=True) as (_, panels):
+        for row, (metric, values) in zip(panels, part.metrics.items(), strict=True):
+            for axes, method, mean in zip(row, table.methods, means, strict=True):
+                axes.scatter(values, mean, s=5, color=COLOURS[0], alpha=0.4, linewidths=0, rasterized=True)
+                axes.set_xlabel(SYMBOLS[metric])
+                correlation = found[method, metric]
+                if correlation.r is not None:
+                    p = "p < 0.001" if correlation.p < 0.001 else f"p = {correlation.p:.3f}"
+                    axes.annotate(
+                        f"$r = {correlation.r:.2f}$, {p}",
+                        (0.97, 0.95),
+                        xycoords="axes fraction",
+                        ha="right",
+                        va="top",
+                        fontsize=7,
+                    )
+            row[0].set_ylabel("mean evaluations")
+        for axes, method in zip(panels[0], table.methods, strict=True):
+            caption(axes, NAMES.get(method, method))
+        letter(panels)
+    columns = (table.designs.tolist(), *(values.tolist() for values in part.metrics.values()), *means.tolist())
+    write_table(path.with_suffix(".csv"), ("design", *part.metrics, *table.methods), zip(*columns, strict=True))
 
 
 STUDY = Study(

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached, part_of
-from optim.studies.chapter5.costs import Costs
+from optim.experiments.results import Costs, Progress, cached, part_of
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
 from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING

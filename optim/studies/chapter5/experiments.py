@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Costs, Progress, part_of
 from optim.experiments.side_by_side import run_side_by_side
 from optim.problem import Evaluation
 from optim.problems.inflatable.problem import GaitProblem
@@ -23,7 +23,6 @@ from optim.runs.history import read_history, read_result
 from optim.runs.loop import FolderSearch
 from optim.runs.requests import Request, judge
 from optim.search import HillClimb
-from optim.studies.chapter5.costs import Costs
 from robots.inflatable.cores import highest_pressure
 from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign
 from robots.world import STEEPEST, Terrain

@@ -6,6 +6,7 @@ Source: Powers 2021 dissertation, ch. 5, figure "friction", d (the difference of
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,26 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, lette
 from optim.experiments.results import Budget, Progress, write_summary
 from optim.experiments.study import Study
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
-from optim.studies.chapter5.published import FRICTION
 from robots.inflatable.robot import INCHING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
+
+# (low, high) friction and the speed of inching on flat ground.
+FRICTION: Mapping[str, tuple[tuple[float, float, float], ...]] = MappingProxyType(
+    {
+        "difference": (
+            (0.0001, 2.0, 0.0603),
+            (0.2, 1.8, 0.0450),
+            (0.4, 1.6, 0.0338),
+            (0.6, 1.4, 0.0223),
+            (0.8, 1.2, 0.0154),
+            (0.93, 1.07, 0.0032),
+            (1.0, 1.0, -0.0114),
+        ),
+        "mean": ((0.13, 2.13, 0.0485), (0.4, 2.4, 0.0280), (0.8, 2.8, 0.0141), (1.2, 3.2, 0.0043), (2.0, 4.0, -0.0014)),
+    }
+)
 
 KIND = "friction-sweeps"
 TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, with some room
@@ -71,10 +87,7 @@ class FrictionSweeps:
         ]
 
 
-SCALES: Mapping[Budget, FrictionSweeps] = {
-    "small": FrictionSweeps(Robot(copies=2)),
-    "full": FrictionSweeps(),
-}
+SCALES: Mapping[Budget, FrictionSweeps] = {"small": FrictionSweeps(Robot(copies=2)), "full": FrictionSweeps()}
 
 
 def study(

@@ -15,9 +15,8 @@ from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt import climb
-from optim.studies.beyond.gait_hunt.kinds import APART, best_of_kinds, difference
+from optim.studies.beyond.gait_hunt.kinds import APART, best_of_kinds, difference, heading_of
 from optim.studies.beyond.gait_hunt.program import GRADED, RUNGS, Plan, Program, Step
-from optim.studies.beyond.gait_hunt.turning import heading_of
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, gaits, sideways
 from robots.inflatable.gaits import GaitDesign, as_graded, load_gait, simulate, steps_of
 from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule

@@ -11,16 +11,15 @@ from hill import Hill
 from hypothesis import given
 from hypothesis import strategies as st
 
+from optim.experiments.comparison import differences, table_of_differences
 from optim.measures.statistics import holm
 from optim.problem import Evaluation
 from optim.problems.inflatable.outcomes import Outcome, capped, effort
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.requests import Request
-from optim.studies.beyond.gait_hunt import climb, judging, searches, spending
+from optim.studies.beyond.gait_hunt import climb, searches, spending
 from optim.studies.beyond.gait_hunt import study as hunting
-from optim.studies.beyond.gait_hunt.comparison import differences, table_of_differences
-from optim.studies.beyond.gait_hunt.finalists import cached_finalists
-from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, last_bests
+from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, last_bests
 from optim.studies.beyond.gait_hunt.program import Plan
 from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
 from robots.inflatable import ACTUATION, INCHING, InflatableDesign, gaits
@@ -431,7 +430,7 @@ def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
         found = cached_finalists(tmp_path / "f.json", [history, history], problem, HILL[0], 2, 2, None)
         assert [len(each) for each in found] == [count, count]
         np.testing.assert_array_equal(found[1][0].speeds, [np.nan, 0.1])
-    assert judging.best_of(found[0]) is None
+    assert best_of(found[0]) is None
 
 
 def test_effort_counts_strokes():

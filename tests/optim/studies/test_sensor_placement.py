@@ -11,7 +11,7 @@ from optim.experiments.figures import figure, legend_above, logarithmic
 from optim.studies.chapter3 import sensor_placement as study
 from optim.studies.chapter3 import sensor_placement_figures as figures
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
-from optim.studies.chapter4.training_figures import save_training
+from optim.studies.chapter4.training_study import save_training
 from optim.studies.chapter4.training_table import TrainingTable
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, simulate, sweep
 

@@ -5,15 +5,14 @@ import json
 import numpy as np
 import pytest
 
+from optim.experiments.results import Costs
 from optim.runs.history import read_history
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter5 import study as shape_change
 from optim.studies.chapter5.champions import Played
-from optim.studies.chapter5.comparison import best_on_both, curve, summarise, tests
-from optim.studies.chapter5.costs import Costs
 from optim.studies.chapter5.experiments import EXPERIMENTS, PAIRED, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, shown, spread
-from optim.studies.chapter5.table import page
+from optim.studies.chapter5.table import best_on_both, curve, page, summarise, tests
 from robots.inflatable import INCHING, ROLLING, SMALL
 from robots.world import Terrain
 

@@ -12,13 +12,13 @@ from optim.problems.braitenberg import VehicleProblem
 from optim.studies.beyond import search_comparison
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter4 import co_optimisation, homeostasis_objective, homeostasis_of_bodies, reality_gap
-from optim.studies.chapter4.co_optimisation import CoOptimisation
+from optim.studies.chapter4.co_optimisation import CoOptimisation, from_first_to_last
 from optim.studies.chapter4.homeostasis_objective import HomeostasisObjective
 from optim.studies.chapter4.homeostasis_of_bodies import BodyHomeostasis
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from optim.studies.chapter4.reality_gap import RealityGap
-from optim.studies.chapter4.sensor_homeostasis import decimation, from_first_to_last, sensor_distances
+from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import PUBLISHED, STARTS, Sweep, VehicleTask
 from taichi_sim.signals import warping_distances
 from taichi_sim.vehicle import VehicleBatch, trace

@@ -14,22 +14,13 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import (
-    Budget,
-    Progress,
-    check_folder,
-    check_tables,
-    part_of,
-    tables_alone,
-    write_json,
-)
+from optim.experiments.results import Budget, Progress, check_folder, check_tables, part_of, tables_alone, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import read_records, write_records
 from optim.problems.inflatable.problem import HARD
-from optim.studies.beyond.gait_hunt.checks import check_settings
-from optim.studies.beyond.gait_hunt.finalists import cached_finalists, write_gaits
-from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, columns_of
+from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, columns_of, write_gaits
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
+from optim.studies.beyond.gait_hunt.searches import check_settings
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
 from robots.inflatable.robot import NAMED_GEOMETRIES
 from robots.world import Terrain

@@ -1,8 +1,8 @@
-"""The finalists of a search's runs, judged once and kept, and files of the best."""
+"""What the bests of a search are worth, played in full with noise under both conditions; judged once and cached."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,74 @@ import numpy as np
 from optim.experiments.results import Progress
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
-from optim.studies.beyond.gait_hunt.judging import Finalist, judge_finalists, last_bests
-from robots.inflatable.gaits import save_gait
-from robots.inflatable.robustness import HARD_FRICTION, NOISE
+from robots.inflatable.gaits import GaitDesign, save_gait
+from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE, NoisySpeeds, play_with_noise
 from robots.world import Terrain
 from taichi_sim.base.files import read_text, sha256, write_text
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist(NoisySpeeds):
+    """A design that a search found best at some time, played in full.
+
+    Attributes:
+        design: the gait.
+        generation: in which it was found.
+    """
+
+    design: GaitDesign
+    generation: int
+
+    @property
+    def stays(self) -> bool:
+        """Whether enough remains under the harder conditions."""
+        return bool(self.hard_speed >= LEAST_HARD_SPEED)
+
+
+def columns_of(best: Finalist | None) -> dict[str, Any]:
+    """What tables tell of the best finalist, by column; None of what is not known."""
+    return {
+        "generation": best.generation if best else None,
+        "speed": best.speed if best else None,
+        "hard_speed": best.hard_speed if best else None,
+        "pressure": best.design.pressure if best else None,
+        "orientation": best.design.orientation if best else None,
+    }
+
+
+def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[GaitDesign, int]]:
+    """The last few designs that a run found better than all before, and the generations that found them."""
+    found: list[tuple[GaitDesign, int]] = []
+    full, before = problem.in_full(), None
+    for generation in history.generations:
+        if generation.best_point is not None and generation.best_point != before:
+            before = generation.best_point
+            found.append((full.design(problem.space.from_dict(before)), generation.generation))
+    return found[-count:]
+
+
+def judge_finalists(
+    found: Sequence[tuple[GaitDesign, int]],
+    terrain: Terrain,
+    runs: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+    **where: Any,
+) -> list[Finalist]:
+    """Play designs of one kind on a terrain, each ``runs`` times under either condition, as two batches."""
+    if not found:
+        return []
+    rows = play_with_noise([design for design, _ in found], terrain, runs, progress=progress, **where)
+    return [Finalist(usual, hard, *one) for usual, hard, one in zip(*rows, found, strict=True)]
+
+
+def best_of(finalists: Sequence[Finalist]) -> Finalist | None:
+    """The fastest of those that stay under the harder conditions; else the one that loses least there."""
+    known = [f for f in finalists if np.isfinite([f.speed, f.hard_speed]).all()]
+    staying = [f for f in known if f.stays]
+    if staying:
+        return max(staying, key=lambda f: f.speed)
+    return max(known, key=lambda f: f.hard_speed) if known else None
 
 
 def _read(path: Path) -> dict[str, Any]:

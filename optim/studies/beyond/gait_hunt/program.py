@@ -33,10 +33,9 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
-from optim.studies.beyond.gait_hunt.kinds import best_of_kinds
+from optim.studies.beyond.gait_hunt.kinds import best_of_kinds, history_of, turned
 from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
 from optim.studies.beyond.gait_hunt.spending import read_spent, search_within
-from optim.studies.beyond.gait_hunt.turning import history_of, turned
 from robots.inflatable.gaits import GaitDesign
 from robots.world import Terrain
 from taichi_sim.base import checks

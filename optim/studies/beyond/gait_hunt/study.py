@@ -16,28 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.comparison import differences, table_of_differences
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import (
-    Budget,
-    Progress,
-    check_folder,
-    check_tables,
-    part_of,
-    tables_alone,
-    write_json,
-)
+from optim.experiments.results import Budget, Progress, check_folder, check_tables, part_of, tables_alone, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import read_records, write_records
 from optim.hints import nearest
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
-from optim.studies.beyond.gait_hunt.checks import check_settings
-from optim.studies.beyond.gait_hunt.comparison import differences, table_of_differences
-from optim.studies.beyond.gait_hunt.finalists import cached_finalists, write_gaits
-from optim.studies.beyond.gait_hunt.judging import Finalist, best_of, columns_of
-from optim.studies.beyond.gait_hunt.searches import SEARCHES
+from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, columns_of, write_gaits
+from optim.studies.beyond.gait_hunt.searches import SEARCHES, check_settings
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
 from robots.inflatable.robot import NAMED_GEOMETRIES
 from robots.inflatable.robustness import LEAST_HARD_SPEED
