@@ -1,16 +1,13 @@
-"""Statistics that comparisons of searches need.
+"""Statistics that comparisons of searches need; what SciPy has is SciPy's.
 
-Sources: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical Power
-Analysis, 2nd ed. 1988 (d); Mann & Whitney, Annals of Mathematical Statistics 18, 1947; Efron & Tibshirani, An
-Introduction to the Bootstrap, 1993, ch. 13 (percentile intervals); Holm, Scandinavian J. of Statistics 6, 1979;
-Fisher, Metron 1, 1921 (interval of a correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks); Welch,
-Biometrika 34, 1947; Student, Biometrika 6, 1908; Wilson, J. of the American Statistical Association 22, 1927.
+Sources of the rest: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical
+Power Analysis, 2nd ed. 1988 (d); Holm, Scandinavian J. of Statistics 6, 1979; Fisher, Metron 1, 1921 (interval of a
+correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +15,7 @@ from numpy.typing import ArrayLike
 from taichi_sim.base.arrays import Floats
 
 Alternative = Literal["two-sided", "less", "greater"]
+MOST_AT_ONCE = 10_000_000  # numbers of bootstrap resamples in memory
 
 
 @dataclass(frozen=True)
@@ -107,33 +105,21 @@ def cohens_d(a: ArrayLike, b: ArrayLike) -> float | None:
     return float((b.mean() - a.mean()) / np.sqrt(pooled)) if pooled > 0 else None
 
 
-def mann_whitney(
-    a: ArrayLike,
-    b: ArrayLike,
-    alternative: Alternative,
-    method: Literal["exact", "asymptotic"],
-) -> float:
+def mann_whitney(a: ArrayLike, b: ArrayLike, alternative: Alternative, method: Literal["exact", "asymptotic"]) -> float:
     """p of the Mann-Whitney U test; ``"less"``: a tends to be less than b."""
-    from scipy.stats import mannwhitneyu  # slow to import
-
-    return float(mannwhitneyu(a, b, alternative=alternative, method=method).pvalue)
+    return float(_scipy().mannwhitneyu(a, b, alternative=alternative, method=method).pvalue)
 
 
 def welch(a: ArrayLike, b: ArrayLike) -> WelchTest:
     """Welch's t-test of samples a and b, each with at least two finite values.
 
     Raises:
-        ValueError: in one line, for fewer values.
+        ValueError: if there are fewer values.
     """
-    from scipy.stats import ttest_ind  # slow to import
-
-    a, b = np.asarray(a, float), np.asarray(b, float)
-    for name, sample in (("a", a), ("b", b)):
-        if sample.ndim != 1 or len(sample) < 2 or not np.isfinite(sample).all():
-            raise ValueError(f"{name}: {len(sample)} values are not allowed; give at least 2 finite ones")
+    a, b = _sample("a", a), _sample("b", b)
     if not (np.ptp(a) or np.ptp(b)):
         return WelchTest(None, None, float(a[0] == b[0]))
-    found = ttest_ind(b, a, equal_var=False)
+    found = _scipy().ttest_ind(b, a, equal_var=False, alternative="two-sided")
     return WelchTest(float(found.statistic), float(found.df), float(found.pvalue))
 
 
@@ -146,56 +132,45 @@ def difference_of_means(a: ArrayLike, b: ArrayLike, paired: bool = False) -> Dif
         paired: whether value n of a belongs to value n of b.
 
     Raises:
-        ValueError: in one line, for fewer values, and pairs that are none.
+        ValueError: if there are fewer values, or the samples are not of the same length although paired.
     """
-    from scipy.stats import ttest_1samp, ttest_ind  # slow to import
-
     if paired:
         a, b = _pairs(a, b)
-        sample = b - a
-        low, high = mean_interval(sample)
-        varies, p = np.ptp(sample) > 0, float(not sample[0])
-        return Difference(float(sample.mean()), low, high, float(ttest_1samp(sample, 0.0).pvalue) if varies else p)
+        mean, interval, varies = float((b - a).mean()), mean_interval(b - a), np.ptp(b - a) > 0
+        p = float(_scipy().ttest_rel(b, a, alternative="two-sided").pvalue) if varies else float(mean == 0.0)
+        return Difference(mean, *interval, p)
     known, a, b = welch(a, b), np.asarray(a, float), np.asarray(b, float)
     mean = float(b.mean() - a.mean())
     if known.t is None:
         return Difference(mean, mean, mean, known.p)
-    interval = ttest_ind(b, a, equal_var=False).confidence_interval(0.95)
-    return Difference(mean, float(interval.low), float(interval.high), known.p)
+    found = _scipy().ttest_ind(b, a, equal_var=False, alternative="two-sided").confidence_interval(0.95)
+    return Difference(mean, float(found.low), float(found.high), known.p)
 
 
 def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]:
     """Interval of the mean by Student's t, for few values of nearly normal spread.
 
     Raises:
-        ValueError: in one line, for less than two finite values.
+        ValueError: if there are less than two finite values.
     """
-    from scipy.stats import t
-
-    values = np.asarray(sample, float)
-    if values.ndim != 1 or len(values) < 2 or not np.isfinite(values).all():
-        raise ValueError(f"sample: {len(values)} values are not allowed; give at least 2 finite ones")
-    half = t.isf((1 - level) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+    values = _sample("sample", sample)
+    half = _scipy().t.isf((1 - level) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
     return float(values.mean() - half), float(values.mean() + half)
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
     """Two-sided 95 % score interval of a share: of so many successes in at least one trial."""
-    z, n = NormalDist().inv_cdf(0.975), float(trials)
-    share = successes / n
-    centre = (share + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * float(np.sqrt(share * (1 - share) / n + z * z / (4 * n * n)))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    interval = _scipy().binomtest(successes, trials, alternative="two-sided").proportion_ci(0.95, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def pearson(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:
     """Product-moment correlation of pairs, both of shape (n,); ``"less"``: it is negative.
 
     Raises:
-        ValueError: in one line, if the shapes differ, or a value is not finite.
+        ValueError: if the shapes differ, or a value is not finite.
     """
-    x, y = _pairs(x, y)
-    return _correlation(x, y, alternative, variance=1.0)
+    return _correlation(_scipy().pearsonr, *_pairs(x, y), alternative, variance=1.0)
 
 
 def spearman(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:
@@ -204,68 +179,39 @@ def spearman(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlatio
     The interval uses the wider variance 1.06 / (n - 3) of the transformed coefficient (Fieller et al. 1957); it is
     good for n of 10 or more.
     """
-    from scipy.stats import rankdata  # slow to import
-
-    x, y = _pairs(x, y)
-    return _correlation(rankdata(x), rankdata(y), alternative, variance=1.06)
+    return _correlation(_scipy().spearmanr, *_pairs(x, y), alternative, variance=1.06)
 
 
-def _pairs(x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    if x.ndim != 1 or x.shape != y.shape:
-        raise ValueError(f"y: shape {y.shape} beside {x.shape} is not allowed; give two samples of the same length")
-    for name, sample in (("x", x), ("y", y)):
-        if not np.isfinite(sample).all():
-            raise ValueError(f"{name}: {sample[~np.isfinite(sample)][0]} is not allowed; give finite numbers")
-    return x, y
-
-
-def _correlation(x: Floats, y: Floats, alternative: Alternative, variance: float) -> Correlation:
+def _correlation(test: Any, x: Floats, y: Floats, alternative: Alternative, variance: float) -> Correlation:
     """The correlation of two samples; ``variance``: that of the transformed coefficient, times n - 3."""
     n = len(x)
     if n < 2 or not (np.ptp(x) and np.ptp(y)):
         return Correlation(n, None, None, None, 1.0)
-    u, v = _centred(x), _centred(y)
-    r = float(np.clip(u @ v / np.sqrt((u @ u) * (v @ v)), -1.0, 1.0))
-    low, high = _fisher_interval(r, n, variance)
-    return Correlation(n, r, low, high, _p_of_correlation(r, n, alternative))
-
-
-def _centred(sample: Floats) -> Floats:
-    """With mean 0, and scaled so that no square is too large or too small."""
-    scaled = sample / np.abs(sample).max()
-    away = scaled - scaled.mean()
-    return away / np.abs(away).max()
-
-
-def _fisher_interval(r: float, n: int, variance: float) -> tuple[float, float]:
-    if n < 4:
-        return -1.0, 1.0
-    with np.errstate(divide="ignore"):  # a perfect correlation is infinite there, and its interval a point
-        centre = np.arctanh(r)
-    half = NormalDist().inv_cdf(0.975) * np.sqrt(variance / (n - 3))
-    return float(np.tanh(centre - half)), float(np.tanh(centre + half))
-
-
-def _p_of_correlation(r: float, n: int, alternative: Alternative) -> float:
-    """Of the t-test with n - 2 degrees of freedom."""
-    from scipy.stats import t
-
-    if n < 3:
-        return 1.0
-    with np.errstate(divide="ignore"):
-        statistic = r * np.sqrt((n - 2) / np.float64(1 - r * r))
-    signed = {"less": -statistic, "greater": statistic, "two-sided": abs(statistic)}[alternative]
-    return float(t.sf(signed, n - 2)) * (2 if alternative == "two-sided" else 1)
+    found = test(x, y, alternative=alternative)
+    r, low, high = float(found.statistic), -1.0, 1.0
+    if n > 3:
+        with np.errstate(divide="ignore"):  # a perfect correlation is infinite there, and its interval a point
+            centre, half = np.arctanh(r), _scipy().norm.isf(0.025) * np.sqrt(variance / (n - 3))
+        low, high = float(np.tanh(centre - half)), float(np.tanh(centre + half))
+    return Correlation(n, r, low, high, float(found.pvalue) if n > 2 else 1.0)
 
 
 def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> Floats:
     """Means of samples drawn with replacement from the rows of ``sample``, shape (n, ...): (resamples, ...)."""
     values = np.asarray(sample, float)
-    rows = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
-    weights = np.zeros((resamples, len(values)))
-    np.add.at(weights, (np.arange(resamples)[:, None], rows), 1 / len(values))
-    return np.tensordot(weights, values, axes=1)
+    if len(values) < 2:  # SciPy wants two
+        return np.repeat(values.mean(axis=0)[None], resamples, axis=0)
+    found = _scipy().bootstrap(
+        (values,),
+        np.mean,
+        n_resamples=resamples,
+        batch=max(1, MOST_AT_ONCE // values.size),
+        vectorized=True,
+        axis=0,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    )
+    return np.moveaxis(found.bootstrap_distribution, -1, 0)
 
 
 def mean_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
@@ -301,3 +247,26 @@ def holm(p_values: Sequence[float]) -> list[float]:
     result = np.empty_like(p)
     result[order] = np.minimum(adjusted, 1.0)
     return result.tolist()
+
+
+def _scipy() -> Any:
+    from scipy import stats  # slow to import
+
+    return stats
+
+
+def _sample(name: str, values: ArrayLike) -> Floats:
+    sample = np.asarray(values, float)
+    if sample.ndim != 1 or len(sample) < 2 or not np.isfinite(sample).all():
+        raise ValueError(f"{name}: {len(sample)} values are not allowed; give at least 2 finite ones")
+    return sample
+
+
+def _pairs(x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    if x.ndim != 1 or x.shape != y.shape:
+        raise ValueError(f"y: shape {y.shape} beside {x.shape} is not allowed; give two samples of the same length")
+    for name, sample in (("x", x), ("y", y)):
+        if not np.isfinite(sample).all():
+            raise ValueError(f"{name}: {sample[~np.isfinite(sample)][0]} is not allowed; give finite numbers")
+    return x, y
