@@ -1,7 +1,8 @@
 # make demo       co-design a gait on flat ground: speed, gait CSV and picture (sets everything up itself)
-# make test       run the tests        make validate  run the slow validations too
+# make test       run the tests        make test-fast  run those that compile no kernel, in under a minute
+# make validate   run the slow validations, of minutes to hours
 # make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
-# make lint       ruff and mypy        make notebooks run the notebooks in their short mode
+# make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make wheel      build dist/          make clean     remove what make has made, results excepted
 # make same-bits  compare with version 1.0, bit for bit; SAME_BITS="--quick" or other options
 #
@@ -16,9 +17,9 @@ python := $(venv)/bin/python
 install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
-test := OMP_NUM_THREADS=1 $(python) -m pytest -q -n auto --maxprocesses 4 --dist loadfile
+test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test coverage validate notebooks same-bits lint wheel clean
+.PHONY: demo test test-fast coverage validate notebooks same-bits lint wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -26,6 +27,9 @@ demo: $(venv)/runtime
 
 test: $(venv)/dev
 	$(test)
+
+test-fast: $(venv)/dev
+	$(test) -m "not slow and not kernels and not processes"
 
 coverage: $(venv)/dev
 	$(test) --cov --cov-report=term-missing

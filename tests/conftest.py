@@ -2,22 +2,59 @@
 
 import os
 import shlex
+import shutil
+import tempfile
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 from stand_in import Simulator
 
 from optim.cli import main
+from taichi_sim import runtime
 from taichi_sim.base import compute
 
 # The same examples in every run, and no deadline: shared machines pause.
 settings.register_profile("lab", derandomize=True, deadline=None)
 settings.load_profile("lab")
 
-# Processes beside each other share the cores. Where each has one, tests with ``threads=1`` and those of the default
-# have the same Taichi: for another number of threads it starts again and loads all kernels anew, seconds each time.
-_SHARE = max(1, compute.available_threads() // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
-compute.available_threads = lambda: _SHARE
+# For another number of threads Taichi starts again and loads all kernels anew. So the default is one, as most tests
+# ask for; those of more threads say so.
+compute.available_threads = lambda: 1
+
+# Only tests marked with ``kernels`` start Taichi. Of the others, and of their child processes, this folder would be the
+# cache; whoever starts Taichi makes it.
+_UNMARKED = "starts Taichi: mark it with @pytest.mark.kernels, or the file with pytestmark = pytest.mark.kernels"
+_NO_CACHE = Path(tempfile.gettempdir(), f"morpholab-no-kernels-{os.getpid()}")
+_CACHE = os.environ.get("MORPHOLAB_CACHE")
+_start, _may_start = runtime.start, True
+
+
+def _start_if_marked(*arguments, **keywords):
+    if not _may_start:
+        _NO_CACHE.mkdir(exist_ok=True)
+        pytest.fail(_UNMARKED)
+    return _start(*arguments, **keywords)
+
+
+runtime.start = _start_if_marked
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    global _may_start
+    _may_start = any(item.iter_markers("kernels")) or any(item.iter_markers("slow"))
+    if _may_start and _CACHE is None:
+        os.environ.pop("MORPHOLAB_CACHE", None)
+    else:
+        os.environ["MORPHOLAB_CACHE"] = _CACHE if _may_start else str(_NO_CACHE)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown():
+    if _NO_CACHE.exists():
+        shutil.rmtree(_NO_CACHE)
+        pytest.fail(f"it, or a process of it, {_UNMARKED}")
 
 
 # In the names of tests in single precision, and of files that are so for the most part.

@@ -100,6 +100,7 @@ def headings(document: Path) -> list[str]:
     return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in found]
 
 
+@pytest.mark.kernels
 def test_the_example_runs(monkeypatch, capsys):
     quick = functools.partial(inflatable.simulate, geometry=inflatable.SMALL, actuation=QUICK)
     monkeypatch.setattr(inflatable, "simulate", quick)

@@ -7,6 +7,8 @@ import pytest
 from robots.bench import lattice as bench
 from taichi_sim.lattice.drivers.roofline import measure_peak
 
+pytestmark = pytest.mark.kernels
+
 
 def test_the_peak_of_a_core_is_plausible():
     """Between a tenth of and ten times what today's cores do."""

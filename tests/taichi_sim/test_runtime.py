@@ -5,6 +5,8 @@ import pytest
 from taichi_sim import runtime
 from taichi_sim.runtime import ti
 
+pytestmark = pytest.mark.kernels
+
 
 def test_an_error_in_a_kernel_names_its_line():
     runtime.start("cpu", "f64", 1)

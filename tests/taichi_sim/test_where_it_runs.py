@@ -18,6 +18,7 @@ def test_a_place_that_is_not_there_is_one_line(morpholab, options, message):
     assert code == 2 and message in error and error.count("\n") == 1
 
 
+@pytest.mark.kernels
 def test_more_workers_than_cores_are_noted(morpholab, monkeypatch, tmp_path):
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     code, _, error = morpholab(f"{SMALL} --workers 2 --quiet")

@@ -79,6 +79,7 @@ def test_options_that_do_not_fit_are_one_line(morpholab, brief, options, message
     assert code == 2 and error.splitlines()[-1].startswith(f"morpholab codesign: error: {message}")
 
 
+@pytest.mark.kernels
 def test_simulate_takes_files_and_rows_and_writes_what_it_writes_of_others(morpholab, tmp_path, brief):
     code, out, _ = morpholab(f"simulate --gait brief.json --slope 5 --out a --record-every 200 --json {SMALL}")
     document = json.loads(out)
@@ -98,6 +99,7 @@ def test_simulate_takes_files_and_rows_and_writes_what_it_writes_of_others(morph
     assert len(json.loads(cut["schedule"])["settle_steps"]) == 1
 
 
+@pytest.mark.kernels
 def test_graded_gaits_are_seen_in_motion(morpholab, tmp_path, brief):
     code, out, _ = morpholab("view brief.json --geometry small --threads 1 --frames 20 --out page.html --quiet")
     assert code == 0 and out.startswith("brief on flat: 736 parts")
@@ -165,6 +167,7 @@ def test_a_judgement_tells_what_a_gait_is_worth(morpholab, monkeypatch, brief, s
     assert known == code and document["physical"] == (speed == 0.03) and document["steps"] == 1000
 
 
+@pytest.mark.kernels
 def test_a_small_robot_is_judged(morpholab, brief):
     code, out, _ = morpholab(f"simulate --gait {brief} {SMALL} --slope 5 --judge --precision f32 --threads 1 --json")
     document = json.loads(out)

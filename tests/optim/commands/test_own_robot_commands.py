@@ -28,6 +28,7 @@ def mine(tmp_path):
     (tmp_path / "my_robot.py").write_text(MINE)
 
 
+@pytest.mark.kernels
 def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     search = f"codesign --robot my_robot.py --climbers 4 --out runs/x {QUICK}"
     code, out, error = morpholab(f"{search} --generations 1 --terrain hill:3 --json")
@@ -51,12 +52,14 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert code == 2 and "robot: gone.py is not the robot of the run in runs/x; leave it out" in error
 
 
+@pytest.mark.kernels
 def test_a_search_is_the_same_with_workers(morpholab, mine):
     lines = [f"codesign --robot my_robot.py --climbers 4 --generations 1 --out {name} --quiet" for name in ("a", "b")]
     assert morpholab(f"{lines[0]} --threads 1")[0] == 0 and morpholab(f"{lines[1]} --workers 1 --threads 1")[0] == 0
     assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
 
 
+@pytest.mark.kernels
 def test_gradients_of_a_users_file_are_checked_and_followed(morpholab, mine):
     line = f"gradient-check --robot my_robot.py --horizons 1 --directions 2 --samples 2 --json {QUICK}"
     code, out, _ = morpholab(line)
@@ -100,6 +103,7 @@ def test_the_examples_are_short_and_load():
         assert load_robot(path).free, path
 
 
+@pytest.mark.kernels
 def test_the_walker_of_voxcad_walks():
     from robots.lattice_robot import load_robot, simulate
 

@@ -56,6 +56,7 @@ def test_stiff_skin_needs_shorter_time_steps(modulus, fits):
             properties.check_time_step()
 
 
+@pytest.mark.kernels
 def test_a_gait_lasts_as_long_in_a_softer_robot():
     """Its pause is simulated for the time that the file says: at the largest stable step it was 41 % longer."""
     levels = np.zeros((8, 1))

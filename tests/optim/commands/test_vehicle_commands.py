@@ -7,6 +7,8 @@ import pytest
 from optim.studies.chapter3.sweep_table import read_sweep_table
 from optim.studies.chapter4.training_table import read_training_table
 
+pytestmark = pytest.mark.kernels
+
 BRIEF = "--radius 1 --time-step 0.5 --steps 1000 --quiet"
 SWEEP = f"sweep --designs 162,6553 --weights 9 {BRIEF}"
 TRAIN = f"train --designs 80,100-103,162,6553 --repetitions 2 --budget-evaluations 60 --seed 3 {BRIEF}"

@@ -16,6 +16,8 @@ from robots.inflatable import INCHING, save_design
 from robots.lattice_robot.walker import ACTIVE, PASSIVE, WalkerDesign, save_walker
 from robots.view.colouring import COLOURINGS
 
+pytestmark = pytest.mark.kernels
+
 QUICK = "--geometry small --columns 1 --repeats 1 --threads 1 --quiet"
 
 

@@ -69,6 +69,7 @@ def test_the_plot_shows_every_horizon(tmp_path):
     assert "a " in report.text() and "b " in report.text()
 
 
+@pytest.mark.kernels
 def test_the_command_checks_the_robot(tmp_path, capsys, monkeypatch):
     """One short column of a tiny robot: exact at the smallest steps."""
     from robots import inflatable

@@ -36,6 +36,7 @@ def light_of_vehicles(sites: np.ndarray, weights: np.ndarray, steps: int = 10_00
     return light.transpose(2, 3, 1, 0)
 
 
+@pytest.mark.kernels
 def test_four_controllers_that_another_program_measured():
     """Baseline and best body of chapter 4, with the settings of its experiment: dt 0.05, 10,000 steps."""
     baseline, best = [[0.5, 0.5], [0.5, -0.5]], [[-0.5, -0.375], [0.5, 0.5]]
@@ -64,6 +65,7 @@ def test_pairs_of_environments_meet_once_sensor_by_sensor():
     assert len(asked) == 2 * 6 * 3 and {frozenset(p) for p in asked} == {frozenset(map(int, p)) for p in wanted}
 
 
+@pytest.mark.kernels
 def test_controllers_are_judged_alone_and_failures_stay_failures():
     signals = np.random.default_rng(0).normal(size=(5, 4, 2, 30))
     whole = homeostasis(signals, WARPING)
@@ -74,6 +76,7 @@ def test_controllers_are_judged_alone_and_failures_stay_failures():
     assert np.array_equal(spoilt[[0, 1, 2, 4]], whole[[0, 1, 2, 4]])
 
 
+@pytest.mark.kernels
 def test_what_is_the_same_but_later_or_fainter():
     """Warping forgives delays; only normalised signals forgive amplitude."""
     late = np.sin(np.array([TIMES, np.clip(TIMES - 1, 0, None)]))[None, :, None]
@@ -87,6 +90,7 @@ def test_what_is_the_same_but_later_or_fainter():
     assert normalised[1] < 1e-12 and normalised[2] > 0.1
 
 
+@pytest.mark.kernels
 def test_no_controllers_have_no_scores():
     assert homeostasis(np.empty((0, 4, 2, 10)), WARPING).shape == (0,)
 

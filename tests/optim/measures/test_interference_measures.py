@@ -189,6 +189,7 @@ def test_divergence_is_when_paths_are_a_body_length_apart():
     assert divergence(np.stack([away, away])[None], times) == pytest.approx([10])
 
 
+@pytest.mark.kernels
 def test_warping_compares_each_two_environments_without_offset_and_scale():
     wave = np.sin(np.linspace(0, 6, 80))
     light = np.stack([[wave, 3 + 2 * wave], [wave, np.linspace(-1, 1, 80)]])

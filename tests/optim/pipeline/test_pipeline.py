@@ -214,6 +214,7 @@ def decided(monkeypatch):
     monkeypatch.setattr(transition, "full_stroke_steps", lambda actuation: 400)
 
 
+@pytest.mark.kernels
 def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
     """Gaits, tables, the machine, pages; the tables alone give back what was designed, to the digits of the rows.
 
@@ -252,6 +253,7 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
         assert (parts / "package" / name).read_bytes() == (package / name).read_bytes()
 
 
+@pytest.mark.kernels
 def test_a_package_of_a_rig(task, tmp_path, morpholab):
     """Its robot is in every simulation, in the package, and in what replays it."""
     fitted = Properties(friction=1.2, low_friction=0.3, modulus=330e3, inflation_rate=2.0)

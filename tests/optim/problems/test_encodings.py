@@ -177,6 +177,7 @@ def test_a_pattern_body_has_the_materials_that_say_most_where_it_is_present():
     assert set(np.unique(materials[2:])) == {0, 2} and set(np.unique(materials[:2])) == {0, 3}
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("encoding", BODY_ENCODINGS)
 def test_walkers_are_judged_saved_and_described(encoding, tmp_path):
     problem = WalkerProblem((3, 3, 2), encoding, actuation=QUICK, threads=1)

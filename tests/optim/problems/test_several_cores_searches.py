@@ -42,6 +42,7 @@ def tiny(monkeypatch):
     monkeypatch.setattr("optim.problems.inflatable.problem.InflatableActuation", drive)
 
 
+@pytest.mark.kernels
 def test_the_slopes_of_a_problem_are_by_each_core(tiny):
     """Those of an empty core are cut where its gene is."""
     problem = GaitProblem(
@@ -62,6 +63,7 @@ def test_the_slopes_of_a_problem_are_by_each_core(tiny):
     assert found.gradients[0, 1] != 0 and found.gradients[0, 2] == 0
 
 
+@pytest.mark.kernels
 def test_a_small_search_with_the_simulator_goes_on_where_it_stopped(morpholab, tiny, tmp_path):
     line = "codesign --terrain flat --geometry two-core --columns 1 --repeats 1 --climbers 2 --seed 3 --quiet"
     drawn = "robots.view.picture.save_motion_picture"

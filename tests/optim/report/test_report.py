@@ -268,6 +268,7 @@ def test_what_cannot_be_reported_is_one_line(morpholab, simulator, tmp_path, lin
     assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "b.html").exists()
 
 
+@pytest.mark.kernels
 def test_a_vehicle_in_motion(reported, tmp_path, monkeypatch):
     task = VehicleTask(STARTS, radius=0.5, time_step=0.5, steps=300)
     problem = VehicleProblem(task=task, threads=1)
@@ -283,6 +284,7 @@ def test_a_vehicle_in_motion(reported, tmp_path, monkeypatch):
     assert smaller["bytes"] < document["bytes"] and len(smaller["notes"]) > 2 and smaller["frames"] == 2
 
 
+@pytest.mark.kernels
 def test_a_walker_in_motion(morpholab, reported, tmp_path):
     drive = WalkerActuation(settling=0.05, cycles=1)
     searched(WalkerProblem((2, 2, 1), actuation=drive, threads=1), tmp_path / "a", generations=0)
@@ -296,6 +298,7 @@ def test_a_walker_in_motion(morpholab, reported, tmp_path):
     assert len(page.all("iframe")) == 1 and "lattice of 2 x 2 x 1 voxels" in page.text
 
 
+@pytest.mark.kernels
 def test_a_robot_of_ones_own_in_motion(reported, tmp_path):
     robot = replace(load_robot(ROOT / "examples/inchworm.py"), cycles=1, settling=0.02)
     searched(LatticeRobotProblem(robot, threads=1), tmp_path / "a", generations=0)
@@ -307,6 +310,7 @@ def test_a_robot_of_ones_own_in_motion(reported, tmp_path):
     assert len(page.all("iframe")) == 1 and "robot: 24 voxels of 10 mm" in page.text
 
 
+@pytest.mark.kernels
 def test_the_best_gait_in_motion(morpholab, reported, tmp_path, monkeypatch):
     with monkeypatch.context() as quick:
         quick.setattr("robots.inflatable.robot.simulate", Simulator())
@@ -325,6 +329,7 @@ def test_the_best_gait_in_motion(morpholab, reported, tmp_path, monkeypatch):
 BRIEF = "--radius 1 --time-step 0.5 --steps 1000 --quiet"
 
 
+@pytest.mark.kernels
 def test_sweeps_and_training_have_pages(morpholab, reported, tmp_path):
     assert morpholab(f"sweep --designs 162,6553 --weights 9 {BRIEF} --out swept")[0] == 0
     page, document = reported("swept")

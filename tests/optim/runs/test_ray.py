@@ -59,6 +59,7 @@ def test_there_are_as_many_workers_as_the_cluster_has_cores(workers, tmp_path):
     assert len(numbers(tmp_path)) == 2
 
 
+@pytest.mark.kernels
 def test_gaits_are_judged_to_the_same_bits(workers):
     problem = short_gaits("f32")
     request = Request(GAITS)

@@ -240,6 +240,7 @@ def test_importing_workers_imports_no_ray():
     assert out.stdout == "[]\n"
 
 
+@pytest.mark.kernels
 def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
     problem = short_gaits("f64")
     request = Request(GAITS[:3], "gradients", 0.3)
@@ -248,6 +249,7 @@ def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
     assert np.all(judgement.gradients != 0) and same(judgement, judge(problem, request))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_gaits_are_judged_to_the_same_bits(workers, precision):
     problem = short_gaits(precision)

@@ -115,6 +115,7 @@ def test_robots_are_turned_to_where_they_get_furthest(angle):
     assert np.cos(way - found) >= np.cos(way - headings).max() - 1e-12
 
 
+@pytest.mark.kernels
 def test_on_flat_ground_the_heading_changes_no_way():
     """Why a look tells the best heading."""
     headings = [0.0, 45.0, 90.0]

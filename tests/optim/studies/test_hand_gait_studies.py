@@ -253,6 +253,7 @@ def test_metrics_are_studied_body_by_body_with_the_same_gaits(simulator, tmp_pat
         metrics.study(tmp_path / "a", replace(settings, gaits=6))
 
 
+@pytest.mark.kernels
 def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch):
     """By the simulator itself, one short gait."""
     monkeypatch.setattr(metrics.SoftRobotMetrics, "schedules", [GaitSchedule(np.eye(10, 8, dtype=bool), 1)])

@@ -31,6 +31,7 @@ def whole():
     return evolve(BRIEF, CHOSEN, 2, 6, threads=1)
 
 
+@pytest.mark.kernels
 def test_climbers_keep_what_is_strictly_better_and_nothing_else(whole):
     for (treatment, _), state in whole.items():
         fitness = {"min": np.min, "sum": np.sum}[treatment.fitness](state["light"], axis=1)
@@ -40,6 +41,7 @@ def test_climbers_keep_what_is_strictly_better_and_nothing_else(whole):
     assert any(len(state["born"]) > 4 for state in whole.values())
 
 
+@pytest.mark.kernels
 def test_the_weights_of_climbers_are_those_whose_distances_are_told(whole):
     state = whole[CHOSEN[0], 1]
     seen = BRIEF.simulate("whegged", state["weights"], threads=1)
@@ -49,18 +51,21 @@ def test_the_weights_of_climbers_are_those_whose_distances_are_told(whole):
         assert np.array_equal(state["distance"][last], seen.distance[climber].astype(np.float32))
 
 
+@pytest.mark.kernels
 def test_runs_depend_on_nothing_beside_them(whole):
     alone = evolve(BRIEF, CHOSEN[:1], 1, 6, threads=2)
     assert same(alone[CHOSEN[0], 0], whole[CHOSEN[0], 0])
     assert not same(whole[CHOSEN[0], 0], whole[CHOSEN[0], 1])
 
 
+@pytest.mark.kernels
 def test_resuming_equals_not_stopping(whole, tmp_path):
     evolve(BRIEF, CHOSEN[:1], 1, 2, tmp_path, threads=1)
     found = evolve(BRIEF, CHOSEN, 2, 6, tmp_path, threads=1)
     assert all(same(found[run], whole[run]) for run in whole)
 
 
+@pytest.mark.kernels
 def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_bits(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(evolution, "SECONDS_BETWEEN_FILES", -1.0)  # after every generation
     calls, judge = [], evolution._judge
@@ -133,6 +138,7 @@ def test_bad_input_is_one_line(call, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.kernels
 def test_folders_of_other_settings_or_that_went_further_are_refused(tmp_path):
     evolve(BRIEF, CHOSEN[:1], 1, 2, tmp_path, threads=1)
     with pytest.raises(ValueError, match=r"holds an interference of other settings .*; name another folder"):
@@ -149,6 +155,7 @@ def test_results_of_something_else_are_not_written_over(tmp_path):
     assert (tmp_path / "runs.csv").read_text() == "a table of another study"
 
 
+@pytest.mark.kernels
 def test_a_device_that_is_not_there_leaves_no_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(ti.lang.misc, "is_arch_supported", lambda architecture: False)
     with pytest.raises(ValueError, match=r"^device: 'vulkan' is not available on this machine"):
@@ -163,6 +170,7 @@ class Idle(HillClimb):
         return self.points if self.generation else super().ask()
 
 
+@pytest.mark.kernels
 def test_other_trainers_take_part_as_a_row_of_their_own(whole, tmp_path, monkeypatch):
     monkeypatch.setitem(METHODS._loaded, "random", Idle)
     monkeypatch.setitem(settings.TRAINERS, "idle-hands", "random")
@@ -181,6 +189,7 @@ def test_other_trainers_take_part_as_a_row_of_their_own(whole, tmp_path, monkeyp
 SMALL = "--population 3 --steps 40 --generations 2 --runs 2 --threads 1 --quiet"
 
 
+@pytest.mark.kernels
 def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path, monkeypatch):
     code, out, error = morpholab(f"interference --out a {SMALL} --figures --alone --json")
     assert (code, error) == (0, "")

@@ -30,6 +30,7 @@ def test_studies_are_listed(morpholab):
     assert list(json.loads(morpholab("reproduce --json")[1])) == list(STUDIES)
 
 
+@pytest.mark.kernels
 def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
     monkeypatch.setitem(sweep_study.SCALES, "small", SensorPlacement(2, Sweep(weights=7, steps=800)))
     code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")

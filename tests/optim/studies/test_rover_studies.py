@@ -36,6 +36,7 @@ def test_mistakes_in_studies_are_one_line(make, message):
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
 
 
+@pytest.mark.kernels
 def test_a_grid_shares_sweeps_between_mirror_images_and_says_what_single_runs_say(tmp_path):
     settings, design = RoverGrid(5, steps=900), Rover(BEST).vehicle.design
     image = Rover(BEST).mirrored.vehicle.design
@@ -47,6 +48,7 @@ def test_a_grid_shares_sweeps_between_mirror_images_and_says_what_single_runs_sa
     assert both.any() and settings.pairs[1].tolist() == [-1.0, -0.5]
 
 
+@pytest.mark.kernels
 def test_objectives_of_the_base_body_are_those_of_its_runs():
     problem = RoverProblem("evolved", steps=2500, threads=1)
     values = dict.fromkeys(("w1", "w2"), 1.0)
@@ -93,6 +95,7 @@ def small_search(folder, grid=GRID):
 STUDIES = {"rover-success": small_success, "rover-sweep": small_sweep, "rover-pre-optimisation": small_search}
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refuses_others(name, tmp_path):
     study, folder = STUDIES[name], tmp_path / "a"

@@ -54,6 +54,7 @@ def test_the_central_controller_has_most_of_its_kind_around_it():
     assert weights.shape == (26, 2) and weights[0] == pytest.approx([-0.8, -0.2]) and weights[-1] == pytest.approx(0.8)
 
 
+@pytest.mark.kernels
 def test_controllers_of_the_best_body_stay_and_those_of_the_baseline_leave():
     """Weights with which chapter 3 shows them: there (0.6, 0.98) passes through the light, and leaves."""
     wide = replace(PUBLISHED, radius=0.2)
@@ -65,6 +66,7 @@ def test_controllers_of_the_best_body_stay_and_those_of_the_baseline_leave():
     assert not study.persistent(BEST, [[0.0, 0.0]], wide, near=100.0).any()  # never there
 
 
+@pytest.mark.kernels
 def test_persistence_counts_from_the_arrival(monkeypatch):
     """Late is not too late; a sample beyond the distance afterwards is."""
     weights = [[-0.8, 0.6]]
@@ -79,6 +81,7 @@ def test_persistence_counts_from_the_arrival(monkeypatch):
     assert study.persistent(BEST, weights * 3, PUBLISHED).tolist() == [[True, True, False, True]] * 3
 
 
+@pytest.mark.kernels
 def test_pictures_have_their_numbers_beside_them(tmp_path):
     settings = {"weights": 15, "r": 0.5, "dt": 0.2, "steps": 2000}
     sweep([BEST, BASELINE], **settings, out=tmp_path / "sweep")

@@ -30,6 +30,7 @@ def outcomes(table):
     return table.evaluations.tolist(), table.solved.tolist()
 
 
+@pytest.mark.kernels
 def test_evaluations_are_counted_until_a_controller_solves_all_environments():
     """The same by hand: a method alone, its body fixed, one evaluation after the other."""
     settings = replace(BRIEF, budget=60)
@@ -51,6 +52,7 @@ def test_evaluations_are_counted_until_a_controller_solves_all_environments():
     assert 0 < table.solved.mean() < 1 and len(np.unique(table.evaluations)) > 10
 
 
+@pytest.mark.kernels
 def test_outcomes_depend_on_nothing_but_the_run(monkeypatch, tmp_path):
     """Not on bodies and methods beside it, on the order, chunks, threads, or where a study goes on."""
     whole = train(DESIGNS, settings=BRIEF)
@@ -68,10 +70,12 @@ def test_outcomes_depend_on_nothing_but_the_run(monkeypatch, tmp_path):
     assert outcomes(train(DESIGNS, settings=replace(BRIEF, seed=3), out=tmp_path)) == outcomes(whole)
 
 
+@pytest.mark.kernels
 def test_another_seed_gives_other_outcomes():
     assert outcomes(train([80], settings=BRIEF)) != outcomes(train([80], settings=replace(BRIEF, seed=4)))
 
 
+@pytest.mark.kernels
 def test_a_damaged_file_is_as_good_as_missing(tmp_path):
     whole = train(DESIGNS[:1], ["random"], BRIEF, out=tmp_path)
     (file,) = tmp_path.glob("runs-*.npz")
@@ -92,6 +96,7 @@ module.train(range(100, 160), ["random"], module.Training(2, 300, 3, task), out=
 """
 
 
+@pytest.mark.kernels
 def test_a_killed_study_goes_on_and_repeats_no_file(tmp_path):
     out = tmp_path / "study"
     process = subprocess.Popen([sys.executable, "-c", KILLED.format(str(out))], cwd=Path(__file__).parents[3])
@@ -126,6 +131,7 @@ def test_bad_input_is_one_line(call, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.kernels
 def test_folders_of_other_settings_are_refused(tmp_path):
     train([1], ["random"], BRIEF, out=tmp_path / "a")
     for other in (replace(BRIEF, seed=4), replace(BRIEF, task=PUBLISHED), replace(BRIEF, budget=13)):
@@ -148,6 +154,7 @@ def test_samples_are_nested_and_differ_by_seed():
 # tables and correlations
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["runs.csv", "runs.csv.gz"])
 def test_tables_of_training_are_read_as_written(tmp_path, name):
     table = train(DESIGNS[:3], ["nes", "random"], BRIEF)
@@ -183,6 +190,7 @@ def test_correlations_are_those_of_runs_and_of_means():
         metric_correlations(table, swept.rows([1, 2, 3, 4]))
 
 
+@pytest.mark.kernels
 def test_tables_of_sweeps_are_those_of_the_folder(tmp_path):
     options = {"weights": 9, "r": 1.0, "dt": 0.5, "steps": 1000}
     bodies = [VehicleBody.published(design) for design in DESIGNS]
@@ -196,6 +204,7 @@ def test_tables_of_sweeps_are_those_of_the_folder(tmp_path):
     assert (tmp_path / "table.csv").read_text().startswith("design,all,any,M_L,M_CI\n80,")
 
 
+@pytest.mark.kernels
 def test_a_table_is_of_the_sweep_beside_it_and_elsewhere_its_metrics_must_be_of_the_published_grid(tmp_path):
     options = {"weights": 9, "r": 1.0, "dt": 0.5, "steps": 1000}
     sweep([VehicleBody.published(design) for design in DESIGNS], **options, out=tmp_path / "sweep")

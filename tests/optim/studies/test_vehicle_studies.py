@@ -63,6 +63,7 @@ STUDIES = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refuses_others(name, tmp_path):
     study, settings, other = STUDIES[name]
@@ -90,6 +91,7 @@ def test_budgets_that_there_are_not_are_refused(tmp_path):
         CoOptimisation(runs=1)
 
 
+@pytest.mark.kernels
 def test_the_curve_of_co_optimisation_is_that_of_its_raw_data(tmp_path):
     co_optimisation.study(tmp_path / "a", TINY)
     _, curve = read_table(tmp_path / "a" / "environments-solved.csv")
@@ -105,6 +107,7 @@ def test_the_curve_of_co_optimisation_is_that_of_its_raw_data(tmp_path):
     assert {row["alternative"] for row in summary["tests_of_evaluations_until_all_solved"]} == {"less"}
 
 
+@pytest.mark.kernels
 def test_distances_of_many_controllers_are_those_of_each_and_follow_the_definition(monkeypatch):
     problem, points, _ = solving(4)
     sites, controllers = problem.split(points)
@@ -127,6 +130,7 @@ def test_first_and_last_solutions_are_compared_within_trials():
     assert nothing["all"]["median_first"] is None and nothing["all"]["p_wilcoxon_two_sided"] == 1.0
 
 
+@pytest.mark.kernels
 def test_homeostasis_counts_only_once_everything_is_solved():
     vehicle, good, bad = solving(5)
     problem = HomeostasisProblem(vehicle, samples=100)
@@ -142,6 +146,7 @@ def test_homeostasis_counts_only_once_everything_is_solved():
         problem.evaluate_relaxed(points, 0.0, True)
 
 
+@pytest.mark.kernels
 def test_perturbations_without_strength_change_nothing_and_others_do_what_their_names_say():
     problem, points, bad = solving(6)
     sites, controllers = problem.split(points)

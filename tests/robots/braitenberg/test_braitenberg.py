@@ -108,6 +108,7 @@ def test_the_grid_of_weights_is_the_published_one_and_symmetric():
     assert np.allclose(grid, np.arange(-60, 61) / 60, atol=1e-16) and (grid == -grid[::-1]).all() and grid[60] == 0
 
 
+@pytest.mark.kernels
 def test_a_sweep_counts_environments():
     (overlap,) = sweep(bodies(162), weights=9)
     grid = weight_grid(9)
@@ -117,6 +118,7 @@ def test_a_sweep_counts_environments():
     assert overlap.any()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("design", [1, 162, 1234, 4000, 6553])
 def test_symmetries_are_exact(design):
     """The images of a body, each swept by itself, give what the symmetries say."""
@@ -131,6 +133,7 @@ def test_symmetries_are_exact(design):
         assert np.array_equal(sweep([body, image], weights=11, steps=steps)[1], expected)
 
 
+@pytest.mark.kernels
 def test_baseline_and_best_body_of_the_reference():
     baseline, best = sweep(bodies(6553, 162))
     assert ((baseline == 4).sum(), (baseline >= 1).sum()) == (26, 1830)
@@ -147,6 +150,7 @@ def compared(rows):
     return np.abs(counts - REFERENCE["counts"][rows]).max(axis=1)
 
 
+@pytest.mark.kernels
 def test_counts_of_some_designs_of_the_reference():
     assert compared(slice(0, 90, 15)).max() <= SPECKLED
 
@@ -158,6 +162,7 @@ def test_counts_of_the_reference():
     assert off.max() <= SPECKLED and np.median(off) <= 5
 
 
+@pytest.mark.kernels
 def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     designs = bodies(162, 6553, 5841, 700)
     whole = sweep(designs, **BRIEF)
@@ -182,6 +187,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
         sweep(designs, **BRIEF, out=tmp_path / "b")
 
 
+@pytest.mark.kernels
 def test_a_killed_sweep_repeats_no_file(tmp_path):
     """SIGKILL after the first file; what goes on leaves that file alone and comes to the same."""
     program = f"""
@@ -209,6 +215,7 @@ sweep([VehicleBody.published(d) for d in range(150, 190)], weights=21, steps=300
 SHORT = VehicleTask(STARTS, steps=1500)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("controller", ["contralateral", "full"])
 @pytest.mark.parametrize("body", [None, BASELINE])
 def test_a_problem_judges_what_the_vehicle_does(controller, body, tmp_path):
@@ -236,6 +243,7 @@ def test_the_description_of_another_kind_of_problem_is_refused():
         VehicleProblem.from_description({**described, "speed": 1})
 
 
+@pytest.mark.kernels
 def test_true_gradients_are_differences_of_the_objective():
     problem = VehicleProblem(task=VehicleTask(STARTS, steps=200), clip=None)
     assert isinstance(problem, RelaxableProblem)
@@ -246,6 +254,7 @@ def test_true_gradients_are_differences_of_the_objective():
     assert np.allclose(found, (up - down) / 2e-6, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.kernels
 def test_clipped_gradients_have_bounded_parts_and_none_of_solved_environments():
     best = VehicleBody.published(162)
     solved = VehicleProblem(best, task=PUBLISHED).evaluate_relaxed([-0.8, 0.6], 0.0, True)
@@ -255,6 +264,7 @@ def test_clipped_gradients_have_bounded_parts_and_none_of_solved_environments():
     assert np.linalg.norm(slopes, axis=1).max() <= 4.0
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("method", ["gradient", "cma"])
 def test_co_design_finds_what_reaches_all_lights(method):
     problem = VehicleProblem()

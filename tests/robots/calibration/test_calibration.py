@@ -74,6 +74,7 @@ def test_a_stiffer_robot_keeps_its_seconds():
 # experiments
 
 
+@pytest.mark.kernels
 def test_a_dragged_foot_slides_at_its_friction():
     trials = [Trial(dataclasses.replace(TRUE, friction=mu)) for mu in (0.3, 1.5)]
     forces = drag(load=0.8).predict(trials, BENCH)
@@ -82,11 +83,13 @@ def test_a_dragged_foot_slides_at_its_friction():
     assert sliding == pytest.approx(np.full((2, 6), 0.15 * 0.8), rel=0.03)
 
 
+@pytest.mark.kernels
 def test_a_stretching_foot_holds_less_than_its_friction():
     early = Drag(np.array([2e-5, 5e-3]), np.ones(2), 0.8).predict([Trial(TRUE)], BENCH)[0]
     assert 0 <= early[0] < 0.5 * early[1]
 
 
+@pytest.mark.kernels
 def test_a_softer_pouch_is_rounder():
     softer = dataclasses.replace(TRUE, modulus=220e3)
     measure = Diameter(np.array([2e3, 500.0]), np.ones(2), "height")
@@ -95,6 +98,7 @@ def test_a_softer_pouch_is_rounder():
     assert soft[0] > 1.02 * firm[0]
 
 
+@pytest.mark.kernels
 def test_a_gait_goes_as_simulate_says():
     """The same distance, of the whole gait and of its last second."""
     robot = Laboratory(TINY, QUICK, stiffest=TINY.youngs_modulus, perturbation=0.0, precision="f64", threads=1)
@@ -110,6 +114,7 @@ def test_a_gait_goes_as_simulate_says():
 # fit
 
 
+@pytest.mark.kernels
 def test_friction_and_modulus_are_recovered_from_noisy_measurements():
     """The rate needs a robot that inches, see the slow test below."""
     names = ("friction", "low_friction", "modulus")
@@ -125,17 +130,20 @@ def test_friction_and_modulus_are_recovered_from_noisy_measurements():
     assert record["warnings"] == [] and json.loads(json.dumps(record)) == record
 
 
+@pytest.mark.kernels
 def test_the_same_data_give_the_same_bits():
     first, second = (calibrate([drag()], BENCH, ("friction",)) for _ in range(2))
     assert first.after == second.after and (first.predictions == second.predictions).all()
 
 
+@pytest.mark.kernels
 def test_a_property_at_its_bound_is_told():
     found = calibrate([drag(friction=0.9)], BENCH, ("friction",), BOUNDS | {"friction": (0.1, 0.5)})
     assert found.at_bound == ("friction",) and found.after.friction == pytest.approx(0.5, rel=0.01)
     assert any("friction ended at a bound" in line for line in document(found, "small")["warnings"])
 
 
+@pytest.mark.kernels
 def test_data_that_cannot_tell_are_refused_after_one_sensitivity():
     """A foot that slides all the time says nothing of how far it stretched."""
     with pytest.raises(ValueError, match="fit: the data cannot tell modulus; add experiments"):
@@ -310,6 +318,7 @@ force_sd_n = 0.002
 """
 
 
+@pytest.mark.kernels
 def test_a_calibration_goes_from_a_file_to_simulate(morpholab, tmp_path, monkeypatch):
     (tmp_path / "a.toml").write_text(DRAGS)
     code, out, _ = morpholab("calibrate a.toml --out fit --json --quiet --threads 1")

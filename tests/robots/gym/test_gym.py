@@ -41,6 +41,7 @@ def played(name, seed, **settings):
     return found
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_every_environment_passes_the_check(name):
     with warnings.catch_warnings():
@@ -49,6 +50,7 @@ def test_every_environment_passes_the_check(name):
         check_env(make(name).unwrapped, skip_render_check=True)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_episodes_repeat_by_their_seed(name):
     settings = {"perturbation": 1e-4} if "Pancake" in name else {}
@@ -58,6 +60,7 @@ def test_episodes_repeat_by_their_seed(name):
         np.testing.assert_equal(first, other)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_a_random_policy_runs(name):
     environment = make(name)
@@ -65,6 +68,7 @@ def test_a_random_policy_runs(name):
     assert np.isfinite(gained) and info["status"] == "ok"
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("design", [INCHING, ROLLING], ids=["inching", "rolling"])
 def test_columns_played_one_by_one_are_the_gait(design):
     schedule = GaitSchedule(design.schedule.bits[:, :3], repeats=2)
@@ -83,6 +87,7 @@ def test_columns_played_one_by_one_are_the_gait(design):
         np.testing.assert_allclose(np.linalg.norm(observation[10:16].reshape(2, 3), axis=1), 1.0)
 
 
+@pytest.mark.kernels
 def test_numbers_above_a_half_are_on():
     bits, numbers = make("morpholab/Pancake-v0"), make("morpholab/Pancake-v0", actions="continuous")
     bits.reset(), numbers.reset()
@@ -91,6 +96,7 @@ def test_numbers_above_a_half_are_on():
     np.testing.assert_equal(first, second)
 
 
+@pytest.mark.kernels
 def test_a_published_vehicle_controller_drives_as_it_did():
     weights = contralateral([0.6, 0.98])
     task = VehicleTask(PUBLISHED.starts, steps=60)
@@ -105,6 +111,7 @@ def test_a_published_vehicle_controller_drives_as_it_did():
             observation, *_, info = environment.step(policy(observation))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("kind", ["legged", "wheeled", "whegged"])
 def test_a_published_quadruped_controller_moves_as_it_did(kind):
     weights = np.random.default_rng(2).uniform(-1, 1, (5, 8))

@@ -135,6 +135,7 @@ def test_tiny_changes_have_times_that_increase(tmp_path):
     assert read_csv(tmp_path / "gait.csv").loops == 0
 
 
+@pytest.mark.kernels
 def test_rows_alone_reach_the_designed_speed(tmp_path):
     """In psi, sampled: states dwell to whole samples, as the rig would."""
     levels = np.random.default_rng(2).uniform(0, 1, (10, 2))

@@ -119,6 +119,7 @@ def test_any_violation_is_named_with_channel_time_and_limit(design, name, kind, 
     assert clipped.played().schedule == design.schedule
 
 
+@pytest.mark.kernels
 def test_rows_alone_reach_the_designed_speed(tmp_path):
     """Also a core pressure of many digits, in psi, sampled."""
     designs = []

@@ -8,6 +8,8 @@ from gradient_scene import TIME_STEP, body
 from taichi_sim.lattice import LatticeBody, Material, ProgramBuilder, Quantity
 from taichi_sim.lattice.autograd import run
 
+pytestmark = pytest.mark.kernels
+
 GRAVITY = 9.80665
 
 

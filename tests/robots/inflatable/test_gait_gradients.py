@@ -328,6 +328,7 @@ def test_a_run_continues_with_its_own_settings_only(morpholab, simulator, tmp_pa
     assert len(log(tmp_path / "a")) == 9
 
 
+@pytest.mark.kernels
 def test_a_gradient_search_with_the_simulator(morpholab, monkeypatch, tmp_path):
     """Nothing stands in for anything here, but robot and actuation are of the smallest and quickest."""
     monkeypatch.setitem(inflatable.NAMED_GEOMETRIES, "small", TINY)

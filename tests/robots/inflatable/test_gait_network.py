@@ -26,6 +26,7 @@ def tensors(batch: int, columns: int = 2):
     return tuple(part.clone().requires_grad_() for part in parts)
 
 
+@pytest.mark.kernels
 def test_gradients_are_those_of_the_robot():
     """Each robot on its own terrain, weighted by what the loss makes of it."""
     parts = tensors(3)
@@ -45,6 +46,7 @@ def test_gradients_are_those_of_the_robot():
         assert torch.equal(travel(*parts, terrains=terrains, **OPTIONS), found)
 
 
+@pytest.mark.kernels
 def test_a_network_learns_a_gait_from_the_slope():
     """A perceptron sees the slope and sets inflation and grip; through the simulator it learns to travel further."""
     torch.manual_seed(1)

@@ -43,6 +43,7 @@ def graded(gait: RelaxedSchedule, pressure: float = 2e3) -> RelaxedDesign:
 # what they do
 
 
+@pytest.mark.kernels
 def test_on_and_off_at_the_published_times_is_the_binary_gait_to_the_bit():
     binary = InflatableDesign(0.0, 90.0, INCHING.schedule.cut(2, 1))
     on_off = gaits.as_graded(binary)
@@ -83,6 +84,7 @@ def test_columns_last_as_long_as_their_slowest_bladder_moves_and_then_settle():
     assert held[0].motion_steps == stroke and held[1].motion_steps == motion[1]
 
 
+@pytest.mark.kernels
 def test_a_column_without_change_that_does_not_settle_is_one_step():
     still = settling(np.full((10, 3), 0.5), [0, 0, 0])
     assert [column.motion_steps for column in relaxed_columns(still, QUICK)[0]][1:] == [1, 1]
@@ -101,6 +103,7 @@ def test_what_is_played_is_told_alike_for_both_kinds():
     assert (changing.settles + QUICK.settle_steps == changing.edges[1:]).all()
 
 
+@pytest.mark.kernels
 def test_speeds_are_counted_by_the_time_of_a_published_gait_or_by_more():
     brief, long = settling(random_levels(1), [0, 0]), settling(random_levels(1), [10, 10])
     found = gaits.simulate([graded(brief), graded(long)], HILL, **ROBOT)
@@ -116,6 +119,7 @@ def test_speeds_are_counted_by_the_time_of_a_published_gait_or_by_more():
     assert found.speed[0] == found.speed_simulated[0]
 
 
+@pytest.mark.kernels
 def test_kinds_can_be_mixed_and_order_is_kept():
     designs = [InflatableDesign(1e3, 0.0, INCHING.schedule.cut(2, 1)), graded(settling(random_levels(4), [5, 0]))]
     mixed = gaits.simulate(designs, HILL, **ROBOT)
@@ -123,6 +127,7 @@ def test_kinds_can_be_mixed_and_order_is_kept():
     assert mixed.distance.tolist() == [run.distance[0] for run in alone]
 
 
+@pytest.mark.kernels
 def test_gradients_agree_with_differences_while_durations_hold():
     """By levels and by grip, on the way up a hill; times of motion are long enough for every difference."""
     stroke = full_stroke_steps(LOW)

@@ -138,6 +138,7 @@ def test_mean_of_face_corners_is_the_mean_over_the_corners():
     assert mean_of_face_corners(body, positions, quaternions, extents) == pytest.approx(expected)
 
 
+@pytest.mark.kernels
 def test_a_quick_evaluation_and_its_frames():
     """Distances follow from the recorded frames; speeds from their conventions; order of designs does not matter."""
     schedule = GaitSchedule(INCHING.schedule.bits[:, :2], repeats=1)
@@ -160,6 +161,7 @@ def test_a_quick_evaluation_and_its_frames():
     assert np.ptp(first[:, 1]) == pytest.approx(9 * 0.02, rel=0.1)
 
 
+@pytest.mark.kernels
 def test_perturbation_is_seeded_per_robot():
     schedule = GaitSchedule(np.eye(10, 1), repeats=1)
     design = dataclasses.replace(INCHING, schedule=schedule)
@@ -170,6 +172,7 @@ def test_perturbation_is_seeded_per_robot():
     assert not np.array_equal(simulate([design] * 3, seed=1, **options).distance, three)
 
 
+@pytest.mark.kernels
 def test_robots_of_a_batch_on_terrains_of_their_own_do_as_in_batches_of_their_own():
     design = InflatableDesign(600.0, 20.0, GaitSchedule(np.eye(10, 2), repeats=1))
     terrains = [Terrain(10.0), Terrain(), Terrain(high_friction=1.0, low_friction=0.5)]
@@ -219,6 +222,7 @@ def test_bad_designs_are_refused_in_one_line(change, message):
         dataclasses.replace(INCHING, **change)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("build", "message"),
     [

@@ -15,6 +15,8 @@ from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeResult
 
+pytestmark = pytest.mark.kernels
+
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
 QUICK = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=200, settle_steps=100)
 HILL = Terrain(slope=5.0)

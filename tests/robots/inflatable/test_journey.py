@@ -28,6 +28,7 @@ def part(columns: slice) -> RelaxedDesign:
     return RelaxedDesign(1000.0, 60.0, settling(LEVELS[:, columns], np.array([50, 80, 20, 60])[columns]))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_a_journey_of_one_leg_is_the_gait(precision):
     alone = simulate_relaxed(WALK, HILL, precision=precision, record_every=100, **OPTIONS)
@@ -37,6 +38,7 @@ def test_a_journey_of_one_leg_is_the_gait(precision):
     np.testing.assert_array_equal(found.frames.positions, alone.frames.positions)
 
 
+@pytest.mark.kernels
 def test_a_gait_in_two_legs_goes_on_as_if_it_were_one():
     """Nothing is put back between legs: not even by a bit."""
     whole = simulate_journey([Leg(WALK, HILL)], record_every=50, **OPTIONS)
@@ -46,6 +48,7 @@ def test_a_gait_in_two_legs_goes_on_as_if_it_were_one():
     assert parts.steps.sum() == whole.steps.sum()
 
 
+@pytest.mark.kernels
 def test_the_ground_changes_between_legs():
     """A robot whose feet slide stays on level ground, and slides down once the ground is tilted."""
     still = RelaxedDesign(0.0, 90.0, settling(np.zeros((10, 1)), [400], motion=[400]))
@@ -56,6 +59,7 @@ def test_the_ground_changes_between_legs():
     assert abs(heading[0]) < 0.02 * abs(heading[1])
 
 
+@pytest.mark.kernels
 def test_friction_is_that_of_the_ground_of_each_leg():
     still = RelaxedDesign(0.0, 90.0, settling(np.zeros((10, 1)), [400], motion=[400]))
     rough, slick = Terrain(20.0), Terrain(20.0, high_friction=0.0, low_friction=0.0)
@@ -64,6 +68,7 @@ def test_friction_is_that_of_the_ground_of_each_leg():
     assert abs(found.distances[0, 1]) < 0.2 * abs(alone.distances[0, 1])
 
 
+@pytest.mark.kernels
 def test_runs_of_a_journey_differ_by_their_noise_alone():
     noisy = simulate_journey([Leg(WALK, HILL)], runs=3, perturbation=1e-6, seed=4, **OPTIONS)
     again = simulate_journey([Leg(WALK, HILL)], runs=3, perturbation=1e-6, seed=4, **OPTIONS)
@@ -74,6 +79,7 @@ def test_runs_of_a_journey_differ_by_their_noise_alone():
     )
 
 
+@pytest.mark.kernels
 def test_a_journey_that_diverges_is_no_number():
     torn = RelaxedDesign(0.0, 0.0, settling(np.ones((10, 1)), [600], motion=[10]))
     fast = replace(QUICK, inflation_rate=500.0, inflated=50_000.0)  # far beyond what any processor rounds away
@@ -106,6 +112,7 @@ def test_a_change_of_shape_takes_the_measured_times():
     assert together.columns == 1 and together.pressure.tolist() == [12e3]
 
 
+@pytest.mark.kernels
 def test_a_change_of_shape_ends_with_the_shape():
     """Of a small pouch: round, then flat again; and its rows alone say the same."""
     slow = {**OPTIONS, "actuation": replace(QUICK, hold_steps=4000)}
@@ -159,6 +166,7 @@ def unit(vector):
     return vector / np.linalg.norm(vector)
 
 
+@pytest.mark.kernels
 def test_the_way_of_a_journey_that_is_shown_is_along_the_heading_of_each_leg():
     turned = replace(part(slice(2, 4)), orientation=0.0)
     legs = [Leg(part(slice(0, 2)), HILL), Leg(turned, Terrain())]

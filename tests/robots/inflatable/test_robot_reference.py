@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from robots.inflatable import PUBLISHED, InflatableDesign
 from robots.inflatable.actuation import ACTUATION, play
@@ -11,6 +12,8 @@ from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeEngine, LatticeProgram
+
+pytestmark = pytest.mark.kernels
 
 RUNS = ("inch_flat", "roll_flat", "mixed_hill")
 

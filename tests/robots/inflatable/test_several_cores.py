@@ -244,6 +244,7 @@ def thickness(result, robot) -> np.ndarray:
     return np.array([(upper - lower).max() for lower, upper in zip(low, high, strict=True)])
 
 
+@pytest.mark.kernels
 def test_one_core_inflated_is_round_at_one_end_and_flat_at_the_other(inflated):
     _, result = inflated
     assert result.status.tolist() == ["ok"] * 4
@@ -255,6 +256,7 @@ def test_one_core_inflated_is_round_at_one_end_and_flat_at_the_other(inflated):
     assert both[[wall - 1, wall]].max() < 0.03  # the walls hold the skins together
 
 
+@pytest.mark.kernels
 def test_a_core_that_is_closed_at_one_end_only_does_not_drive_the_robot_along(inflated):
     """Pressure acts on closed surfaces; on faces alone, it would push towards the open end like a balloon let go."""
     _, result = inflated
@@ -264,6 +266,7 @@ def test_a_core_that_is_closed_at_one_end_only_does_not_drive_the_robot_along(in
     assert [engine.tables.squares > 0 for engine in engines] == [True, False]
 
 
+@pytest.mark.kernels
 def test_shapes_are_the_same_from_either_end(inflated):
     _, result = inflated
     _, first, second, both = (thickness(result, robot) for robot in range(4))
@@ -271,6 +274,7 @@ def test_shapes_are_the_same_from_either_end(inflated):
     assert first == pytest.approx(second[::-1], abs=1.5e-3)
 
 
+@pytest.mark.kernels
 def test_single_precision_finds_the_same_shapes(inflated):
     designs, result = inflated
     single = simulate(designs, geometry=TINY, actuation=STEADY, record_every=50, precision="f32", threads=1)
@@ -279,6 +283,7 @@ def test_single_precision_finds_the_same_shapes(inflated):
         assert height(single, robot) == pytest.approx(height(result, robot), abs=1e-3)
 
 
+@pytest.mark.kernels
 def test_pictures_show_every_core(inflated):
     designs, result = inflated
     motion = inflatable_motion(result, designs[1], actuation=STEADY, robot=1)
@@ -294,6 +299,7 @@ def test_pictures_show_every_core(inflated):
     assert {node.channel for node in motion.nodes} == {None, *range(10)}
 
 
+@pytest.mark.kernels
 def test_the_exact_gradient_by_each_core_is_that_of_differences():
     """Over a few steps, where the motion is smooth."""
     brief = dataclasses.replace(QUICK, hold_steps=20, settle_steps=0, inflation_rate=0.2)

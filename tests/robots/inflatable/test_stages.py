@@ -26,6 +26,7 @@ def gait(seed: int = 0, repeats: int = 2) -> RelaxedDesign:
     return RelaxedDesign(2e3, 40.0, settling(levels, [60, 40], repeats, [90, 90]))
 
 
+@pytest.mark.kernels
 def test_stages_add_up_to_the_distance_and_what_warms_up_does_not_count():
     whole = simulate_relaxed([gait(), gait(1)], **ROBOT)
     staged = simulate_relaxed([gait(), gait(1)], stages=4, **ROBOT)
@@ -49,6 +50,7 @@ def test_what_counts_after_a_warm_up_is_whole_cycles():
     assert stage_starts([0], 660, 60, 2) == [60, 360]
 
 
+@pytest.mark.kernels
 def test_the_steps_of_a_result_are_those_of_the_cycles_that_count():
     levels = np.zeros((10, 2))
     levels[:4, 1], levels[8:] = 0.6, 1.0
@@ -58,6 +60,7 @@ def test_the_steps_of_a_result_are_those_of_the_cycles_that_count():
     assert found.steps[0] == gaits.steps_of(design, QUICK) - cycle_starts(design.schedule, QUICK)[2]
 
 
+@pytest.mark.kernels
 def test_frames_are_the_same_with_stages():
     plain = simulate_relaxed(gait(), record_every=50, **ROBOT).frames
     staged = simulate_relaxed(gait(), record_every=50, stages=3, **ROBOT).frames
@@ -65,6 +68,7 @@ def test_frames_are_the_same_with_stages():
     np.testing.assert_array_equal(plain.times, staged.times)
 
 
+@pytest.mark.kernels
 def test_the_gradient_is_that_of_the_worst_stage_times_their_number():
     design, count, h = gait(2), 3, 1e-6
     found = differentiate(design, stages=count, warm_up=50, **ROBOT)
@@ -210,6 +214,7 @@ def test_a_judgement_takes_several_runs(runs):
         judge_gait(INCHING, runs=runs)
 
 
+@pytest.mark.kernels
 def test_a_judgement_simulates_under_both_conditions(monkeypatch):
     """Of a small robot: noisy runs with and without weight, the latter watched."""
     monkeypatch.setattr(judgement, "RECORD_EVERY", 5)
@@ -237,6 +242,7 @@ def test_there_are_no_harder_conditions_in_water_and_that_is_said_before_any_sim
             refused()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_a_batch_of_gaits_of_any_lengths_is_each_of_them_alone(precision):
     """Robots of like length are simulated side by side; noise and frames are still each one's own."""

@@ -7,6 +7,8 @@ from robots import quadruped
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 from taichi_sim.rigid import RigidEngine
 
+pytestmark = pytest.mark.kernels
+
 COMMANDS = np.random.default_rng(3).uniform(-1, 1, (3, 12, 8))
 LIGHTS = np.array([[9.0, 0.0, 0.15], [0.0, 9.0, 0.15], [-9.0, 0.0, 0.15]])
 

@@ -70,6 +70,7 @@ NAMES = [
 ]
 
 
+@pytest.mark.kernels
 def test_the_gradient_is_that_of_central_differences_in_everything_free():
     robot, terrain = lopsided(), Terrain(3.0)
     found = differentiate(robot, None, terrain, threads=1)
@@ -83,6 +84,7 @@ def test_the_gradient_is_that_of_central_differences_in_everything_free():
     assert found.distance[0] == simulate(robot, None, terrain, threads=1).distance[0]
 
 
+@pytest.mark.kernels
 def test_points_do_not_depend_on_their_neighbours():
     robot = lopsided()
     points = robot.start * np.array([[1.0], [1.02], [0.97]])
@@ -94,6 +96,7 @@ def test_points_do_not_depend_on_their_neighbours():
     assert np.abs(slopes.gradient[0] / slopes.gradient[3] - 1).max() < 1e-6
 
 
+@pytest.mark.kernels
 def test_a_filled_robot_goes_as_far_as_the_point_it_is_filled_with():
     robot = lopsided()
     point = robot.start * 0.95
@@ -103,6 +106,7 @@ def test_a_filled_robot_goes_as_far_as_the_point_it_is_filled_with():
     assert np.array_equal(simulate(robot, point, threads=1).distance, simulate(filled, threads=1).distance)
 
 
+@pytest.mark.kernels
 def test_a_walker_is_such_a_robot_to_the_bit():
     kinds = np.array([ACTIVE, ACTIVE, ANTIPHASE, ACTIVE, 0, 1, ACTIVE, ANTIPHASE]).reshape(4, 1, 2)
     drive, tissue = WalkerActuation(settling=0.05, cycles=1), WalkerTissue()
@@ -136,6 +140,7 @@ def test_drives_do_at_their_nodes_what_they_say():
     assert sine[0, 0] == pytest.approx(3 * np.cos(2 * np.pi * np.arange(16) / 16))
 
 
+@pytest.mark.kernels
 def test_points_that_are_no_robots_are_told_apart():
     robot = LatticeRobot(lopsided().body, (Drive("legs", (0,), amplitude=Free(0, 2)),), cycles=1, settling=0.05)
     for run in (simulate, differentiate):
@@ -162,6 +167,7 @@ def test_heat_and_grip_have_their_limits():
     assert slick.fault(slick.start) == "feet has a friction of -0.25; 0 is the least"
 
 
+@pytest.mark.kernels
 def test_robots_survive_files(tmp_path):
     robot = lopsided()
     save_robot(robot, tmp_path / "robot.json")
@@ -255,6 +261,7 @@ def heated(tmp_path, phases=None, name="robot.vxa"):
     return path
 
 
+@pytest.mark.kernels
 def test_a_robot_of_a_vxa_file_walks(tmp_path):
     robot = load_robot(heated(tmp_path))
     assert robot.frequency == 4.0 and robot.drives[0].amplitude == 14 and not robot.free
@@ -268,6 +275,7 @@ def test_a_robot_of_a_vxa_file_walks(tmp_path):
     assert np.corrcoef(edges[:, kinds == 0].mean(axis=1), edges[:, kinds == 1].mean(axis=1))[0, 1] < -0.5
 
 
+@pytest.mark.kernels
 def test_a_phase_for_every_voxel_compiles_nothing_new(tmp_path, monkeypatch):
     from taichi.lang.kernel_impl import Kernel
 
@@ -290,6 +298,7 @@ def test_a_phase_for_every_voxel_compiles_nothing_new(tmp_path, monkeypatch):
     assert moved.status[0] == "ok" and moved.distance[0] != still.distance[0]
 
 
+@pytest.mark.kernels
 def test_phases_of_a_file_can_be_freed(tmp_path):
     phases = np.random.default_rng(0).uniform(0, 1, (4, 2, 2))
     file = load_voxel_file(heated(tmp_path, phases))
@@ -313,6 +322,7 @@ def test_files_that_drive_nothing_and_other_gravity_are_told(tmp_path):
     assert pytest.approx(9.81, rel=0.01) == STANDARD_GRAVITY
 
 
+@pytest.mark.kernels
 def test_motions_show_what_drives_each_voxel():
     robot = dataclasses.replace(lopsided(), drives=lopsided().drives[:2], moduli={}, cycles=2)
     motion = lattice_robot_motion(simulate(robot, threads=1, record_every=100), robot, Terrain(3.0))

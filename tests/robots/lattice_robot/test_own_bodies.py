@@ -141,6 +141,7 @@ def test_what_is_far_too_fine_is_refused_before_memory_is_taken():
         voxelise(box, 0.1, most_voxels=999)
 
 
+@pytest.mark.kernels
 def test_the_prediction_is_near_what_comes():
     ball = trimesh.creation.icosphere(subdivisions=4)
     predicted, found = predict(ball, 0.1), voxelise(ball, 0.1)
@@ -173,6 +174,7 @@ def deflection(body: LatticeBody, load: float) -> float:
     )
 
 
+@pytest.mark.kernels
 def test_the_same_cantilever_from_array_mesh_and_files_bends_the_same(tmp_path):
     """10 x 2 x 2 voxels of 5 mm, held at one end; the deflections are equal to the bit."""
     array = np.ones((10, 2, 2), int)
@@ -208,6 +210,7 @@ def test_the_same_cantilever_from_array_mesh_and_files_bends_the_same(tmp_path):
     assert bends[0] == pytest.approx(theory, rel=0.05) and bends == [bends[0]] * 4
 
 
+@pytest.mark.kernels
 def test_a_beam_converges_to_the_analytic_deflection(monkeypatch):
     """A cantilever at h, h/2, h/4, against F L^3 / (3 E I) and the 0.6 % that shear adds to it."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[3] / "benchmarks"))

@@ -39,6 +39,7 @@ def middle(result) -> np.ndarray:
     return result.frames.positions.mean(axis=2)
 
 
+@pytest.mark.kernels
 def test_a_robot_that_does_nothing_neither_sinks_nor_swims():
     """It coasts on what its inflation left it, which quadratic drag hardly slows: never faster than at first."""
     still = GaitSchedule(np.zeros((10, 2), bool), 1)
@@ -49,6 +50,7 @@ def test_a_robot_that_does_nothing_neither_sinks_nor_swims():
     assert moves[-1] <= moves[0] < 0.02 * TINY.voxel_size
 
 
+@pytest.mark.kernels
 def test_in_vacuum_no_gait_travels_at_any_pressure():
     """The robot changes its shape, but nothing is there to push against, as there is in water."""
     designs = [InflatableDesign(p, 45.0, g) for p, g in zip((0.0, 4e3, 8e3, 12e3), gaits(4), strict=True)]
@@ -60,6 +62,7 @@ def test_in_vacuum_no_gait_travels_at_any_pressure():
     assert np.nanmax(np.abs(shape - shape[0]), axis=(0, 2, 3)).min() > 0.5 * TINY.voxel_size
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_a_relaxed_binary_gait_swims_as_far_to_the_bit(precision):
     designs = [InflatableDesign(p, 30.0, g) for p, g in zip((0.0, 5e3), gaits(2), strict=True)]
@@ -71,6 +74,7 @@ def test_a_relaxed_binary_gait_swims_as_far_to_the_bit(precision):
     assert np.array_equal(relaxed.distance, binary.distance)
 
 
+@pytest.mark.kernels
 def test_the_gradient_of_the_distance_in_water_agrees_with_differences():
     quick = InflatableActuation(inflation_rate=0.02, pressure_ramp=50.0, hold_steps=100, settle_steps=50)
     options = OPTIONS | {"actuation": quick}
@@ -86,6 +90,7 @@ def test_the_gradient_of_the_distance_in_water_agrees_with_differences():
     assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=2e-3)
 
 
+@pytest.mark.kernels
 def test_a_walker_swims_and_in_vacuum_it_does_not():
     """A bar that swells at one end more than at the other, with a foot there."""
     table = np.zeros((4, 1, 2), int)
@@ -133,6 +138,7 @@ def painted(axes) -> tuple[bool, bool]:
     return 0 not in sizes, 1 in sizes
 
 
+@pytest.mark.kernels
 def test_a_picture_in_water_has_no_ground():
     design = InflatableDesign(4e3, 45.0, gaits(1)[0])
     for terrain in (Terrain(), Terrain.water()):
@@ -161,6 +167,7 @@ def test_the_page_describes_the_designs_beside_it(name):
     assert (design.schedule.columns, design.schedule.repeats) == (3, 3)
 
 
+@pytest.mark.kernels
 def test_the_command_takes_a_terrain_or_a_slope(capsys):
     robot = ["--geometry", "small", "--columns", "1", "--repeats", "1", "--precision", "f32"]
     gait = ["simulate", "--gait", "rolling", "--pressure", "0", *robot]

@@ -31,6 +31,7 @@ def walk(*materials, **settings):
     return simulate([WalkerDesign(np.asarray(m)) for m in materials], **{"threads": 1, "actuation": QUICK, **settings})
 
 
+@pytest.mark.kernels
 def test_a_body_that_does_not_change_stays():
     still = WalkerActuation(amplitude=0.0, cycles=2)
     table = np.full((4, 4, 3), ACTIVE)
@@ -40,6 +41,7 @@ def test_a_body_that_does_not_change_stays():
     assert np.array_equal(result.speed, result.distance / (np.array([4, 2, 4]) * 0.02) * 4 / 2)
 
 
+@pytest.mark.kernels
 def test_a_lopsided_body_hops_ten_centimetres_in_one_and_a_half_seconds():
     result = walk(HOPPER, actuation=WalkerActuation())
     assert result.distance[0] > 0.08 and result.speed[0] == result.distance[0] / 0.08 / 1.5
@@ -47,6 +49,7 @@ def test_a_lopsided_body_hops_ten_centimetres_in_one_and_a_half_seconds():
     assert back.distance[0] < -0.04
 
 
+@pytest.mark.kernels
 def test_results_depend_neither_on_the_batch_nor_on_order_or_place():
     designs = random_designs(8)
     same_voxels = [WalkerDesign(np.where(designs[0].materials == 0, 0, kind)) for kind in (ACTIVE, ANTIPHASE)]
@@ -61,6 +64,7 @@ def test_results_depend_neither_on_the_batch_nor_on_order_or_place():
     assert together.distance[1] == together.distance[10]
 
 
+@pytest.mark.kernels
 def test_without_friction_the_centre_of_mass_moves_as_gravity_says():
     slippery = {"high_friction": 0.0}
     level = simulate(random_designs(3), Terrain(**slippery), actuation=QUICK, threads=1)
@@ -71,6 +75,7 @@ def test_without_friction_the_centre_of_mass_moves_as_gravity_says():
     assert steep.distance == pytest.approx(-0.5 * 9.80665 * math.sin(math.radians(20)) * (end**2 - begin**2), rel=2e-3)
 
 
+@pytest.mark.kernels
 def test_volumes_change_as_designed_on_the_floor():
     blocks = np.full((4, 2, 2), PASSIVE)
     blocks[:2], blocks[2] = ACTIVE, ANTIPHASE
@@ -87,6 +92,7 @@ def test_volumes_change_as_designed_on_the_floor():
     assert heights.min() > -0.004 and heights.max() < 0.002
 
 
+@pytest.mark.kernels
 def test_the_body_is_the_largest_part_whose_voxels_share_faces():
     materials = np.zeros((5, 3, 3), int)
     materials[0, :, 2], materials[1, 0, 1] = ACTIVE, ACTIVE  # three, and one across an edge
@@ -96,6 +102,7 @@ def test_the_body_is_the_largest_part_whose_voxels_share_faces():
     assert walk(materials).distance[0] == walk(np.where(materials == ANTIPHASE, materials, 0)).distance[0]
 
 
+@pytest.mark.kernels
 def test_failures_are_data():
     lonely = np.zeros((3, 3, 3), int)
     lonely[0, 0, 0] = lonely[2, 2, 2] = ACTIVE
@@ -113,6 +120,7 @@ def test_failures_are_data():
     assert burst.status[0] == "diverged" and np.isnan(burst.distance[0]) and burst.steps[0] > 0
 
 
+@pytest.mark.kernels
 def test_single_precision_walks_as_far():
     f32, f64 = (walk(HOPPER, precision=precision).distance[0] for precision in ("f32", "f64"))
     assert f32 == pytest.approx(f64, rel=0.01) and f32 != f64

@@ -10,6 +10,8 @@ import pytest
 from robots.quadruped import LEGGED, WHEELED, WHEGGED, engine
 from taichi_sim.rigid import State
 
+pytestmark = pytest.mark.kernels
+
 RUNS = np.load(Path(__file__).parents[2] / "data/quadruped_runs.npz")
 CASES = list(RUNS["cases"])
 ROBOTS = pytest.mark.parametrize("robot", [LEGGED, WHEELED, WHEGGED], ids=lambda robot: robot.kind)

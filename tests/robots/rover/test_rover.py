@@ -22,6 +22,7 @@ def reference():
         return dict(data)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_vehicles_follow_the_reference_until_they_reach_the_light(reference, precision):
     for key, expected in reference.items():
@@ -41,6 +42,7 @@ def test_vehicles_follow_the_reference_until_they_reach_the_light(reference, pre
             assert np.abs(reading[before & (seconds <= 10)]).max() < 2e-3
 
 
+@pytest.mark.kernels
 def test_as_many_controllers_succeed_as_in_the_reference(reference):
     grid = weight_grid(31)[::2]
     for name, rover in ROVERS.items():
@@ -55,6 +57,7 @@ def test_as_many_controllers_succeed_as_in_the_reference(reference):
         assert np.median(difference) < 3e-3 and np.quantile(difference, 0.9) < 3e-2
 
 
+@pytest.mark.kernels
 def test_what_differs_from_the_reference_is_the_drift_of_hinges_axes(reference):
     """A solver in maximal coordinates repeats the reference; with axes held, it does what the vehicle does here."""
     expected = reference["trajectory/canonical_0.3_-0.9"][0, :5, :3]
@@ -81,6 +84,7 @@ def test_a_light_is_reached_before_it_could_be_touched():
     assert max(corner, castor, wheel) < rover.success_distance == pytest.approx(0.960994, abs=1e-6)
 
 
+@pytest.mark.kernels
 def test_wires_cross_and_a_positive_weight_turns_towards_the_other_side():
     assert controllers((0.3, -0.9)).tolist() == [[[0, 0.3], [-0.9, 0]]]  # one row a sensor; columns left, right
     ahead = [(0.0, 6.0)]
@@ -94,6 +98,7 @@ def test_wires_cross_and_a_positive_weight_turns_towards_the_other_side():
     assert np.abs(still - [0, 0, Rover().wheel_radius]).max() < 1e-3
 
 
+@pytest.mark.kernels
 def test_a_mirrored_body_does_the_mirror_image():
     pairs = np.random.default_rng(1).uniform(-1, 1, (8, 2))
     rover = Rover(BEST)

@@ -25,6 +25,7 @@ def states(body, positions=None, sizes=EDGE, extents=None, turn=(1.0, 0, 0, 0), 
     return LatticeStates(body, places, np.broadcast_to(turn, (*places.shape[:2], 4)), reach, rest, pressure)
 
 
+@pytest.mark.kernels
 def test_strains_are_those_of_the_distances_between_voxels():
     """Against |d| / L0 - 1 of the beam model; the engine takes d.x of nearly straight links, a step before."""
     slow = InflatableActuation(inflation_rate=2e-3, pressure_ramp=10.0, hold_steps=800, settle_steps=30)
@@ -71,6 +72,7 @@ def test_voxels_touch_others_that_they_are_not_joined_to():
     assert states(body, places).on_itself().tolist() == [[False, True, True, False]]
 
 
+@pytest.mark.kernels
 def test_joined_voxels_never_touch():
     lattice = motions.soft_walker().lattice
     assert not lattice.on_itself().any() and lattice.on_floor().any(axis=1).all()
@@ -85,6 +87,7 @@ def test_pressure_pushes_along_the_normals_of_turned_faces(side):
     assert places == pytest.approx(np.array([[0, -side * 0.005, 0]]))
 
 
+@pytest.mark.kernels
 def test_pressure_acts_on_every_voxel_of_the_skin_and_cancels_out():
     lattice = motions.inflatable().lattice
     places, forces = lattice.pressure_forces(0)
@@ -95,6 +98,7 @@ def test_pressure_acts_on_every_voxel_of_the_skin_and_cancels_out():
     assert (outward > 0).mean() > 0.9
 
 
+@pytest.mark.kernels
 def test_a_part_has_its_own_frames():
     lattice = motions.inflatable().lattice
     part = lattice.part(np.array([3, 7]))

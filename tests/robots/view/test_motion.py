@@ -41,6 +41,7 @@ def legged():
     return quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=60, record_every=1, precision="f32", threads=1)
 
 
+@pytest.mark.kernels
 def test_boxes_of_voxels_have_their_corners(inflatable):
     motion = inflatable_motion(inflatable, DESIGN, actuation=QUICK)
     frame = 7
@@ -55,6 +56,7 @@ def test_boxes_of_voxels_have_their_corners(inflatable):
     assert len(motion.nodes) == inflatable.body.voxel_count and motion.times == pytest.approx(f.times)
 
 
+@pytest.mark.kernels
 def test_the_timeline_of_a_gait_is_its_matrix(inflatable):
     motion = inflatable_motion(inflatable, DESIGN, Terrain(10.0), actuation=QUICK)
     switches = [channel for channel in motion.channels if channel.switch]
@@ -79,6 +81,7 @@ def test_uphill_is_up():
         )
 
 
+@pytest.mark.kernels
 def test_a_walker_shows_what_its_voxels_do():
     materials = np.full((3, 2, 2), walker.PASSIVE)
     materials[:, 0], materials[1, 1, 1] = walker.ACTIVE, walker.ANTIPHASE
@@ -95,6 +98,7 @@ def test_a_walker_shows_what_its_voxels_do():
         walker_motion(result, wrong)
 
 
+@pytest.mark.kernels
 def test_a_quadruped_at_the_start_stands_as_built(legged):
     motion = quadruped_motion(quadruped.LEGGED, legged, LIGHTS, controller=1, environment=1)
     assert len(motion.nodes) == 9 and [node.name for node in motion.nodes[:3]] == ["main", "thigh 0", "thigh 1"]
@@ -112,6 +116,7 @@ def test_a_quadruped_at_the_start_stands_as_built(legged):
     assert names[:5] == [*(f"foot {leg} on ground" for leg in range(1, 5)), "light"] and len(names) == 15
 
 
+@pytest.mark.kernels
 def test_wheels_and_sensors_are_seen():
     result = quadruped.simulate(
         quadruped.WHEELED, np.ones((1, 5, 8)), LIGHTS, steps=5, record_every=1, precision="f32", threads=1
@@ -123,6 +128,7 @@ def test_wheels_and_sensors_are_seen():
     assert [node.channel for node in seen.nodes[-2:]] == [0, 1] and seen.scale[0, -1] == pytest.approx(0.1 * np.ones(3))
 
 
+@pytest.mark.kernels
 def test_a_vehicle_is_shown_up_to_the_light():
     traces = trace([BASELINE], contralateral([[[1.0, 1.0]]]), threads=1)
     motion = vehicle_motion(traces, BASELINE, environment=2)
@@ -140,6 +146,7 @@ def test_a_vehicle_is_shown_up_to_the_light():
         vehicle_motion(traces, BASELINE, environment=4)
 
 
+@pytest.mark.kernels
 def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable, legged):
     nothing = replace(inflatable, frames=None)
     with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
@@ -158,6 +165,7 @@ def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable
         quadruped_motion(quadruped.LEGGED, legged, LIGHTS, controller=2)
 
 
+@pytest.mark.kernels
 def test_a_robot_that_diverges_is_shown_until_then(inflatable):
     frames = inflatable.frames
     positions = frames.positions.copy()
@@ -240,6 +248,7 @@ def test_tracks_of_a_glb_are_the_frames(tmp_path):
     assert len(geometry) == 4 and len(set(geometry)) == 2  # cubes share their numbers, and so do balls
 
 
+@pytest.mark.kernels
 def test_trimesh_loads_a_glb_with_all_nodes_in_place(tmp_path, inflatable):
     motion = inflatable_motion(inflatable, DESIGN, Terrain(15.0), actuation=QUICK)
     file = tmp_path / "robot.glb"

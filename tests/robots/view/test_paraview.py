@@ -12,6 +12,8 @@ import pytest
 from robots.view.mesh import boxes, faces
 from robots.view.paraview import VTK_ORDER, save_paraview
 
+pytestmark = pytest.mark.kernels
+
 TYPES = {"Float32": "<f4", "Int32": "<i4", "UInt8": "u1"}
 
 

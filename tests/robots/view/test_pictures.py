@@ -19,6 +19,8 @@ from robots.view.scene import Camera, paint
 from robots.view.still import default_camera, draw_motion, save_still, setting, still_picture
 from taichi_sim.rigid import Box, Capsule
 
+pytestmark = pytest.mark.kernels
+
 
 def solid(shape, scale=1.0) -> Motion:
     one = np.ones((1, 1))

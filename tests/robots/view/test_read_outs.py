@@ -51,6 +51,7 @@ def test_flat_skins_have_no_curvature_and_hollow_ones_a_negative_one():
     assert shape.curvature(hollow) == pytest.approx(-1 / 0.3)
 
 
+@pytest.mark.kernels
 def test_pressure_makes_robots_higher_and_rounder():
     quick = InflatableActuation(pressure_ramp=10.0, hold_steps=1500)
     curves = shape_curves([0.0, 4e3, 12e3], geometry=motions.TINY, actuation=quick, threads=1)

@@ -63,6 +63,7 @@ def test_read_outs_of_the_robot_as_built(geometry):
     assert np.diff(shape.path(result), axis=0) == pytest.approx(np.array([[0.3, 0, 0]]))
 
 
+@pytest.mark.kernels
 def test_the_surface_has_no_gaps():
     simulated = simulate(
         InflatableDesign(6e3, 0.0, STILL), geometry=TINY, actuation=QUICK, precision="f32", record_every=40
@@ -73,6 +74,7 @@ def test_the_surface_has_no_gaps():
     assert all(count % 2 == 0 for count in edges.values())
 
 
+@pytest.mark.kernels
 def test_pressure_makes_the_robot_round():
     slow = InflatableActuation(inflation_rate=0.05, pressure_ramp=10.0, hold_steps=1500, settle_steps=30)
     designs = [InflatableDesign(pressure, 0.0, STILL) for pressure in (0.0, 6e3, 12e3)]
@@ -82,6 +84,7 @@ def test_pressure_makes_the_robot_round():
     assert shape.height(result, robot=2) > 1.5 * shape.height(result, robot=0)
 
 
+@pytest.mark.kernels
 def test_read_outs_need_frames():
     result = simulate(InflatableDesign(0.0, 0.0, STILL), geometry=TINY, actuation=QUICK, precision="f32")
     with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
@@ -153,6 +156,7 @@ def test_poses_that_are_clear_of_each_other_share_one_ground(step, lines):
     assert len({round(text.xy[1], 6) for text in times}) == lines
 
 
+@pytest.mark.kernels
 def test_the_picture_of_a_gait(tmp_path):
     for name, design, terrain in (("roll", ROLLING, Terrain()), ("inch", INCHING, Terrain(15.0))):
         path = tmp_path / f"{name}.png"
@@ -167,6 +171,7 @@ def test_the_picture_of_a_gait(tmp_path):
     assert again.read_bytes() == path.read_bytes()
 
 
+@pytest.mark.kernels
 def test_the_shortest_gait_has_a_picture(tmp_path):
     actuation = InflatableActuation(hold_steps=20, settle_steps=2)
     design = InflatableDesign(0.0, 0.0, STILL)
@@ -188,6 +193,7 @@ def test_the_picture_of_a_robot_that_diverged():
     assert inflatable_picture(result, ROLLING, Terrain()).texts[0].get_text().startswith("diverged")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("make", [motions.soft_walker, motions.legged, motions.vehicle])
 def test_every_robot_has_a_picture_with_its_channels(make):
     motion = make()

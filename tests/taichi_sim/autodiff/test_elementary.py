@@ -71,6 +71,7 @@ def in_a_kernel(points, real):
     return np.stack([each.ravel() for each in out])
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_kernels_find_the_same_in_scalars_and_in_vectors(precision):
     real = Real(precision, NATIVE_WIDTH[precision])

@@ -9,6 +9,8 @@ from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.runtime import ti
 
+pytestmark = pytest.mark.kernels
+
 VECTORS = np.random.default_rng(0).uniform(-1, 1, (64, 3)) * np.linspace(1e-9, np.pi / np.sqrt(3), 64)[:, None]
 
 

@@ -139,6 +139,7 @@ def taichis(function, inputs, constants, flags, seeds) -> np.ndarray:
     return x.grad.to_numpy()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("width", [1, 8])
 @pytest.mark.parametrize("name", LAWS)
 def test_against_taichis_reverse_mode(name, width):

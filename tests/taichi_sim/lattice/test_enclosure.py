@@ -65,6 +65,7 @@ def test_no_pressurised_voxels_are_no_surface():
     assert closed_surface(shell(pressure_normals=None)).shape == (0, 4)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("case", ["sheet", "hole", "thick", "two ways", "loose"])
 def test_a_skin_that_does_not_close_is_refused_in_one_line(case):
     sheet = np.argwhere(np.ones((4, 4, 1)))
@@ -140,6 +141,7 @@ def inflated(body, steps, pressure=PRESSURE, start=None, **options) -> LatticeSt
     return lab.state()
 
 
+@pytest.mark.kernels
 def test_a_cube_at_pressure_swells_alike_on_all_sides():
     """To the accuracy to which links, whose frame is that of one end, are alike both ways."""
     body = shell((5, 5, 5))
@@ -153,6 +155,7 @@ def test_a_cube_at_pressure_swells_alike_on_all_sides():
         assert by_place[y, z, x] == pytest.approx(growth[[1, 2, 0]], abs=0.03 * np.abs(grown).max())
 
 
+@pytest.mark.kernels
 def test_pressure_does_not_move_a_free_body_without_symmetry():
     """Its centre stays where it is, as with pressure on the faces of each voxel it would not."""
     body = lopsided()
@@ -164,6 +167,7 @@ def test_pressure_does_not_move_a_free_body_without_symmetry():
     assert np.abs((pushed.positions[0] - body.start_positions).mean(axis=0)).max() > 0.01 * EDGE
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("precision", "native"), [("f64", 8), ("f32", 16)])
 def test_every_driver_gives_the_same_bits(precision, native):
     body = lopsided()

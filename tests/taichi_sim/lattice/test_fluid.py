@@ -83,6 +83,7 @@ def test_a_body_too_spread_out_for_a_fluid_is_refused_in_one_line():
 # motion
 
 
+@pytest.mark.kernels
 def test_a_sinking_block_reaches_the_terminal_velocity_of_the_drag_law():
     """u = u_t tanh(g t / u_t), u_t^2 = m g / (half rho C A): pressure drag of two sides, friction of four."""
     shape, steps = body(np.argwhere(np.ones((2, 2, 2)))), 8000
@@ -94,6 +95,7 @@ def test_a_sinking_block_reaches_the_terminal_velocity_of_the_drag_law():
     assert velocities.mean(axis=0) == pytest.approx([0, 0, -expected], rel=2e-3, abs=1e-9)
 
 
+@pytest.mark.kernels
 def test_a_coasting_voxel_slows_down_as_one_over_time():
     """1/u = 1/u0 + k t, x = ln(1 + k u0 t) / k."""
     start, steps, k = 0.8, 3000, (PRESSURE + 4 * FRICTION) * EDGE**2 / MASS
@@ -102,6 +104,7 @@ def test_a_coasting_voxel_slows_down_as_one_over_time():
     assert places[0] == pytest.approx([np.log(1 + k * start * steps * 1e-4) / k, 0, 0], rel=2e-3)
 
 
+@pytest.mark.kernels
 def test_a_plate_is_slowed_less_edge_on():
     plate = body(np.argwhere(np.ones((1, 6, 6))))
     _, broad = in_water(plate, 1000, velocity=[0.5, 0, 0])
@@ -109,12 +112,14 @@ def test_a_plate_is_slowed_less_edge_on():
     assert broad[:, 0].mean() < 0.6 * edge_on[:, 1].mean()
 
 
+@pytest.mark.kernels
 def test_no_resistance_is_no_fluid():
     shape = body(np.argwhere(np.ones((2, 1, 1))))
     _, velocities = in_water(shape, 500, velocity=[0.3, -0.2, 0.1], resistance=(0.0, 0.0))
     assert np.allclose(velocities, [0.3, -0.2, 0.1], rtol=1e-12)
 
 
+@pytest.mark.kernels
 def test_every_driver_gives_the_same_bits():
     shape = body(np.argwhere(np.ones((3, 2, 2))))
     runs = [

@@ -14,6 +14,8 @@ from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Material, ProgramBuilder, Quantity
 
+pytestmark = pytest.mark.kernels
+
 # A quick pancake: all stages of a run, with self-contact and floor, in about a thousand steps.
 QUICK = InflatableActuation(inflation_rate=0.02, pressure_ramp=100.0, hold_steps=150, settle_steps=100)
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)

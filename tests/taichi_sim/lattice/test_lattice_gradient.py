@@ -17,6 +17,8 @@ from taichi_sim.lattice.checkpoints import make_plan
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.neighbours import REBUILDS
 
+pytestmark = pytest.mark.kernels
+
 DIRECTIONS = 20
 TOLERANCE = 1e-6
 

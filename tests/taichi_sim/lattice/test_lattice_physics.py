@@ -5,6 +5,8 @@ import pytest
 
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 
+pytestmark = pytest.mark.kernels
+
 GRAVITY = 9.80665
 
 

@@ -6,6 +6,8 @@ from lattice_reference import NAMES, load_case
 
 from taichi_sim.lattice import LatticeEngine, ProgramBuilder, Quantity
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.mark.parametrize("name", NAMES)
 def test_reference_case_in_f64(name):

@@ -9,6 +9,8 @@ from pouches import EDGE, TIME_STEP, lopsided
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeState, Material, ProgramBuilder, Quantity
 from taichi_sim.lattice.laws.link import balanced
 
+pytestmark = pytest.mark.kernels
+
 UNLIKE = (Material(4e5, 3000.0, internal_damping=1.0), Material(2e5, 2000.0, internal_damping=0.2))
 PRESSURE, KICK = 8e3, 0.1
 

@@ -6,6 +6,8 @@ from gradient_scene import TIME_STEP, body, program
 
 from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder, Quantity
 
+pytestmark = pytest.mark.kernels
+
 DRIVERS = {"fused": {}, "lanes": {"width": 8}, "stepped": {"driver": "stepped"}}
 MARKS = np.array([[0, 1, 31, 200], [0, 60, 61, 100]])
 

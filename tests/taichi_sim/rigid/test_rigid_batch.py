@@ -20,6 +20,8 @@ from taichi_sim.rigid import (
     World,
 )
 
+pytestmark = pytest.mark.kernels
+
 ROBOTS = LEGGED, WHEELED, WHEGGED
 EACH_ROBOT = pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.kind)
 PRECISIONS = pytest.mark.parametrize("precision", ["f32", "f64"])

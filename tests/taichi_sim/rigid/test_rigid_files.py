@@ -79,6 +79,7 @@ def test_an_ant_has_its_hinges_drives_and_senses():
     assert model.world == World(0.01, -9.81, friction=1.0)  # the larger one counts, and that of the ground is 1
 
 
+@pytest.mark.kernels
 def test_an_ant_stands_on_its_feet():
     model = parse_model(ANT)
     engine = RigidEngine(model.tree, model.world, model.senses, precision="f32", threads=1)
@@ -136,6 +137,7 @@ def same_trees(first, second):
     assert np.allclose(np.sort(points_of(first), 0), np.sort(points_of(second), 0), rtol=0, atol=1e-12)
 
 
+@pytest.mark.kernels
 def test_the_whegged_quadruped_as_mjcf_is_the_one_that_is_built():
     built, model = WHEGGED.tree(TEXT), parse_model(whegged_text())
     same_trees(model.tree, built)
@@ -261,6 +263,7 @@ CHAIN = """<body name="a" pos="0.1 0.2 50" euler="10 20 30"><freejoint/>
       <geom type="sphere" size=".1 .2 .3" pos=".1 0 0" contype="0" conaffinity="0" mass="1"/></body></body></body>"""
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("integration", ["momentum", "velocity"])
 def test_a_chain_that_is_thrown_moves_as_in_mujoco(integration):
     """To first order in the time step: numbers of its Runge-Kutta integrator with steps of 0.1 ms, after 1 s."""

@@ -18,6 +18,8 @@ from robots.quadruped import (
 )
 from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Network, RigidEngine, Sphere, Tree, World
 
+pytestmark = pytest.mark.kernels
+
 ROBOTS = 4
 LIGHT = np.array([[3.0, 1.0, 0.15]])
 SHIFT = 1e-6

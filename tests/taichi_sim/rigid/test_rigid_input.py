@@ -148,6 +148,7 @@ BAD = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("bad", BAD)
 def test_bad_input_is_one_line(bad):
     attempt, message = BAD[bad]
@@ -207,6 +208,7 @@ def test_at_rest_bodies_are_where_they_were_described(tree):
     assert np.allclose(turns, [1, 0, 0, 0])
 
 
+@pytest.mark.kernels
 @settings(max_examples=12)
 @given(trees, st.randoms(use_true_random=False), st.sampled_from(["momentum", "velocity"]))
 def test_the_order_of_bodies_changes_no_result(tree, random, integration):

@@ -9,6 +9,8 @@ from rigid_oracle import Oracle
 from robots.quadruped import GRAVITY, LEGGED, SLIP, TIME_STEP, WHEELED, WHEGGED
 from taichi_sim.rigid import RigidEngine, State, World
 
+pytestmark = pytest.mark.kernels
+
 REFERENCE = np.load(Path(__file__).parents[2] / "data/quadruped_runs.npz")
 COMMANDS = dict(zip(REFERENCE["cases"], REFERENCE["commands"], strict=True))
 STEPS = 200

@@ -21,6 +21,8 @@ from taichi_sim.rigid import (
 )
 from taichi_sim.rigid.pose import momenta, velocities
 
+pytestmark = pytest.mark.kernels
+
 UPRIGHT = np.array([[1.0, 0, 0, 0]])
 BOTH = pytest.mark.parametrize("integration", ["momentum", "velocity"])
 

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from taichi_sim import signals
 from taichi_sim.autodiff.lanes import Real, choose_width
 
+pytestmark = pytest.mark.kernels
+
 warping_distances = partial(signals.warping_distances, threads=1)
 SHAPES = ((1, 6), (6, 1), (2, 3), (17, 40), (40, 17), (60, 61))
 SIGNAL = st.lists(st.integers(-9, 9).map(float), min_size=1, max_size=9)  # whole numbers: no rounding

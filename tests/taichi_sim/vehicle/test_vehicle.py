@@ -11,6 +11,8 @@ from robots.braitenberg import STARTS, VehicleBody, contralateral
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, differentiate, equations, rollout, trace
 from taichi_sim.vehicle import rollout_kernel as kernel
 
+pytestmark = pytest.mark.kernels
+
 REFERENCE = np.load(Path(__file__).parents[2] / "data/vehicle_sweep.npz")
 TASK = VehicleTask(STARTS, steps=400)
 FIELDS = ("reached", "closest", "arrival", "final", "diverged")
