@@ -111,7 +111,7 @@ def differences(speeds: Mapping[str, Floats], starts: Mapping[str, Sequence[floa
 
 
 def table_of_differences(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> str:
-    """The same in Markdown."""
+    """Differences of pairs as a Markdown table, by falling significance."""
     lines = [
         "| slower | faster | by [BL/s] | its 95 % interval | p | for all pairs |",
         "| --- | --- | ---: | ---: | ---: | ---: |",

@@ -60,7 +60,7 @@ def figure(path: Path, width: float, height: float, **panels: Any) -> "Iterator[
         The figure, and its axes, shape (rows, columns).
 
     Raises:
-        ValueError: in one line, for another kind of file, or one that cannot be written.
+        ValueError: for another kind of file, or one that cannot be written.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure

@@ -50,8 +50,8 @@ def run_parallel(
         progress: called with the fraction done of all.
 
     Raises:
-        ValueError: in one line, for no job.
-        RuntimeError: in one line, if a process ended before its task did.
+        ValueError: for no job.
+        RuntimeError: if a process ended before its task did.
         Exception: what a task raised. In any case, and after Ctrl-C, the other processes end at once.
     """
     whole_number("jobs", jobs, 1)
@@ -81,7 +81,7 @@ def run_parallel(
 
 
 def _receive(pipe: "Connection[None, Message]", job: _Job) -> float | None:
-    """What a job says next; raises what it raised."""
+    """Read the next message of a job; raises what the job raised."""
     try:
         message = pipe.recv()
     except (EOFError, OSError):
@@ -99,7 +99,7 @@ def _end(pipe: "Connection[None, Message]", job: _Job) -> None:
 
 
 def _work(task: Task, where: Mapping[str, Any], pipe: "Connection[Message, None]") -> None:
-    """The life of a process."""
+    """Do a task in a process and report to the parent."""
     try:
         task(where, pipe.send)
     except Exception as error:

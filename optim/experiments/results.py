@@ -29,7 +29,7 @@ _Settings = TypeVar("_Settings")
 
 
 def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
-    """The settings of a study that go with a budget; a one-line ValueError for one that it does not have."""
+    """The settings of a study that go with a budget; raises ValueError for one that it does not have."""
     for name, settings in scales.items():
         if name == budget:
             return settings
@@ -45,7 +45,7 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
         kind: of study, which a file in the folder tells from now on, where names alone do not.
 
     Raises:
-        ValueError: in one line, for a file, a folder that holds anything else, or one that cannot be made.
+        ValueError: for a file, a folder that holds anything else, or one that cannot be made.
     """
 
     known = {*names, f"{kind}.json"}

@@ -54,7 +54,7 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
     """Header and rows of a CSV file, compressed if its name ends in ``.gz``.
 
     Raises:
-        ValueError: in one line, when it cannot be read or is empty.
+        ValueError: if it cannot be read or is empty.
     """
     try:
         content = path.read_bytes()

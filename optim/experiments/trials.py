@@ -32,7 +32,7 @@ class SolvableProblem(Protocol):
         """Judge points, with ``solved`` among the details."""
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """The same, with gradients if wanted."""
+        """Judge points of the relaxed space, with gradients if asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +53,17 @@ class Trials:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
-        """What :attr:`arrays` gave."""
+        """Build trials from what :attr:`arrays` gave."""
         return cls(**{f.name: arrays[f.name] for f in fields(cls)})
 
     @property
     def arrays(self) -> Arrays:
-        """All of it by name, for a file."""
+        """All arrays by name, for a file."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def evaluations(self) -> Ints:
-        """Of each trial, shape (R,)."""
+        """Evaluations of each trial, shape (R,)."""
         return np.count_nonzero(self.solved != NOTHING, axis=1)
 
     def first(self, environments: int = 4) -> Ints:
@@ -71,13 +71,13 @@ class Trials:
         return first_time(self.solved >= environments)
 
     def cost(self, environments: int = 4) -> Ints:
-        """The same, where a gradient counts as many evaluations more as there are variables (forward mode)."""
+        """Cost until a point solves all environments, shape (R,); a gradient costs 1 + D evaluations (forward mode)."""
         each = np.where(self.with_gradient, 1 + self.points.shape[2], 1)
         first = self.first(environments)
         return np.where(first > 0, np.cumsum(each, axis=1)[np.arange(len(first)), first - 1], NOTHING)
 
     def reported(self, epsilons: ArrayLike) -> Ints:
-        """Which point a trial would report after each evaluation, shape (R, B); -1 while all failed, and after its end.
+        """Points that trials would report after each evaluation, shape (R, B); -1 while all failed, and after the end.
 
         Source: dissertation, chapter 4: the member of the archive with the largest sum of objectives; the archive is
         that of boxes with these sides.

@@ -31,7 +31,7 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
         What a colour bar needs for the third objective, see :func:`add_bar`; None with two.
 
     Raises:
-        ValueError: in one line, for other numbers of objectives, and no designs.
+        ValueError: for other numbers of objectives, and no designs.
     """
     values = np.asarray(objectives, float)
     if values.ndim != 2 or values.shape[1] not in (2, 3) or len(names) != values.shape[1]:

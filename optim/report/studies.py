@@ -30,7 +30,7 @@ Page = tuple[str, list[Html], list[Section], dict[str, Any]]  # title, lead, sec
 
 
 def study_of(folder: Path) -> Callable[[Path], Page] | None:
-    """What makes the page of a folder; None of no study's."""
+    """The function that makes the page of a study's folder; None for other folders."""
     if holds_sweep(folder):
         return sweep_page
     if (folder / "training.json").is_file():
@@ -41,7 +41,7 @@ def study_of(folder: Path) -> Callable[[Path], Page] | None:
 
 
 def sweep_page(folder: Path) -> Page:
-    """Bodies by their metrics, and success matrices of the most notable; a one-line ValueError for a sweep of none."""
+    """Bodies by their metrics, and success matrices of the most notable; raises ValueError for a sweep of none."""
     found = read_sweep_table(folder)
     every = np.argsort(-found.learnability, kind="stable")[:MOST_BODIES]
     names = notable_designs(found)
@@ -92,7 +92,7 @@ def _matrix_caption(found: SweepTable, design: int, name: str | None) -> str:
 
 
 def training_page(folder: Path) -> Page:
-    """How many evaluations methods needed; a one-line ValueError without their table."""
+    """Evaluations that methods needed; raises ValueError without their table."""
     settings, found = read_settings(folder, "training"), read_training_table(folder / "runs.csv")
     budget = int(found.evaluations.max()) if "budget" not in settings else int(settings["budget"])
     methods = list(zip(found.methods, found.evaluations, found.solved, strict=True))
@@ -128,7 +128,7 @@ def training_page(folder: Path) -> Page:
 
 
 def interference_page(folder: Path) -> Page:
-    """Measures of all treatments and the pictures that there are; a one-line ValueError for a study not complete."""
+    """Measures of all treatments and the pictures that there are; raises ValueError for a study not complete."""
     if not (folder / "summary.json").is_file():
         raise ValueError(f"run: {folder} is a study of interference that has no tables yet; run its command to the end")
     settings = read_settings(folder / "runs", INTERFERENCE)
@@ -159,7 +159,7 @@ def interference_page(folder: Path) -> Page:
 
 
 def _counts(path: Path) -> dict[str, int]:
-    """How much a study of interference did; a one-line ValueError for a file that does not say."""
+    """Runs, generations and climbers of a study of interference; raises ValueError for another file."""
     try:
         summary = json.loads(read_text(path))
         return {name: int(summary[name]) for name in ("runs", "generations", "population")}

@@ -23,7 +23,7 @@ NEAR = 0.5  # m, from the light
 
 @dataclass(frozen=True, eq=False)
 class Champions:
-    """What the champions of a treatment did; R runs, E environments, F moments.
+    """Paths and readings of the champions of a treatment; R runs, E environments, F moments.
 
     Attributes:
         weights: their controllers, (R, 5, 8).
@@ -54,7 +54,7 @@ def champions_of(
 
 
 def follow(settings: Interference, robot: str, weights: Floats, threads: int | None = None) -> Champions:
-    """What controllers, (R, 5, 8), do over time."""
+    """Simulate controllers, (R, 5, 8), and record their paths and readings."""
     every = max(1, -(-settings.steps // FRAMES))
     result = settings.simulate(robot, weights, threads, record_every=every)
     frames = result.rollouts.frames

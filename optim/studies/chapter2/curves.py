@@ -1,4 +1,4 @@
-"""How the climbers of a run came along: numbers for each generation, and every beneficial mutation."""
+"""Progress of the climbers of a run: numbers for each generation, and every beneficial mutation."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

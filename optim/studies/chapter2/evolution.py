@@ -138,7 +138,7 @@ def evolve(
         Of every treatment and run, the state of its climbers, see :meth:`Climbers.state`.
 
     Raises:
-        ValueError: in one line, for numbers that are not allowed, a device that is not there, or a folder of other
+        ValueError: for numbers that are not allowed, a device that is not there, or a folder of other
             settings, or of runs that went further.
     """
     for name, value, low in (("runs", runs, 1), ("generations", generations, 0)):

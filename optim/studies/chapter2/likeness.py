@@ -43,7 +43,7 @@ Cells = dict[tuple[str, str], Floats]  # by row and robot
 
 
 def warping(light: Floats, threads: int | None = None) -> Floats:
-    """How far light signals of a robot's environments are apart, (R,): dynamic time warping of signals, (R, E, F).
+    """Distance between the light signals, (R, E, F), of a robot's environments by dynamic time warping, (R,).
 
     Signals have mean 0 and deviation 1 before, and pairs of environments are averaged.
     """

@@ -58,7 +58,7 @@ class Treatment:
         return self.fitness if self.trainer == HILL_CLIMB else f"{self.fitness}, {self.trainer}"
 
     def file(self, run: int) -> str:
-        """What a file of one of its runs is called, without hyphens."""
+        """The name of the file of one of its runs, without hyphens."""
         trainer = "" if self.trainer == HILL_CLIMB else self.trainer.replace("-", "_") + "_"
         return f"{self.robot}_{self.fitness}_{trainer}{run}"
 
@@ -71,7 +71,7 @@ def treatments(
     """Every fitness with every robot, row by row, trainer by trainer.
 
     Raises:
-        ValueError: in one line, for no names, unknown ones, or one given twice.
+        ValueError: for no names, unknown ones, or one given twice.
     """
     for field, names, known in (
         ("robots", robots, tuple(ROBOTS)),
@@ -89,7 +89,7 @@ def treatments(
 
 @dataclass(frozen=True)
 class Interference:
-    """What all results of a folder depend on.
+    """Settings that all results of a folder depend on.
 
     Attributes:
         lights: places of the light in the environments [m].

@@ -73,7 +73,7 @@ def successes(
         S, shape (D, n, n, 4): whether body d reaches light k with the weights grid[i] and grid[j].
 
     Raises:
-        ValueError: in one line, for a number that is no body's, or a folder of other settings.
+        ValueError: for a number that is no body's, or a folder of other settings.
     """
     stand_ins = [_stand_in(design) for design in designs]
     results = ResultsFolder(folder, KIND, {**asdict(settings), "base": asdict(Rover())}) if folder else None

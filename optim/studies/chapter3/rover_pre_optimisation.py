@@ -68,13 +68,13 @@ class PreOptimisation:
             checks.integer(name, getattr(self, name), low)
 
     def problem(self, controller: str) -> RoverProblem:
-        """What is searched."""
+        """The problem with a controller."""
         return RoverProblem(controller, self.steps, threads=self.threads)
 
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """What searches with one controller came to: those evaluated that no other dominates, by falling effort.
+    """The non-dominated designs of the searches with one controller, by falling effort.
 
     Attributes:
         points: (F, D).

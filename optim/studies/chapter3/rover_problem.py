@@ -57,7 +57,7 @@ class RoverProblem:
 
     @property
     def objective_names(self) -> tuple[str, ...]:
-        """Both."""
+        """Names of both objectives."""
         return ("distance", "effort")
 
     @property
@@ -103,7 +103,7 @@ class RoverProblem:
         return Evaluation(objectives, status, {"solved": done.success.sum(axis=1)})
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """The same without gradients, as nothing is binary; a one-line ValueError with them."""
+        """Judge points as :meth:`evaluate` does, as nothing is binary; raises ValueError if asked for gradients."""
         if gradients:
             raise ValueError("gradients: not allowed with several objectives; ask for points")
         return self.evaluate(points)

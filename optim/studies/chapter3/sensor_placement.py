@@ -22,7 +22,7 @@ AT_ONCE = 100  # controllers whose traces fit into memory
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """How often a metric has which values.
+    """A histogram of a metric.
 
     Attributes:
         edges: of the bins, shape (B + 1,).
@@ -64,7 +64,7 @@ def solving_controllers(overlap: Bytes, environments: int = 4) -> Floats:
 
 
 def some_solving_controllers(overlap: Bytes, count: int, seed: Sequence[int]) -> Floats:
-    """At most so many of them, drawn without replacement, in the order of the sweep, shape (C, 2)."""
+    """At most so many solving controllers, drawn without replacement, in the order of the sweep, shape (C, 2)."""
     weights = solving_controllers(overlap)
     drawn = np.random.default_rng(seed).permutation(len(weights))[:count]
     return np.asarray(weights[np.sort(drawn)])
@@ -86,7 +86,7 @@ def central_controller(overlap: Bytes, environments: int = 4) -> Floats | None:
 
 
 def paths(body: VehicleBody, weights: ArrayLike, task: VehicleTask, every: int = EVERY) -> Floats:
-    """Where the controllers of weights, shape (C, 2), take a body: x and y [m], shape (C, E, F, 2)."""
+    """Paths of a body with controllers of weights, shape (C, 2): x and y [m], shape (C, E, F, 2)."""
     return trace([body], contralateral(weights)[None], task, every=every).poses[0, ..., :2]
 
 

@@ -21,7 +21,7 @@ COLUMNS = ("design", "all", "any")
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """What a sweep says of bodies of the published grid, ascending by number, each array of shape (D,).
+    """Counts of a sweep for bodies of the published grid, ascending by number, each array of shape (D,).
 
     Attributes:
         designs: numbers of the bodies.
@@ -53,14 +53,14 @@ class SweepTable:
 
     @property
     def metrics(self) -> dict[str, Floats]:
-        """Both, by their names in the papers."""
+        """Both metrics, by their names in the papers."""
         return {"M_L": self.learnability, "M_CI": self.interference}
 
     def rows(self, designs: ArrayLike) -> "SweepTable":
         """The part of some bodies.
 
         Raises:
-            ValueError: in one line, if some are missing.
+            ValueError: if some are missing.
         """
         wanted = np.asarray(designs, np.int64)
         missing = np.setdiff1d(wanted, self.designs)
@@ -82,7 +82,7 @@ def read_sweep_table(path: Path) -> SweepTable:
     published one with 121 x 121 controllers.
 
     Raises:
-        ValueError: in one line, for anything else; also for a table with M_L of another number of controllers.
+        ValueError: for anything else; also for a table with M_L of another number of controllers.
     """
     if path.is_dir():
         settings, bodies = read_sweep(path)

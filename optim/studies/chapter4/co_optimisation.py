@@ -65,11 +65,11 @@ class CoOptimisation:
 
     @property
     def seeds(self) -> range:
-        """Of the searches."""
+        """Seeds of the searches."""
         return range(self.seed, self.seed + self.runs)
 
     def problem(self, objectives: str = "environments", **given: Any) -> VehicleProblem:
-        """What is searched: body and controller, or less if some of it is given."""
+        """The problem of finding body and controller, or less if some of it is given."""
         return VehicleProblem(objectives=objectives, task=self.task, threads=self.threads, **given)
 
     def describe(self) -> dict[str, Any]:
@@ -210,7 +210,7 @@ def _curve(arm: str, signals: str, solutions: str, values: Floats) -> list[tuple
 
 
 def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
-    """How a trial's first reported solution differs from its last, over the trials where both are there and differ.
+    """Compare the first and the last solution that each trial reports, over trials that report any.
 
     Args:
         values: of what is reported after each evaluation, shape (R, B).

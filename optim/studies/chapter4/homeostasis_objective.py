@@ -121,7 +121,7 @@ def _similarity(settings: HomeostasisObjective, trials: Trials) -> Arrays:
 
 
 def _largest(values: Floats, allowed: Bools) -> Ints:
-    """Where each row has its largest value among those allowed; -1 without one."""
+    """Index of the largest value allowed in each row; -1 if none is."""
     shown = np.where(allowed & np.isfinite(values), values, -np.inf)
     return np.where(np.isfinite(shown).any(axis=1), shown.argmax(axis=1), NOTHING)
 
@@ -132,7 +132,7 @@ def _points(trials: Trials, chosen: Ints) -> Floats:
 
 
 def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | None) -> Arrays:
-    """What is thought of reported points, by the names in ``OUTCOMES``, shape (R,); NaN where there is none."""
+    """Measure reported points, by the names in ``OUTCOMES``, shape (R,); NaN where there is no point."""
     own, there = settings.searches, ~np.isnan(points).any(axis=1)
     arrays = {name: np.full(len(points), np.nan) for name in OUTCOMES}
     if not there.any():

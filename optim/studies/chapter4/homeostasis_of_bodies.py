@@ -145,7 +145,7 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
 
 
 def draw(folder: Path) -> None:
-    """Both measures against both metrics, from the table: ``homeostasis-of-bodies.png``."""
+    """Draw both measures against both metrics from the table: ``homeostasis-of-bodies.png``."""
     header, rows = read_table(folder / "bodies.csv")
     table = dict(zip(header, np.array(rows, float).T, strict=True))
     with figure(folder / "homeostasis-of-bodies.png", PAGE, 4.4, nrows=2, ncols=2, sharex="col", sharey="row") as (

@@ -39,7 +39,7 @@ class HomeostasisProblem:
 
     @property
     def space(self) -> Space:
-        """That of the vehicle."""
+        """The space of the vehicle."""
         return self.vehicle.space
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -56,7 +56,7 @@ class HomeostasisProblem:
         return replace(judged, objectives=np.column_stack([judged.objectives, homeostasis]))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """The same without gradients, as nothing is binary; a one-line ValueError with them."""
+        """Judge points as :meth:`evaluate` does, as nothing is binary; raises ValueError if asked for gradients."""
         if gradients:
             raise ValueError("gradients: not allowed with several objectives; ask for points")
         return self.evaluate(points)

@@ -57,7 +57,7 @@ class Training:
             raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
 
     def problem(self, threads: int | None = None) -> VehicleProblem:
-        """What judges controllers, together with the places of their sensors."""
+        """The problem that judges controllers together with the places of their sensors."""
         return VehicleProblem(task=self.task, precision=self.precision, threads=threads)
 
     def describe(self) -> dict[str, Any]:
@@ -71,7 +71,7 @@ def sample_designs(count: int, seed: int = 1) -> list[int]:
     """Numbers of bodies drawn from the published grid without replacement, ascending; larger samples contain smaller.
 
     Raises:
-        ValueError: in one line, for less than 1 or more than there are.
+        ValueError: for less than 1 or more than there are.
     """
     checks.integer("sample", count, 1)
     if count > DESIGNS:
@@ -103,7 +103,7 @@ def train(
         Outcomes of all runs. A run's depends on its body, method, repetition and the settings only.
 
     Raises:
-        ValueError: in one line, for bodies and methods that are not there, none of them, or a folder of other settings.
+        ValueError: for bodies and methods that are not there, none of them, or a folder of other settings.
     """
     bodies = {design: VehicleBody.published(design) for design in sorted(set(designs))}
     methods = tuple(dict.fromkeys(methods))

@@ -46,10 +46,10 @@ class TrainingTable:
 
 
 def read_training_table(path: Path) -> TrainingTable:
-    """What :meth:`TrainingTable.write` wrote.
+    """Read what :meth:`TrainingTable.write` wrote.
 
     Raises:
-        ValueError: in one line, for any other file.
+        ValueError: for any other file.
     """
     header, rows = read_table(path)
     try:
@@ -67,7 +67,7 @@ def read_training_table(path: Path) -> TrainingTable:
 
 @dataclass(frozen=True)
 class MetricCorrelation:
-    """How the evaluations that a method needs go with a metric of the body.
+    """Correlation of the evaluations that a method needs with a metric of the body.
 
     Attributes:
         method: its name.
@@ -91,7 +91,7 @@ def metric_correlations(table: TrainingTable, sweep: SweepTable) -> list[MetricC
         sweep: of these bodies, and maybe others.
 
     Raises:
-        ValueError: in one line, if the sweep lacks bodies.
+        ValueError: if the sweep lacks bodies.
     """
     found = []
     for method, evaluations in zip(table.methods, table.evaluations, strict=True):

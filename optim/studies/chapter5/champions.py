@@ -1,6 +1,6 @@
 """What the searches are held against: gaits made by hand, and what they found, simulated again and elsewhere."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -36,116 +36,105 @@ class Played:
     generation: int | None = None
 
 
-def open_played(settings: ShapeChange, folder: Path) -> ResultsFolder:
-    """The folder of these gaits, new or of the same settings; more generations may follow."""
-    lasting = {name: value for name, value in asdict(settings).items() if name != "generations"}
-    return ResultsFolder(folder / KIND, KIND, lasting)
+@dataclass(frozen=True)
+class Player:
+    """Plays gaits beside the searches of a study, and caches their speeds.
 
+    Attributes:
+        settings: of the study.
+        folder: takes the speeds.
+        costs: takes what playing costs.
+        threads: CPU threads; no result depends on them.
+    """
 
-def play_by_hand(
-    settings: ShapeChange, folder: ResultsFolder, costs: Costs, threads: int | None, progress: Progress
-) -> dict[str, dict[str, Floats]]:
-    """Rolling and inching as they were made by hand, on both terrains, in f64."""
-    robot = _robot(settings, "f64", settings.copies)
-    cases = [
-        Case(repeated(design, settings.repeats), settings.terrain(place))
-        for design in BY_HAND.values()
-        for place in PLACES
-    ]
+    settings: ShapeChange
+    folder: ResultsFolder
+    costs: Costs
+    threads: int | None = None
 
-    def compute() -> Arrays:
-        with costs.of("by hand"):
-            return {"speeds": robot.speeds(cases, threads, progress)}
+    @classmethod
+    def open(cls, settings: ShapeChange, folder: Path, costs: Costs, threads: int | None) -> "Player":
+        """Open the folder of these gaits, new or of the same settings; more generations may follow."""
+        lasting = {name: value for name, value in asdict(settings).items() if name != "generations"}
+        return cls(settings, ResultsFolder(folder / KIND, KIND, lasting), costs, threads)
 
-    speeds = iter(cached(folder, "by_hand", compute)["speeds"])
-    return {name: {place: next(speeds) for place in PLACES} for name in BY_HAND}
+    def by_hand(self, progress: Progress) -> dict[str, dict[str, Floats]]:
+        """Rolling and inching as they were made by hand, on both terrains, in f64."""
+        gaits = [repeated(design, self.settings.repeats) for design in BY_HAND.values()]
+        cases = [Case(gait, self.settings.terrain(place)) for gait in gaits for place in PLACES]
+        robot = self._robot("f64", self.settings.copies)
+        speeds = iter(self._played("by_hand", "by hand", lambda: robot.speeds(cases, self.threads, progress)))
+        return {name: {place: next(speeds) for place in PLACES} for name in BY_HAND}
 
+    def found(
+        self, found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]], progress: Progress
+    ) -> Played:
+        """The best design of every experiment again, and the best few of those on both terrains elsewhere."""
+        again, elsewhere = {}, {}
+        for number, experiment in enumerate(EXPERIMENTS):
+            name = experiment.name
+            if name not in found or not found[name].best(1):
+                continue
+            part = part_of(progress, number, len(EXPERIMENTS))
+            again[name] = self._again(experiment, found[name], part_of(part, 0, 2))
+            if experiment.row in PAIRED:
+                elsewhere[name] = self._elsewhere(experiment, found[name], part_of(part, 1, 2))
+        return Played(by_hand, again, elsewhere, _latest(found))
 
-def play_found(
-    settings: ShapeChange,
-    found: Mapping[str, Found],
-    by_hand: Mapping[str, Mapping[str, Floats]],
-    folder: ResultsFolder,
-    costs: Costs,
-    threads: int | None,
-    progress: Progress,
-) -> Played:
-    """The best design of every experiment again, and the best few of those on both terrains elsewhere."""
-    again, elsewhere = {}, {}
-    for number, experiment in enumerate(EXPERIMENTS):
-        if experiment.name not in found or not found[experiment.name].best(1):
-            continue
-        one, part = found[experiment.name], part_of(progress, number, len(EXPERIMENTS))
-        again[experiment.name] = _again(settings, experiment, one, folder, costs, threads, part_of(part, 0, 2))
-        if experiment.row in PAIRED:
-            elsewhere[experiment.name] = _elsewhere(
-                settings, experiment, one, folder, costs, threads, part_of(part, 1, 2)
+    def before(self, found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]]) -> Played:
+        """The newest generation of which the folder has all best designs again, and what it has of them elsewhere."""
+        best = [experiment for experiment in EXPERIMENTS if experiment.name in found and found[experiment.name].best(1)]
+        for generation in range(_latest(found), -1, -1):
+            again, elsewhere = (
+                {
+                    e.name: arrays["speeds"]
+                    for e in best
+                    for arrays in self.folder.load(f"{what}_{_part(e, generation)}")
+                }
+                for what in ("again", "elsewhere")
             )
-    return Played(by_hand, again, elsewhere, _latest(found))
+            if again and len(again) == len(best):
+                return Played(by_hand, again, elsewhere, generation)
+        return Played(by_hand)
 
-
-def played_before(
-    found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]], folder: ResultsFolder
-) -> Played:
-    """The newest generation of which the folder has all best designs again, and what it has of them elsewhere."""
-    best = [experiment for experiment in EXPERIMENTS if experiment.name in found and found[experiment.name].best(1)]
-    for generation in range(_latest(found), -1, -1):
-        again, elsewhere = (
-            {e.name: arrays["speeds"] for e in best for arrays in folder.load(f"{what}_{_part(e, generation)}")}
-            for what in ("again", "elsewhere")
+    def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
+        """Speeds of copies of the best design where it was found; a search also keeps what chance favoured."""
+        cases = [Case(found.designs[found.best(1)[0]], self.settings.terrain(experiment.place))]
+        robot = self._robot("f64", self.settings.copies)
+        return self._played(
+            f"again_{_part(experiment, len(found.scores) - 1)}",
+            "best designs again",
+            lambda: robot.speeds(cases, self.threads, progress)[0],
         )
-        if again and len(again) == len(best):
-            return Played(by_hand, again, elsewhere, generation)
-    return Played(by_hand)
+
+    def _elsewhere(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
+        """Speeds of the best designs where they were found, and on the other terrain."""
+        best = found.best(self.settings.others)
+        terrain = self.settings.terrain(HILL if experiment.place == FLAT else FLAT)
+        cases = [Case(found.designs[climber], terrain) for climber in best]
+        robot = self._robot("f32", 1, noise=0.0)
+        return self._played(
+            f"elsewhere_{_part(experiment, len(found.scores) - 1)}",
+            "best designs elsewhere",
+            lambda: np.array([found.scores[-1, best], robot.speeds(cases, self.threads, progress)[:, 0]]),
+        )
+
+    def _played(self, name: str, part: str, play: Callable[[], Floats]) -> Floats:
+        """Speeds that the folder has under a name, or that are played now, at a cost of some part of the study."""
+
+        def compute() -> Arrays:
+            with self.costs.of(part):
+                return {"speeds": play()}
+
+        return cached(self.folder, name, compute)["speeds"]
+
+    def _robot(self, precision: str, copies: int, **more: float) -> Robot:
+        return Robot(NAMED_GEOMETRIES[self.settings.geometry], precision=precision, copies=copies, **more)  # type: ignore[arg-type]
 
 
 def _latest(found: Mapping[str, Found]) -> int:
     """The generation that all experiments have reached; -1 if none has any."""
     return min((len(one.scores) - 1 for one in found.values()), default=-1)
-
-
-def _again(
-    settings: ShapeChange,
-    experiment: Experiment,
-    found: Found,
-    folder: ResultsFolder,
-    costs: Costs,
-    threads: int | None,
-    progress: Progress,
-) -> Floats:
-    """Speeds of copies of the best design where it was found: a search also keeps what contact favoured by chance."""
-    cases = [Case(found.designs[found.best(1)[0]], settings.terrain(experiment.place))]
-
-    def compute() -> Arrays:
-        with costs.of("best designs again"):
-            return {"speeds": _robot(settings, "f64", settings.copies).speeds(cases, threads, progress)[0]}
-
-    return cached(folder, f"again_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
-
-
-def _elsewhere(
-    settings: ShapeChange,
-    experiment: Experiment,
-    found: Found,
-    folder: ResultsFolder,
-    costs: Costs,
-    threads: int | None,
-    progress: Progress,
-) -> Floats:
-    best = found.best(settings.others)
-    place = HILL if experiment.place == FLAT else FLAT
-    cases = [Case(found.designs[climber], settings.terrain(place)) for climber in best]
-
-    def compute() -> Arrays:
-        with costs.of("best designs elsewhere"):
-            robot = _robot(settings, "f32", 1, noise=0.0)
-            return {"speeds": np.array([found.scores[-1, best], robot.speeds(cases, threads, progress)[:, 0]])}
-
-    return cached(folder, f"elsewhere_{_part(experiment, len(found.scores) - 1)}", compute)["speeds"]
-
-
-def _robot(settings: ShapeChange, precision: str, copies: int, **more: float) -> Robot:
-    return Robot(NAMED_GEOMETRIES[settings.geometry], precision=precision, copies=copies, **more)  # type: ignore[arg-type]
 
 
 def _part(experiment: Experiment, generation: int) -> str:

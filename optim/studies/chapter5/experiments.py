@@ -115,11 +115,11 @@ class ShapeChange:
         checks.choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
 
     def terrain(self, place: str) -> Terrain:
-        """Of a place, ``"flat"`` or ``"hill"``."""
+        """The terrain of a place, ``"flat"`` or ``"hill"``."""
         return Terrain() if place == FLAT else Terrain(self.slope)
 
     def problem(self, experiment: Experiment, threads: int | None = None) -> GaitProblem:
-        """What an experiment searches."""
+        """The problem that an experiment searches."""
         free, fixed = experiment.free, experiment.fixed
         return GaitProblem(
             (self.terrain(experiment.place),),
@@ -138,7 +138,7 @@ class ShapeChange:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What an experiment has found so far.
+    """The designs and scores that an experiment has found so far.
 
     Attributes:
         scores: speeds of the climbers' best designs after every generation [body lengths/s], shape (G + 1, C); NaN
@@ -184,7 +184,7 @@ def search(
         progress: called with the fraction done.
 
     Raises:
-        ValueError: in one line, for run folders of other settings, in use, or that went further.
+        ValueError: for run folders of other settings, in use, or that went further.
     """
     turns = len(EXPERIMENTS) * (settings.generations + 1)
 
@@ -232,7 +232,7 @@ def _open(settings: ShapeChange, experiment: Experiment, folder: Path, threads: 
 
 
 def read(settings: ShapeChange, folder: Path) -> dict[str, Found]:
-    """What the experiments in a folder have found so far, by name; those without a complete generation are left out."""
+    """Read what experiments in a folder have found so far, by name, without those that have no generation yet."""
     found = {}
     for experiment in EXPERIMENTS:
         history, problem = read_history(folder / experiment.name), settings.problem(experiment)

@@ -34,7 +34,7 @@ class Case:
     terrain: Terrain
 
     def describe(self) -> dict[str, Any]:
-        """All of it; fits JSON."""
+        """Describe gait and terrain for JSON."""
         schedule = self.design.schedule
         return {
             "pressure": self.design.pressure,
@@ -47,7 +47,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Robot:
-    """What plays the gaits, and how it is simulated.
+    """The robot that plays the gaits, and how it is simulated.
 
     Attributes:
         geometry: shape and materials.
@@ -71,7 +71,7 @@ class Robot:
         checks.number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
 
     def describe(self) -> dict[str, Any]:
-        """All of it; fits JSON."""
+        """Describe all settings for JSON."""
         return asdict(self)
 
     def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:
@@ -103,7 +103,7 @@ class Robot:
 def speeds_in_parts(
     robot: Robot, cases: Sequence[Case], folder: ResultsFolder, threads: int | None = None, progress: Progress = None
 ) -> Floats:
-    """As ``Robot.speeds``, in batches whose results are kept in a folder: a kill loses at most one of them."""
+    """Play cases in batches whose speeds are cached in a folder: a kill loses at most one batch."""
     size = -(-BATCH // robot.copies)
     batches = [cases[first : first + size] for first in range(0, len(cases), size)]
     parts = [(f"speeds_{n}", partial(robot.speeds, batch, threads)) for n, batch in enumerate(batches)]
@@ -111,7 +111,7 @@ def speeds_in_parts(
 
 
 def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:
-    """The same design, its columns played so often."""
+    """A copy of a design whose columns are played so often."""
     return replace(design, schedule=GaitSchedule(design.schedule.bits, repeats))
 
 

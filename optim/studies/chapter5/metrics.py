@@ -194,9 +194,9 @@ def rows_of(bodies: Sequence[tuple[float, float]], speeds: Floats) -> list[dict[
 
 
 def correlations(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """How M_L and M_CI go together over the bodies that have both, by threshold (Spearman); they did in vehicles.
+    """Correlate M_L and M_CI over the bodies that have both, by threshold (Spearman); in vehicles they agree.
 
-    Of fewer than ``LEAST_BODIES`` the coefficient alone.
+    With fewer than ``LEAST_BODIES`` only the coefficient is given.
     """
     found = {}
     for name in THRESHOLDS:

@@ -135,7 +135,7 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
 
 
 def travelled(settings: Sensitivity, variant: Variant, threads: int | None, progress: Progress) -> Floats:
-    """How far a robot travels in each behaviour's gait [its body lengths], shape (behaviours, copies)."""
+    """Distance that a robot travels in each behaviour's gait [its body lengths], shape (behaviours, copies)."""
     cases = list(settings.behaviours.values())
     cases[0] = replace(cases[0], design=replace(cases[0].design, pressure=variant.pressure))
     robot = replace(settings.robot, geometry=variant.geometry, actuation=variant.actuation)

@@ -115,7 +115,7 @@ def told_at(speeds: Floats) -> Bools:
 
 
 def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, float, float] | None:
-    """Where a difference, shape (S,), that is positive first becomes negative, and the slopes before and after.
+    """Find the slope at which a positive difference, shape (S,), becomes negative, and the slopes beside it.
 
     None if it never does.
     """

@@ -11,7 +11,7 @@ from optim.experiments.results import Budget, Costs, Progress, check_folder, par
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
 from optim.plots import draw_band
-from optim.studies.chapter5.champions import KIND, Played, open_played, play_by_hand, play_found, played_before
+from optim.studies.chapter5.champions import KIND, Played, Player
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, ROWS, Found, ShapeChange, read, search
 from optim.studies.chapter5.table import summarise, write_tables
 
@@ -35,10 +35,10 @@ def study(folder: Path, settings: ShapeChange, progress: Progress = None, thread
     For the arguments see :class:`optim.experiments.study.Study`.
     """
     check_folder(folder, (*FILES, RUNS, KIND))
-    beside = open_played(settings, folder)
     costs = Costs(folder / "costs.jsonl")
+    player = Player.open(settings, folder, costs, threads)
     total = BEFORE + SEARCHES + AFTER
-    by_hand = play_by_hand(settings, beside, costs, threads, part_of(progress, 0, total, BEFORE))
+    by_hand = player.by_hand(part_of(progress, 0, total, BEFORE))
 
     def write(found: Mapping[str, Found], played: Played) -> dict[str, Any]:
         summary = summarise(settings, found, played)
@@ -50,12 +50,12 @@ def study(folder: Path, settings: ShapeChange, progress: Progress = None, thread
 
     def after_round() -> None:
         found = read(settings, folder / RUNS)
-        write(found, played_before(found, by_hand, beside))
+        write(found, player.before(found, by_hand))
 
     search(settings, folder / RUNS, costs, after_round, threads, part_of(progress, BEFORE, total, SEARCHES))
     found = read(settings, folder / RUNS)
     rest = part_of(progress, BEFORE + SEARCHES, total, AFTER)
-    return write(found, play_found(settings, found, by_hand, beside, costs, threads, rest))
+    return write(found, player.found(found, by_hand, rest))
 
 
 PANELS = {"flat": "flat ground", "hill": "hill"}

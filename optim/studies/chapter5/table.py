@@ -147,7 +147,7 @@ def tests(found: Mapping[str, Found]) -> list[dict[str, Any]]:
 
 
 def _paired(control: Floats, open_scores: Floats) -> dict[str, float] | None:
-    """How climbers differ from their counterparts, where neither has failed."""
+    """Mean difference between climbers and their counterparts, where neither has failed."""
     if len(control) != len(open_scores):
         return None
     differences = (open_scores - control)[~np.isnan(open_scores + control)]
@@ -267,7 +267,7 @@ def _again(rows: Sequence[Mapping[str, Any]], older: str) -> list[str]:
 
 
 def _older(summary: Mapping[str, Any]) -> str:
-    """What there is to say where designs were played before the searches went on."""
+    """A sentence for tables whose designs were played before the searches went on; else empty."""
     played = summary["played"]
     if played is None or all(row["generations"] in (None, played) for row in summary["rows"]):
         return ""

@@ -29,7 +29,7 @@ class Variant:
 
 
 def retimed(actuation: InflatableActuation, steps: float) -> InflatableActuation:
-    """The same motion in ``steps`` times as many time steps: rates are by step, and so are pauses."""
+    """Stretch all strokes and pauses to ``steps`` times as many time steps; rates are per step."""
     return replace(
         actuation,
         inflation_rate=actuation.inflation_rate / steps,

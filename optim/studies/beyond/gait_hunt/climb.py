@@ -64,7 +64,7 @@ SCALES: Mapping[Budget, Climb] = {
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """What the program has found with a seed.
+    """The steps and finalists of the program with one seed.
 
     Attributes:
         seed: of the program.
@@ -78,7 +78,7 @@ class Climbed:
 
     @property
     def best(self) -> Finalist | None:
-        """Of all finalists; None if all failed."""
+        """The best of all finalists; None if all failed."""
         return best_of([one for found in self.finalists.values() for one in found])
 
     @property
@@ -88,7 +88,7 @@ class Climbed:
 
     @property
     def spent(self) -> float:
-        """By all steps [robot-steps]."""
+        """Cost of all steps [robot-steps]."""
         return sum(step.spent for step in self.steps)
 
 

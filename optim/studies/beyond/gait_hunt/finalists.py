@@ -1,4 +1,4 @@
-"""What the bests of a search are worth, played in full with noise under both conditions; judged once and cached."""
+"""The best designs of a search, played in full with noise under both conditions; judged once and cached."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -37,7 +37,7 @@ class Finalist(NoisySpeeds):
 
 
 def columns_of(best: Finalist | None) -> dict[str, Any]:
-    """What tables tell of the best finalist, by column; None of what is not known."""
+    """The columns of tables that tell of the best finalist; None where there is none."""
     return {
         "generation": best.generation if best else None,
         "speed": best.speed if best else None,
@@ -83,7 +83,7 @@ def best_of(finalists: Sequence[Finalist]) -> Finalist | None:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """What is kept; what is damaged is as good as missing."""
+    """Read cached speeds; a damaged file is as good as missing."""
     try:
         known = json.loads(read_text(path)) if path.exists() else {}
     except ValueError:

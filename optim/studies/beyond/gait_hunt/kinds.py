@@ -29,7 +29,7 @@ PRESSURE = 12_000.0  # [Pa], which counts as a full stroke of everything
 
 
 def difference(one: GaitDesign, other: GaitDesign, body: InflatableGeometry) -> float:
-    """How far two gaits of as many columns lie apart, 0 to 1, wherever their cycles begin.
+    """Distance between two gaits of as many columns, 0 to 1, wherever their cycles begin.
 
     Headings and times do not count: what moves when is the kind.
 
@@ -63,7 +63,7 @@ def best_of_kinds(designs: Sequence[GaitDesign], scores: Floats, count: int, bod
 
 
 def _levels(design: GaitDesign) -> Floats:
-    """What a gait tells its actuators in every column, shape (10, T)."""
+    """Levels of all actuators in every column of a gait, shape (10, T)."""
     schedule = as_graded(design).schedule
     return np.concatenate([schedule.inflation, schedule.grip])
 
@@ -109,11 +109,11 @@ def turned(problem: GaitProblem, designs: Sequence[GaitDesign], options: Mapping
 
 
 def history_of(problem: GaitProblem, found: Arrays, folder: Path) -> History:
-    """What :func:`turned` found as a run of a single generation.
+    """Present what :func:`turned` found as a run of a single generation.
 
     Args:
         problem: that judged the designs.
-        found: see there.
+        found: the arrays that :func:`turned` returned.
         folder: where it is kept.
     """
     scores, count = found["scores"], len(found["scores"])

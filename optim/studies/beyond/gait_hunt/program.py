@@ -137,7 +137,7 @@ class Step:
 
     @property
     def speeds(self) -> dict[str, float]:
-        """Of the best [body lengths/s], on the terrains that it was tried on, by name."""
+        """Speeds of the best gait [body lengths/s] on the terrains that it was tried on, by name."""
         found: dict[str, float] = {}
         for terrain in self.problem.terrains:
             speed = (self.last.best_details or {}).get(f"speed_{terrain.name}")
@@ -177,7 +177,7 @@ class Program:
     steps: dict[str, Step] = field(default_factory=dict)
 
     def run(self) -> tuple[Step, ...]:
-        """All of it: the last three steps. What is best in full may be of each; none if every gait of a step failed."""
+        """Run all steps; return the last three, any of which may hold the best. None if all gaits of a step failed."""
         try:
             facing = self._face(self._lead(self._halve(self._kinds()).design))
             finish = self._refine("finish", (1.0,), facing.design)
@@ -186,7 +186,7 @@ class Program:
             return ()
 
     def _kinds(self) -> list[GaitDesign]:
-        """Of random gaits, turned, the best of each kind."""
+        """The best of each kind among random gaits, turned to where they go."""
         points = {"population": self.plan.kept, "starts": self.plan.looks, "seed": self.seed}
         found: list[GaitDesign] = []
         for name, pressure in (("look-empty", 0.0), ("look-any", None)):

@@ -40,7 +40,7 @@ class HuntSearch:
     rungs: tuple[float, ...] = ()
 
     def problem_on(self, terrain: Terrain, **where: Any) -> GaitProblem:
-        """What it searches on a terrain: orientation, shape and control."""
+        """The problem that it searches on a terrain: orientation, shape and control."""
         easier = tuple(replace(terrain, slope=part * terrain.slope) for part in self.rungs)
         return GaitProblem((*easier, terrain), ladder=bool(easier), **self.problem, **where)
 
@@ -69,7 +69,7 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
 
 
 def check_settings(seeds: Sequence[int], slope: float, geometry: str, finalists: int, runs: int) -> None:
-    """Raise a one-line ValueError for what no study of gaits can do.
+    """Raise a ValueError for what no study of gaits can do.
 
     Args:
         seeds: of runs, each once.

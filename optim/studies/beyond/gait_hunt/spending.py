@@ -119,10 +119,10 @@ def paid(history: History, spent: Sequence[float], budget: float) -> History:
 
 
 def read_spent(folder: Path) -> list[float]:
-    """What the generations of a run have cost, the last perhaps of one that was cut off; nothing of a new run.
+    """Read the cost of each generation of a run, perhaps with one that was cut off; empty for a new run.
 
     Raises:
-        ValueError: in one line, for a damaged file.
+        ValueError: for a damaged file.
     """
     path = folder / SPENT
     if not path.exists():
@@ -137,7 +137,7 @@ def read_spent(folder: Path) -> list[float]:
 
 
 def least_cost(problem: GaitProblem, request: Request) -> float:
-    """What a request costs, see :func:`cost`, if no gait gets ahead."""
+    """The smallest cost of a request, see :func:`cost`: no gait gets ahead."""
     count = len(request.points)
     speeds = {condition.name: np.full(count, -np.inf) for condition in problem.conditions}
     return cost(problem, request, Evaluation(np.zeros(count), details=speeds))

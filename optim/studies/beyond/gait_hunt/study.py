@@ -88,7 +88,7 @@ SCALES: Mapping[Budget, Hunt] = {
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a run has found.
+    """The course of a run, and the best gait that it found.
 
     Attributes:
         search: its name.
@@ -203,7 +203,7 @@ def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations:
 
 
 def _row(one: Found) -> dict[str, Any]:
-    """What a run has found, a row of ``table.csv``."""
+    """The row of a run in ``table.csv``."""
     last = one.history.generations[-1]
     return {
         "search": one.search,
@@ -258,7 +258,7 @@ def _group(name: str, group: Sequence[Record]) -> dict[str, Any]:
 
 
 def _table(summary: dict[str, dict[str, Any]]) -> str:
-    """The same in Markdown; evaluations and robot-steps are medians of the runs, speeds those of runs with a gait."""
+    """The searches in Markdown; evaluations and robot-steps are medians of runs, speeds those of runs with a gait."""
     lines = [
         "| search | evaluations | million robot-steps | runs | speed, mean | interval | best | harder | these, stay |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
