@@ -5,6 +5,7 @@ Source: Hadka & Reed, Borg: an auto-adaptive many-objective evolutionary computi
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,11 +13,11 @@ from numpy.typing import NDArray
 
 from optim.measures.pareto import dominates
 from optim.problem import Evaluation
+from optim.search.base import table, whole
 from optim.search.borg_operators import OPERATORS, OperatorParameters, breed, uniform_mutation
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import Kept
 from optim.search.population import PopulationSearch
-from optim.space import Space
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats, Ints
 
@@ -26,6 +27,7 @@ TOURNAMENT = 0.02  # tau: of the population takes part in a tournament
 NOBODY = -1  # label of what no operator made
 
 
+@dataclass(eq=False, kw_only=True)
 class Borg(PopulationSearch):
     """A population of varying size, and an archive of boxes of objectives.
 
@@ -39,6 +41,14 @@ class Borg(PopulationSearch):
     once ``window`` evaluations have passed since the last time or since the mutants of a restart are judged; at least
     one variable is drawn anew by uniform mutation; failures are left out of everything, and while the population is
     short of members, every success joins it; the population never becomes smaller than N.
+
+    Attributes:
+        population: N, the first size of the population and its smallest.
+        epsilons: sides of the boxes, one for all objectives or one for each, in their units: differences smaller
+            than that do not matter.
+        window: evaluations after which the search restarts if no new box was reached.
+        children: points asked for at a time after the starts; N if None. The paper breeds one at a time.
+        operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published.
     """
 
     several_objectives: ClassVar[bool] = True
@@ -53,52 +63,29 @@ class Borg(PopulationSearch):
         "passed",
     )
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        epsilons: float | Sequence[float] = 0.01,
-        window: int = 200,
-        children: int | None = None,
-        operators: Mapping[str, float] | None = None,
-    ) -> None:
-        """Set up the search.
+    epsilons: float | Sequence[float] = 0.01
+    window: int = whole(200, 1)
+    children: int | None = whole(None, 1)
+    operators: Mapping[str, float] | None = table()
 
-        Args:
-            space: what may be changed.
-            population: N, the first size of the population and its smallest.
-            seed: of all random numbers.
-            start: values by name with which the search begins; the other variables start at random.
-            epsilons: sides of the boxes, one for all objectives or one for each, in their units: differences smaller
-                than that do not matter.
-            window: evaluations after which the search restarts if no new box was reached.
-            children: points asked for at a time after the starts; N if None. The paper breeds one at a time.
-            operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published.
-        """
-        checks.integer("window", window, 1)
-        if children is not None:
-            checks.integer("children", children, 1)
-        for epsilon in epsilons if isinstance(epsilons, Sequence) else [epsilons]:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for epsilon in self.epsilons if isinstance(self.epsilons, Sequence) else [self.epsilons]:
             checks.number("epsilons", epsilon, 1e-12, 1e12)
-        checks.table("operators", {} if operators is None else operators)
         known = OperatorParameters.__dataclass_fields__
-        for name in operators or {}:
+        for name in self.operators or {}:
             if name not in known:
                 raise ValueError(f"operators: {name!r} is unknown; its parameters are {', '.join(known)}")
-        self.window, self.epsilons = window, np.array(epsilons, float)
-        self.parameters = OperatorParameters(**dict(operators or {}))  # type: ignore[arg-type]
-        super().__init__(space, population=population, seed=seed, start=start)
-        self.children = children or population
-        self._begin(max(self.epsilons.size, 1))
+        self.sides = np.array(self.epsilons, float)
+        self.parameters = OperatorParameters(**dict(self.operators or {}))  # type: ignore[arg-type]
+        self.brood = self.children or self.population
+        self._begin(max(self.sides.size, 1))
 
     def _begin(self, count: int) -> None:
         """No members yet, for ``count`` objectives."""
-        if self.epsilons.size not in (1, count):
-            raise ValueError(f"epsilons: {self.epsilons.size} given for {count} objectives; give one, or one for each")
-        self.archive = EpsilonArchive.empty(np.broadcast_to(self.epsilons, count).copy(), self.space.size)
+        if self.sides.size not in (1, count):
+            raise ValueError(f"epsilons: {self.sides.size} given for {count} objectives; give one, or one for each")
+        self.archive = EpsilonArchive.empty(np.broadcast_to(self.sides, count).copy(), self.space.size)
         self.members, self.member_objectives = np.empty((0, self.space.size)), np.empty((0, count))
         self.size = np.array(self.population)  # that the population shall have
         self.missing = np.array(0)  # mutants of a restart yet to be asked for
@@ -109,9 +96,9 @@ class Borg(PopulationSearch):
         if self.generation == 0:
             return self._starts()
         if not len(self.archive.points):
-            return self.space.sample(self._generator(), self.children)
+            return self.space.sample(self._generator(), self.brood)
         makers = self._makers()
-        points = np.empty((self.children, self.space.size))
+        points = np.empty((self.brood, self.space.size))
         mutants = int((makers == NOBODY).sum())
         rng = self._generator(1)
         chosen = self.archive.points[rng.integers(len(self.archive.points), size=mutants)]
@@ -131,7 +118,7 @@ class Borg(PopulationSearch):
 
     def _makers(self) -> Ints:
         """Which operator makes each point of this generation, shape (M,); first come those that none makes."""
-        count = self.population if self.generation == 0 else self.children
+        count = self.population if self.generation == 0 else self.brood
         makers = self._generator(3).choice(len(OPERATORS), count, p=self.probabilities())
         nobody = len(makers) if not len(self.archive.points) else int(self.missing)
         return np.where(np.arange(len(makers)) < nobody, NOBODY, makers)
@@ -201,5 +188,5 @@ class Borg(PopulationSearch):
         """Continue from :meth:`state`."""
         super().restore(state)
         points, objectives, labels = (state[f"archive_{name}"].copy() for name in ("points", "objectives", "labels"))
-        epsilons = np.broadcast_to(self.epsilons, objectives.shape[1]).copy()
+        epsilons = np.broadcast_to(self.sides, objectives.shape[1]).copy()
         self.archive = EpsilonArchive(epsilons, points, objectives, labels)

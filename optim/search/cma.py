@@ -1,16 +1,16 @@
 """CMA-ES with margin: a normal distribution that learns its shape, for numbers and whole numbers together."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
+from optim.search.base import flag, number, whole
 from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
+from optim.search.method import MOST_POINTS
 from optim.search.population import PopulationSearch, below_all
-from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COLLAPSED = 1e-9  # the widest continuous variable has a smaller standard deviation: nothing is left to search [ranges]
 
 
+@dataclass(eq=False, kw_only=True)
 class CMAESWithMargin(PopulationSearch):
     """N points a generation from a normal distribution whose mean, step size and covariance follow the best half.
 
@@ -31,53 +32,35 @@ class CMAESWithMargin(PopulationSearch):
     of the ranges, which needs no more generations than a random start. It starts again, with the first step size and
     somewhere at random, when continuous variables have collapsed, when the library's criteria say so, when nothing
     has got better for ``patience`` generations, or at once if there were only failures.
+
+    Attributes:
+        start: values by name where the mean first is; of the other variables it is in the middle. Where all are
+            given, generation 0 judges that point, too.
+        sigma: first standard deviation of every variable [ranges].
+        patience: generations of points without a better one before a restart.
+        random_mean: whether the mean is first at random where ``start`` says nothing, as after a restart: for
+            problems whose middle is no good place, such as a plateau.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("record", "stalled", "restarts")
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        sigma: float = 0.3,
-        patience: int = 100,
-        random_mean: bool = False,
-    ) -> None:
-        """Set up the distribution.
+    population: int = whole(60, 4, MOST_POINTS)
+    sigma: float = number(0.3, 1e-3, 1.0)
+    patience: int = whole(100, 1)
+    random_mean: bool = flag(False)
 
-        Args:
-            space: what may be changed.
-            population: N, points a generation, at least 4.
-            seed: of all random numbers.
-            start: values by name where the mean first is; of the other variables it is in the middle. Where
-                all are given, generation 0 judges that point, too.
-            sigma: first standard deviation of every variable [ranges].
-            patience: generations without a better point before a restart.
-            random_mean: whether the mean is first at random where ``start`` says nothing, as after a restart: for
-                problems whose middle is no good place, such as a plateau.
-        """
-        checks.number("sigma", sigma, 1e-3, 1.0)
-        checks.integer("patience", patience, 1)
-        checks.flag("random_mean", random_mean)
-        super().__init__(space, population=population, seed=seed, start=start)
-        self.sigma, self.patience = sigma, patience
-        self.discrete = space.integers
-        given = np.array([random_mean or name in self.start for name in space.names])
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.discrete = self.space.integers
+        given = np.array([self.random_mean or name in self.given for name in self.space.names])
         self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
         # Of this restart: its best score, and generations since it rose.
         self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(0)
 
-    @classmethod
-    def _smallest(cls) -> int:
-        return 4
-
     def ask(self) -> Floats:
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
         _, places, _ = self._draw()
-        return np.concatenate([self._to_points(places), self._given()])
+        return np.concatenate([self._to_points(places), self._complete_start()])
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Move the distribution, unless there is nothing to learn; restart it if it has done what it can."""
@@ -132,11 +115,5 @@ class CMAESWithMargin(PopulationSearch):
         """Step size [ranges] and how often the search began again."""
         return {"sigma": float(self.strategy["sigma"]), "restarts": int(self.restarts)}
 
-    def state(self) -> Arrays:
-        """What populations have, and the numbers of the distribution."""
-        return super().state() | {f"strategy/{name}": values.copy() for name, values in self.strategy.items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        super().restore(state)
-        self.strategy = {name: state[f"strategy/{name}"].copy() for name in self.strategy}
+    def _groups(self) -> Mapping[str, Arrays]:
+        return {"strategy": self.strategy}

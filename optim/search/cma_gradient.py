@@ -1,23 +1,23 @@
 """CMA-ES with margin whose mean is led by gradients."""
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from optim.problem import Evaluation
+from optim.search.base import hidden, number, whole
 from optim.search.cma import CMAESWithMargin
 from optim.search.method import LARGEST, MOST_POINTS, Wants, check_slopes, single_objective, slopes_per_range
 from optim.search.population import below_all
 from optim.search.step_rules import LBFGS
-from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 LENGTHS = (0.25, 1.0, 2.0)  # of the step: the points that are tried along it
 UNIT = 40.0  # standard deviations in a unit of the quasi-Newton rule, which goes a quarter of one at most
 
 
+@dataclass(eq=False, kw_only=True)
 class CMAGradient(CMAESWithMargin):
     """CMA-ES with margin, in turns with gradients at the mean.
 
@@ -33,46 +33,26 @@ class CMAGradient(CMAESWithMargin):
     only their correlations move them. Where the objective is smooth in continuous variables, about half of the
     evaluations are saved, or more; with many binary ones it is quicker at first, and no surer in the end. Relaxed
     points are not sharpened: they are judged near true ones, between which the distribution chooses.
+
+    Attributes:
+        every: generations of points before one of gradients.
+        samples: antithetic pairs of relaxed points, drawn from the distribution, whose mean gradient is taken; 0
+            for the gradient at the mean alone.
+        rate: first step, along the longest of the distribution's axes in it [standard deviations].
     """
 
     arrays: ClassVar[tuple[str, ...]] = (*CMAESWithMargin.arrays, "anchor", "slope", "moved", "change", "step")
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        sigma: float = 0.3,
-        patience: int = 100,
-        every: int = 1,
-        samples: int = 0,
-        rate: float = 4.0,
-    ) -> None:
-        """Set up the distribution.
+    random_mean: bool = hidden(False)
+    every: int = whole(1, 1)
+    samples: int = whole(0, 0, MOST_POINTS // 2)
+    rate: float = number(4.0, 1e-3, UNIT / 4)
 
-        Args:
-            space: what may be changed.
-            population: N, points a generation, at least 4.
-            seed: of all random numbers.
-            start: values by name where the mean first is; of the other variables it is in the middle. Where
-                all are given, generation 0 judges that point, too.
-            sigma: first standard deviation of every variable [ranges].
-            patience: generations of points without a better one before a restart.
-            every: generations of points before one of gradients.
-            samples: antithetic pairs of relaxed points, drawn from the distribution, whose mean gradient is taken; 0
-                for the gradient at the mean alone.
-            rate: first step, along the longest of the distribution's axes in it [standard deviations].
-        """
-        super().__init__(space, population=population, seed=seed, start=start, sigma=sigma, patience=patience)
-        check_slopes(space)
-        checks.integer("every", every, 1)
-        checks.integer("samples", samples, 0, MOST_POINTS // 2)
-        checks.number("rate", rate, 1e-3, UNIT / 4)
-        self.every, self.samples, self.rate = every, samples, rate
-        self.relaxed = space.relaxed()
-        self.sloped = np.array([variable.kind != "integer" for variable in space.variables])
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_slopes(self.space)
+        self.relaxed = self.space.relaxed()
+        self.sloped = np.array([variable.kind != "integer" for variable in self.space.variables])
         self._forget()
 
     def _forget(self) -> None:

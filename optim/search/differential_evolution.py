@@ -5,13 +5,13 @@ Evol. Comput. 15, 2011 (survey; dither of the weight); Zhang & Sanderson, IEEE T
 (current-to-pbest); Lampinen & Zelinka, Mendel 1999 (mixed variables: whole numbers are rounded to be judged only).
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from optim.problem import Evaluation
+from optim.search.base import choice, number, whole
 from optim.search.method import MOST_POINTS
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, around_start, draw_inside, ranking
@@ -24,6 +24,7 @@ OTHERS = {"rand/1/bin": 3, "rand/2/bin": 5, "best/1/bin": 3, "current-to-pbest/1
 PBEST = 0.1  # p of current-to-pbest: the part of the population that counts as best
 
 
+@dataclass(eq=False, kw_only=True)
 class DifferentialEvolution(PopulationSearch):
     """N members, and for each of them one trial a generation, which replaces it if it is at least as good.
 
@@ -37,54 +38,35 @@ class DifferentialEvolution(PopulationSearch):
 
     With ``trials`` the population is not replaced by generations: T members, drawn anew every time, get a trial each.
     Then no generation judges all starts; a start is judged beside every trial of it, until one replaces it.
+
+    Attributes:
+        population: N, at least 4, and 6 for ``"rand/2/bin"``.
+        start: values by name of the first member; the others start with these mutated by a step of the
+            variable, and with random values of the other variables.
+        strategy: where a mutant comes from, see :meth:`_mutants`.
+        weight: F, of the differences.
+        dither: F of a trial is drawn evenly from ``weight - dither`` to ``weight + dither``.
+        crossover: CR, the probability that a variable of the trial comes from the mutant; one always does.
+        trials: T, of a generation, at most N; 0: generation 0 judges the starts, then all members get one.
+        bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between member and bound.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("values",)
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        strategy: Strategy = "current-to-pbest/1/bin",
-        weight: float = 0.5,
-        dither: float = 0.3,
-        crossover: float = 0.5,
-        trials: int = 0,
-        bounds: Bounds = "reflect",
-    ) -> None:
-        """Set up the population.
+    population: int = whole(60, 4, MOST_POINTS)
+    strategy: Strategy = choice("current-to-pbest/1/bin", get_args(Strategy))
+    weight: float = number(0.5, 0.0, 2.0)
+    dither: float = number(0.3, 0.0, "weight")
+    crossover: float = number(0.5, 0.0, 1.0)
+    trials: int = whole(0, 0, "population")
+    bounds: Bounds = choice("reflect", get_args(Bounds))
 
-        Args:
-            space: what may be changed.
-            population: N, at least 4, and 6 for ``"rand/2/bin"``.
-            seed: of all random numbers.
-            start: values by name of the first member; the others start with these mutated by a step of the
-                variable, and with random values of the other variables.
-            strategy: where a mutant comes from, see :meth:`_mutants`.
-            weight: F, of the differences.
-            dither: F of a trial is drawn evenly from ``weight - dither`` to ``weight + dither``.
-            crossover: CR, the probability that a variable of the trial comes from the mutant; one always does.
-            trials: T, of a generation, at most N; 0: generation 0 judges the starts, then all members get one.
-            bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between member and bound.
-        """
-        checks.choice("strategy", strategy, get_args(Strategy))
-        checks.choice("bounds", bounds, get_args(Bounds))
-        checks.integer("population", population, OTHERS[strategy] + 1, MOST_POINTS)
-        checks.number("weight", weight, 0.0, 2.0)
-        checks.number("dither", dither, 0.0, weight)
-        checks.number("crossover", crossover, 0.0, 1.0)
-        checks.integer("trials", trials, 0)
-        if trials > population:
-            raise ValueError(f"trials: {trials} is not allowed; give a whole number from 0 to {population}")
-        self.strategy, self.weight, self.dither, self.crossover = strategy, weight, dither, crossover
-        self.trials, self.bounds = trials, bounds
-        self.inner = _widened(space)
-        super().__init__(space, population=population, seed=seed, start=start)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.integer("population", self.population, OTHERS[self.strategy] + 1, MOST_POINTS)
+        self.inner = _widened(self.space)
         self.values = np.full(self.points.shape, np.nan)
-        if trials:
+        if self.trials:
             self.values, self.points = self._first_values(), self._starts()
 
     def ask(self) -> Floats:
@@ -118,7 +100,7 @@ class DifferentialEvolution(PopulationSearch):
     def _first_values(self) -> Floats:
         rng = self._generator()
         values = self.inner.sample(rng, self.population)
-        return self.inner.reflect(around_start(self.space, values, self.start, rng))
+        return self.inner.reflect(around_start(self.space, values, self.given, rng))
 
     def _rounded(self, values: Floats) -> Floats:
         return self.space.clip(self.space.round(values))

@@ -5,26 +5,25 @@ SIAM Review 45, 2003 (generating sets; expansion and contraction of the step; bo
 """
 
 from collections.abc import Mapping
-from typing import Any, Literal, get_args
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
+from optim.search.base import choice, number, table, whole
 from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import generator, single_objective
 from optim.search.population import below_all
 from optim.search.variation import draw_inside
-from optim.space import Space
-from taichi_sim.base import checks
-from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.arrays import Floats
 
 Directions = Literal["axes", "rotated"]
 LONGEST = 1e300  # step [ranges] that is as good as none at all, and still a number
-# State of the searches, beside what independent searches have.
-ARRAYS = ("centres", "centre_scores", "steps", "barren", "begun", "judged", "waiting")
 
 
+@dataclass(eq=False, kw_only=True)
 class GeneratingSetSearch(IndependentSearches):
     """C searches, each of which polls around its centre.
 
@@ -39,54 +38,46 @@ class GeneratingSetSearch(IndependentSearches):
 
     A generation judges one point a search, so with one climber it is strictly sequential. With ``polled`` points at
     once, the best of them that is better than the centre ends the poll.
+
+    Attributes:
+        start: values by name with which every search starts, again and again; the others are random.
+        directions: ``"axes"``: one variable at a time; ``"rotated"``: a random orthonormal basis for every poll,
+            of all but the whole numbers, which keep their axes.
+        step: the first [ranges].
+        expansion: factor of the step after a success.
+        contraction: factor of the step after a poll without one.
+        tolerance: step [ranges] below which a search begins anew.
+        max_step: the longest [ranges]. What is longer than 1 leads beyond a bound, so that a poll draws points on
+            lines through the centre; a search may then take long to contract.
+        polled: points of a poll that are judged at once; 2 D is all of them.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        climbers: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        directions: Directions = "axes",
-        step: float = 0.5,
-        expansion: float = 2.0,
-        contraction: float = 0.5,
-        tolerance: float = 1e-10,
-        max_step: float = 1.0,
-        polled: int = 1,
-    ) -> None:
-        """Set up the searches.
+    arrays: ClassVar[tuple[str, ...]] = (
+        "centres",
+        "centre_scores",
+        "steps",
+        "barren",
+        "begun",
+        "judged",
+        "waiting",
+    )
 
-        Args:
-            space: what may be changed.
-            climbers: C.
-            seed: of all random numbers.
-            start: values by name with which every search starts, again and again; the others are random.
-            directions: ``"axes"``: one variable at a time; ``"rotated"``: a random orthonormal basis for every poll,
-                of all but the whole numbers, which keep their axes.
-            step: the first [ranges].
-            expansion: factor of the step after a success.
-            contraction: factor of the step after a poll without one.
-            tolerance: step [ranges] below which a search begins anew.
-            max_step: the longest [ranges]. What is longer than 1 leads beyond a bound, so that a poll draws points on
-                lines through the centre; a search may then take long to contract.
-            polled: points of a poll that are judged at once; 2 D is all of them.
-        """
-        checks.choice("directions", directions, get_args(Directions))
-        checks.number("step", step, 1e-12, 1.0)
-        checks.number("expansion", expansion, 1.0, 10.0)
-        checks.number("contraction", contraction, 0.01, 0.99)
-        checks.number("tolerance", tolerance, 1e-15, step)
-        checks.number("max_step", max_step, step, LONGEST)
-        checks.integer("polled", polled, 1)
-        super().__init__(space, climbers=climbers, seed=seed)
-        self.start, self.directions, self.polled = dict(start or {}), directions, polled
-        self.step, self.expansion, self.contraction = step, expansion, contraction
-        self.tolerance, self.max_step = tolerance, max_step
-        self.integer = space.integers
-        self.centres = np.full((climbers, space.size), np.nan)
-        self.centre_scores, self.steps = np.full(climbers, np.nan), np.full(climbers, step)
+    start: Mapping[str, float] | None = table()
+    directions: Directions = choice("axes", get_args(Directions))
+    step: float = number(0.5, 1e-12, 1.0)
+    expansion: float = number(2.0, 1.0, 10.0)
+    contraction: float = number(0.5, 0.01, 0.99)
+    tolerance: float = number(1e-10, 1e-15, "step")
+    max_step: float = number(1.0, "step", LONGEST)
+    polled: int = whole(1, 1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        climbers = self.climbers
+        self.given: dict[str, float] = dict(self.start or {})
+        self.integer = self.space.integers
+        self.centres = np.full((climbers, self.space.size), np.nan)
+        self.centre_scores, self.steps = np.full(climbers, np.nan), np.full(climbers, self.step)
         self.barren = np.full(climbers, np.nan)  # step of the last poll around this centre, which found nothing better
         self.begun, self.judged = np.zeros(climbers, int), np.zeros(climbers, int)  # of the poll: when, how many points
         self.waiting = np.ones(climbers, bool)  # for a start
@@ -119,7 +110,7 @@ class GeneratingSetSearch(IndependentSearches):
     def _starts(self) -> Floats:
         """A random point for every search that waits for one."""
         which = np.flatnonzero(self.waiting).tolist()
-        return random_starts(self.space, self.seed, self.generation, which, self.start) if which else self.points[:0]
+        return random_starts(self.space, self.seed, self.generation, which, self.given) if which else self.points[:0]
 
     def _move(self, climber: int, point: Floats, score: float, count: int) -> None:
         """What a search does after ``count`` points, of which this was the best."""
@@ -174,13 +165,7 @@ class GeneratingSetSearch(IndependentSearches):
         lengths = step * self.space.span
         return np.where(self.integer, np.maximum(1.0, np.rint(lengths)), lengths)
 
-    def state(self) -> Arrays:
-        """Generation, best points and scores; where the searches are, and how far in their polls."""
-        return super().state() | {name: getattr(self, name).copy() for name in ARRAYS}
-
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from :meth:`state`."""
         super().restore(state)
-        for name in ARRAYS:
-            setattr(self, name, state[name].copy())
         self.polls = [self.points[:0] if self.waiting[n] else self._poll(n) for n in range(self.climbers)]

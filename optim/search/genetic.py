@@ -5,82 +5,59 @@ Sources: Goldberg & Deb, Foundations of Genetic Algorithms 1, 1991 (tournament s
 PPSN 1992 (mutation of one variable in D).
 """
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from optim.problem import Evaluation
+from optim.search.base import number, whole
 from optim.search.method import MOST_POINTS
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import around_start, mutation_steps, ranking
-from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Indices
 
 ALPHA = 0.5  # of BLX: how far beyond its parents a child may lie, of their distance
 
 
+@dataclass(eq=False, kw_only=True)
 class GeneticSearch(PopulationSearch):
     """N members and N children a generation, of parents that won a tournament.
 
     Generation 0 evaluates random starts, of which the best N are the population. The next population is the best N of
     all children and of the ``elites`` best members; of equals a child goes first, so that the population moves on
     plateaus, and a failure comes last.
+
+    Attributes:
+        start: values by name of the first member; the others start with these mutated by a step of the variable (a
+            tenth of the range if it has none), and with random values of the other variables.
+        tournament: members drawn for a parent, of which the best becomes it.
+        crossover: probability that a child has two parents, not one.
+        mutation: probability that a variable of a child mutates; one in D if None.
+        resetting: probability that a variable which mutates is drawn anew from all of its range ("random
+            resetting", Eiben & Smith, Introduction to Evolutionary Computing, 2015, 4.3.1), where steps lead
+            nowhere.
+        elites: members that compete with the children for a place: 0, none survives its generation; N, the best
+            of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
+        starts: points of generation 0, at least N, which is meant by None. Many find what is rare.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        tournament: int = 2,
-        crossover: float = 0.9,
-        mutation: float | None = None,
-        resetting: float = 0.0,
-        elites: int | None = None,
-        starts: int | None = None,
-    ) -> None:
-        """Set up the population.
+    population: int = whole(60, 2, MOST_POINTS)
+    tournament: int = whole(2, 1, 1000)
+    crossover: float = number(0.9, 0.0, 1.0)
+    mutation: float | None = number(None, 0.0, 1.0)
+    resetting: float = number(0.0, 0.0, 1.0)
+    elites: int | None = whole(None, 0)
+    starts: int | None = whole(None, "population", MOST_POINTS)
 
-        Args:
-            space: what may be changed; its variables carry the steps of the mutation, a tenth of the range if 0.
-            population: N, at least 2.
-            seed: of all random numbers.
-            start: values by name of the first member; the others start with these mutated by a step of the
-                variable, and with random values of the other variables.
-            tournament: members drawn for a parent, of which the best becomes it.
-            crossover: probability that a child has two parents, not one.
-            mutation: probability that a variable of a child mutates; one in D if None.
-            resetting: probability that a variable which mutates is drawn anew from all of its range ("random
-                resetting", Eiben & Smith, Introduction to Evolutionary Computing, 2015, 4.3.1), where steps lead
-                nowhere.
-            elites: members that compete with the children for a place: 0, none survives its generation; N, the best
-                of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
-            starts: points of generation 0, at least N, which is meant by None. Many find what is rare.
-        """
-        checks.number("crossover", crossover, 0.0, 1.0)
-        checks.number("resetting", resetting, 0.0, 1.0)
-        checks.integer("tournament", tournament, 1, 1000)
-        if mutation is not None:
-            checks.number("mutation", mutation, 0.0, 1.0)
-        if starts is not None:
-            checks.integer("starts", starts, population, MOST_POINTS)
-        self.starts = population if starts is None else starts
-        super().__init__(space, population=population, seed=seed, start=start)
-        if elites is not None:
-            checks.integer("elites", elites, 0)
-        self.tournament, self.crossover, self.resetting = tournament, crossover, resetting
-        self.mutation = 1 / space.size if mutation is None else mutation
-        self.elites = max(1, population // 10) if elites is None else min(elites, population)
-        self.steps = mutation_steps(space)
-        self.binary = np.array([variable.kind == "binary" for variable in space.variables])
-        self.whole = space.integers
-
-    @classmethod
-    def _smallest(cls) -> int:
-        return 2
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        count = self.population
+        self.first = count if self.starts is None else self.starts
+        self.rate = 1 / self.space.size if self.mutation is None else self.mutation
+        self.survivors = max(1, count // 10) if self.elites is None else min(self.elites, count)
+        self.steps = mutation_steps(self.space)
+        self.binary = np.array([variable.kind == "binary" for variable in self.space.variables])
+        self.whole = self.space.integers
 
     def ask(self) -> Floats:
         """The starts, then the children, shape (N, D)."""
@@ -92,7 +69,7 @@ class GeneticSearch(PopulationSearch):
             best = np.sort(ranking(evaluation.objectives[:, 0])[: self.population])
             self.points, self.objectives = points[best], evaluation.objectives[best]
             return
-        elite = ranking(self.objectives[:, 0])[: self.elites]
+        elite = ranking(self.objectives[:, 0])[: self.survivors]
         points = np.concatenate([points, self.points[elite]])
         objectives = np.concatenate([evaluation.objectives, self.objectives[elite]])
         kept = ranking(objectives[:, 0])[: self.population]
@@ -100,14 +77,14 @@ class GeneticSearch(PopulationSearch):
 
     def _starts(self) -> Floats:
         rng = self._generator()
-        points = self.space.sample(rng, self.starts)
-        return self.space.reflect(self.space.round(around_start(self.space, points, self.start, rng)))
+        points = self.space.sample(rng, self.first)
+        return self.space.reflect(self.space.round(around_start(self.space, points, self.given, rng)))
 
     def _children(self, rng: np.random.Generator) -> Floats:
         """One child for each member, shape (N, D); none equals its first parent, but for chance in mutating."""
         first, second = self.points[self._parents(rng)], self.points[self._parents(rng)]
         children = np.where(rng.random((self.population, 1)) < self.crossover, self._crossed(rng, first, second), first)
-        chosen = rng.random(children.shape) < self.mutation
+        chosen = rng.random(children.shape) < self.rate
         alone = rng.integers(0, self.space.size, self.population)
         clones = (children == first).all(axis=1) | (children == second).all(axis=1)
         chosen[np.arange(self.population), alone] |= clones & ~chosen.any(axis=1)

@@ -1,26 +1,25 @@
 """Gradient ascent from many starts, through a relaxation of what is binary."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
+from optim.search.base import choice, flag, number, positive, table, whole
 from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import LARGEST, MOST_POINTS, Wants, generator, single_objective, slopes_per_range, with_values
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
-from optim.space import Space
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 
 PROGRESS = 1e-4  # of the best value of an ascent: a smaller gain is none
 MOST = 1e12  # that a setting may be
 ENOUGH = 1e-4  # of the gain that the gradient promised, for a monotone rule (Armijo)
-# State of the climbers, beside what independent searches have.
-ARRAYS = ("here", "anchor", "value", "slope", "step", "scale", "record", "stalled", "seeking")
 
 
+@dataclass(eq=False, kw_only=True)
 class GradientAscent(IndependentSearches):
     """C climbers that follow the gradient, each restarting at random when it gets nowhere.
 
@@ -33,72 +32,67 @@ class GradientAscent(IndependentSearches):
     A point that failed, or whose gradient did, is taken back half way to the last that did not. The gradient of a
     landscape of cliffs and plateaus says nothing: ``gradient="smoothed"`` climbs its mean under normal deviates,
     with antithetic pairs (evolution strategies: Salimans et al., arXiv:1703.03864, sec. 2.1).
+
+    Attributes:
+        start: values by name with which every climber starts, again and again; the others are random.
+        rule: of the steps, ``"adam"`` or ``"l-bfgs"``.
+        learning_rate: typical step of Adam and first step of L-BFGS [ranges of the variables].
+        clip: length to which Adam shortens longer gradients [objective per range].
+        gradient: ``"exact"`` from the problem; ``"smoothed"`` estimated here, by ``2 * samples`` evaluations.
+        samples: antithetic pairs of a smoothed gradient.
+        smoothing: their standard deviation [ranges].
+        sharpest: the last sharpness.
+        stage: moves between two doublings.
+        patience: moves without progress before a climber restarts.
+        candidates: random points of which a climber starts at the best, judged in a generation of their own
+            unless it is a single one.
+        verify: evaluate true points in their own generations even if no variable is binary, for a problem
+            that judges relaxed points differently.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        climbers: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        rule: Literal["adam", "l-bfgs"] = "adam",
-        learning_rate: float = 0.05,
-        clip: float = 1.0,
-        gradient: Literal["exact", "smoothed"] = "exact",
-        samples: int = 8,
-        smoothing: float = 0.05,
-        sharpest: float = 8.0,
-        stage: int = 20,
-        patience: int = 20,
-        candidates: int = 1,
-        verify: bool = False,
-    ) -> None:
-        """Set up the climbers.
+    arrays: ClassVar[tuple[str, ...]] = (
+        "here",
+        "anchor",
+        "value",
+        "slope",
+        "step",
+        "scale",
+        "record",
+        "stalled",
+        "seeking",
+    )
 
-        Args:
-            space: what may be changed; no integers but binary ones.
-            climbers: C.
-            seed: of all random numbers.
-            start: values by name with which every climber starts, again and again; the others are random.
-            rule: of the steps.
-            learning_rate: typical step of Adam and first step of L-BFGS [ranges of the variables].
-            clip: length to which Adam shortens longer gradients [objective per range].
-            gradient: ``"exact"`` from the problem; ``"smoothed"`` estimated here, by ``2 * samples`` evaluations.
-            samples: antithetic pairs of a smoothed gradient.
-            smoothing: their standard deviation [ranges].
-            sharpest: the last sharpness.
-            stage: moves between two doublings.
-            patience: moves without progress before a climber restarts.
-            candidates: random points of which a climber starts at the best, judged in a generation of their own
-                unless it is a single one.
-            verify: evaluate true points in their own generations even if no variable is binary, for a problem
-                that judges relaxed points differently.
-        """
-        super().__init__(space, climbers=climbers, seed=seed)
-        for variable in space.variables:
+    start: Mapping[str, float] | None = table()
+    rule: Literal["adam", "l-bfgs"] = choice("adam", ("adam", "l-bfgs"))
+    learning_rate: float = positive(0.05, MOST)
+    clip: float = positive(1.0, MOST)
+    gradient: Literal["exact", "smoothed"] = choice("exact", ("exact", "smoothed"))
+    samples: int = whole(8, 1, MOST_POINTS)
+    smoothing: float = positive(0.05, MOST)
+    sharpest: float = number(8.0, 1.0, MOST)
+    stage: int = whole(20, 1)
+    patience: int = whole(20, 1)
+    candidates: int = whole(1, 1, MOST_POINTS)
+    verify: bool = flag(False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for variable in self.space.variables:
             if variable.kind == "integer":
                 raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
-        for name, value, allowed in (("rule", rule, ("adam", "l-bfgs")), ("gradient", gradient, ("exact", "smoothed"))):
-            checks.choice(name, value, allowed)
-        for name, number in (("learning_rate", learning_rate), ("clip", clip), ("smoothing", smoothing)):
-            checks.positive(name, number, MOST)
-        checks.number("sharpest", sharpest, 1.0, MOST)
-        checks.flag("verify", verify)
-        checks.integer("samples", samples, 1, MOST_POINTS // (2 * climbers) if gradient == "smoothed" else MOST_POINTS)
-        checks.integer("candidates", candidates, 1, MOST_POINTS // climbers)
-        for name, whole in (("stage", stage), ("patience", patience)):
-            checks.integer(name, whole, 1)
-        if rule == "l-bfgs" and gradient == "smoothed":
+        self.exact = self.gradient == "exact"
+        if not self.exact:
+            checks.integer("samples", self.samples, 1, MOST_POINTS // (2 * self.climbers))
+        checks.integer("candidates", self.candidates, 1, MOST_POINTS // self.climbers)
+        if self.rule == "l-bfgs" and not self.exact:
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
-        self.start, self.exact = dict(start or {}), gradient == "exact"
-        self.samples, self.smoothing = samples, smoothing
-        self.sharpest, self.stage, self.patience, self.candidates = sharpest, stage, patience, candidates
-        self.relaxed = space.relaxed()
-        self.binary = self.relaxed != space
-        self.alternates = verify or self.binary
-        shape = (climbers, space.size)
-        self.rule: StepRule = LBFGS(*shape, learning_rate) if rule == "l-bfgs" else Adam(*shape, learning_rate, clip)
+        self.given: dict[str, float] = dict(self.start or {})
+        self.relaxed = self.space.relaxed()
+        self.binary = self.relaxed != self.space
+        self.alternates = self.verify or self.binary
+        climbers, rate = self.climbers, self.learning_rate
+        shape = (climbers, self.space.size)
+        self.steps: StepRule = LBFGS(*shape, rate) if self.rule == "l-bfgs" else Adam(*shape, rate, self.clip)
         self.here, self.anchor = np.empty(shape), np.empty(shape)  # what is evaluated; the last that did not fail
         self.value, self.slope = np.empty(climbers), np.empty(shape)  # of the anchor; objective per range
         self.step, self.scale = np.empty(shape), np.empty(climbers)  # from the anchor, and how much of it to go
@@ -157,7 +151,7 @@ class GradientAscent(IndependentSearches):
         """Random points, ``candidates`` for each climber that seeks a start."""
         rngs = [generator(self.seed, self.generation, climber, 2) for climber in np.flatnonzero(self.seeking).tolist()]
         points = np.concatenate([self.relaxed.sample(rng, self.candidates) for rng in rngs])
-        return with_values(self.relaxed, points, self.start)
+        return with_values(self.relaxed, points, self.given)
 
     def _choose(self, points: Floats, scores: Floats) -> None:
         """Let each climber that seeks a start have its best; the generation goes on with these."""
@@ -174,7 +168,7 @@ class GradientAscent(IndependentSearches):
         if self.sharpness != before:
             self.value[:] = self.record[:] = -np.inf
             self.stalled[:] = 0
-            self.rule.forget(np.ones(self.climbers, bool))
+            self.steps.forget(np.ones(self.climbers, bool))
 
     def _smoothed(self, scores: Floats) -> tuple[Floats, Floats]:
         """Values and slopes of the mean under normal deviates, from the pairs that did not fail; else NaN."""
@@ -197,14 +191,14 @@ class GradientAscent(IndependentSearches):
         values, slopes = np.where(valid, values, -np.inf), np.where(valid[:, None], slopes, 0.0)
         moved = self.relaxed.offset(self.here, self.anchor)
         accepted = valid
-        if self.rule.monotone:
+        if self.steps.monotone:
             promised = np.nansum(self.slope * moved, axis=1)
             accepted = valid & ~(values < self.value + ENOUGH * promised)
-        self.rule.learn(accepted & np.isfinite(self.value), moved, slopes - self.slope)
+        self.steps.learn(accepted & np.isfinite(self.value), moved, slopes - self.slope)
         self.anchor = np.where(accepted[:, None], self.here, self.anchor)
         self.value = np.where(accepted, values, self.value)
         self.slope = np.where(accepted[:, None], slopes, self.slope)
-        steps = self.rule.steps(accepted, self.slope, free_variables(self.space, self.anchor, self.slope))
+        steps = self.steps.steps(accepted, self.slope, free_variables(self.space, self.anchor, self.slope))
         self.step = np.where(accepted[:, None], steps, self.step)
         self.scale = np.where(accepted, np.minimum(1.0, 2 * self.scale), self.scale / 2)
         self.here = self.relaxed.bound(self.anchor + self.scale[:, None] * self.step * self.space.span)
@@ -222,7 +216,7 @@ class GradientAscent(IndependentSearches):
         which = np.flatnonzero(climbers).tolist()
         self.seeking = climbers & (self.candidates > 1)
         if which:
-            self.here[climbers] = random_starts(self.relaxed, self.seed, self.generation, which, self.start)
+            self.here[climbers] = random_starts(self.relaxed, self.seed, self.generation, which, self.given)
         for values, first in (
             (self.anchor, np.nan),
             (self.value, -np.inf),
@@ -233,19 +227,10 @@ class GradientAscent(IndependentSearches):
             (self.stalled, 0.0),
         ):
             values[climbers] = first
-        self.rule.forget(climbers)
+        self.steps.forget(climbers)
 
-    def state(self) -> Arrays:
-        """Generation, best points and scores; where the climbers are, and what their rule has learnt."""
-        own = {name: getattr(self, name).copy() for name in ARRAYS}
-        return super().state() | own | {f"rule/{name}": a.copy() for name, a in self.rule.arrays.items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        super().restore(state)
-        for name in ARRAYS:
-            setattr(self, name, state[name].copy())
-        self.rule.arrays = {name: state[f"rule/{name}"].copy() for name in self.rule.arrays}
+    def _groups(self) -> Mapping[str, Arrays]:
+        return {"rule": self.steps.arrays}
 
 
 def _best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:

@@ -1,23 +1,21 @@
 """Hill climbers that step along gradients, and mutate where gradients lead nowhere."""
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
+from optim.search.base import positive, whole
 from optim.search.hill_climb import HillClimb
 from optim.search.method import Wants, check_slopes, single_objective, slopes_per_range
-from optim.space import Space
-from taichi_sim.base import checks
-from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats
 
 GROWTH, SHRINKAGE = 2.0, 0.5  # of a step, after a success and after a failure
 MOST = 1e6  # ranges that a step may be long
-ARRAYS = ("uphill", "step", "failures", "moved")  # state beside that of hill climbers
 
 
+@dataclass(eq=False, kw_only=True)
 class GradientHillClimb(HillClimb):
     """C hill climbers that step along their gradients.
 
@@ -25,44 +23,26 @@ class GradientHillClimb(HillClimb):
     jump that gradients do not see or where chaos blows them up, the climber mutates as :class:`HillClimb` does until
     that helps. Gradients are asked for only where climbers have moved, in a turn of its own; only their directions
     count.
+
+    Attributes:
+        first_step: length of the first step, and of that after a mutation that helped [ranges].
+        longest_step: the longest step [ranges].
+        patience: steps in vain before a climber mutates.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        climbers: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        bounds: Literal["reflect", "clip", "none"] = "reflect",
-        streams: Literal["climbers", "generations"] = "climbers",
-        first_step: float = 0.05,
-        longest_step: float = 0.5,
-        patience: int = 5,
-    ) -> None:
-        """Set up the climbers.
+    arrays: ClassVar[tuple[str, ...]] = ("uphill", "step", "failures", "moved")
 
-        Args:
-            space: what may be changed.
-            climbers: C.
-            seed: of all random numbers.
-            start: values by name with which every climber starts; the other variables start at random.
-            bounds: what happens to a child beyond them, see :class:`HillClimb`.
-            streams: which random numbers climbers draw, see :class:`HillClimb`.
-            first_step: length of the first step, and of that after a mutation that helped [ranges].
-            longest_step: the longest step [ranges].
-            patience: steps in vain before a climber mutates.
-        """
-        super().__init__(space, climbers=climbers, seed=seed, start=start, bounds=bounds, streams=streams)
-        check_slopes(space)
-        checks.positive("first_step", first_step, MOST)
-        checks.positive("longest_step", longest_step, MOST)
-        checks.integer("patience", patience, 1)
-        self.first_step, self.longest_step, self.patience = first_step, longest_step, patience
-        self.uphill = np.zeros((climbers, space.size))  # unit vectors, in ranges
-        self.step = np.full(climbers, first_step)
-        self.failures = np.zeros(climbers, int)  # in a row
-        self.moved = np.zeros(climbers, bool)  # whose gradient is wanted
+    first_step: float = positive(0.05, MOST)
+    longest_step: float = positive(0.5, MOST)
+    patience: int = whole(5, 1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_slopes(self.space)
+        self.uphill = np.zeros((self.climbers, self.space.size))  # unit vectors, in ranges
+        self.step = np.full(self.climbers, self.first_step)
+        self.failures = np.zeros(self.climbers, int)  # in a row
+        self.moved = np.zeros(self.climbers, bool)  # whose gradient is wanted
 
     @property
     def wants(self) -> Wants:
@@ -94,16 +74,6 @@ class GradientHillClimb(HillClimb):
         self.step = np.where(stepping, after_step, np.where(self.moved, self.first_step, self.step))
         self.failures = np.where(self.moved, 0, self.failures + 1)
         self.generation += int(not self.moved.any())
-
-    def state(self) -> Arrays:
-        """Generation, best points and scores; directions, steps, failures, and which gradients are wanted."""
-        return super().state() | {name: getattr(self, name).copy() for name in ARRAYS}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        super().restore(state)
-        for name in ARRAYS:
-            setattr(self, name, state[name].copy())
 
     @property
     def _patient(self) -> Bools:

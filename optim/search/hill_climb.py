@@ -5,55 +5,43 @@ mutates all of its parameters by normal deviates, and keeps the child if it is b
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from optim.search.base import choice, table
 from optim.search.independent import IndependentSearches, random_starts
 from optim.search.method import generator, with_values
-from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 
+@dataclass(eq=False, kw_only=True)
 class HillClimb(IndependentSearches):
     """C hill climbers that know nothing of each other.
 
     Generation 0 evaluates random starts. Afterwards a climber's child is its best point with every variable x
     changed to x + N(0, step), integers rounded, brought back into the bounds.
     (differs: the published program wrapped values round, which could leave the bounds.)
+
+    Attributes:
+        start: values by name with which every climber starts; the other variables start at random.
+        bounds: what happens to a child beyond them: ``"reflect"`` folds it back as by a mirror, ``"clip"`` moves
+            it to the nearest bound, ``"none"`` leaves it, for problems that take any value.
+        streams: ``"climbers"`` have random numbers of their own, so that none depends on how many there are;
+            with ``"generations"`` all climbers of a generation draw from one stream, as in chapter 2.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        climbers: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        bounds: Literal["reflect", "clip", "none"] = "reflect",
-        streams: Literal["climbers", "generations"] = "climbers",
-    ) -> None:
-        """Set up the climbers.
+    start: Mapping[str, float] | None = table()
+    bounds: Literal["reflect", "clip", "none"] = choice("reflect", ("reflect", "clip", "none"))
+    streams: Literal["climbers", "generations"] = choice("climbers", ("climbers", "generations"))
 
-        Args:
-            space: what may be changed; its variables carry the steps of the mutation.
-            climbers: C.
-            seed: of all random numbers.
-            start: values by name with which every climber starts; the other variables start at random.
-            bounds: what happens to a child beyond them: ``"reflect"`` folds it back as by a mirror, ``"clip"`` moves
-                it to the nearest bound, ``"none"`` leaves it, for problems that take any value.
-            streams: ``"climbers"`` have random numbers of their own, so that none depends on how many there are;
-                with ``"generations"`` all climbers of a generation draw from one stream, as in chapter 2.
-        """
-        super().__init__(space, climbers=climbers, seed=seed)
-        if not space.step.all():
-            raise ValueError(
-                f"step: 0 of {space.names[int(np.argmin(space.step))]} is not allowed; it would never change"
-            )
-        checks.choice("bounds", bounds, ("reflect", "clip", "none"))
-        checks.choice("streams", streams, ("climbers", "generations"))
-        self.start, self.bounds, self.streams = dict(start or {}), bounds, streams
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.space.step.all():
+            name = self.space.names[int(np.argmin(self.space.step))]
+            raise ValueError(f"step: 0 of {name} is not allowed; it would never change")
+        self.given: dict[str, float] = dict(self.start or {})
         self._starts()
 
     def ask(self) -> Floats:
@@ -78,5 +66,5 @@ class HillClimb(IndependentSearches):
 
     def _starts(self) -> Floats:
         if self.streams == "generations":
-            return with_values(self.space, self.space.sample(generator(self.seed, 0), self.climbers), self.start)
-        return random_starts(self.space, self.seed, 0, range(self.climbers), self.start)
+            return with_values(self.space, self.space.sample(generator(self.seed, 0), self.climbers), self.given)
+        return random_starts(self.space, self.seed, 0, range(self.climbers), self.given)

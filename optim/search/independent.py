@@ -1,56 +1,39 @@
-"""What methods share that run C searches side by side, each knowing only its own best point."""
+"""What methods share that run independent searches side by side."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import MOST_POINTS, SearchResult, Wants, generator, single_objective, with_values
+from optim.search.base import Search, whole
+from optim.search.method import MOST_POINTS, SearchResult, generator, single_objective, with_values
 from optim.space import Space
-from taichi_sim.base import checks
-from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats
 
 
-class IndependentSearches(ABC):
+@dataclass(eq=False, kw_only=True)
+class IndependentSearches(Search):
     """C searches, one evaluation each per generation, all of them in one batch.
 
     A new point replaces a search's best if it is strictly better. NaN never does; a best point that failed is
     replaced by any that did not.
+
+    Attributes:
+        climbers: C, the number of searches.
+        seed: of all random numbers.
     """
 
-    several_objectives: ClassVar[bool] = False
+    always: ClassVar[tuple[str, ...]] = ("points", "scores")
 
-    def __init__(self, space: Space, *, climbers: int = 60, seed: int = 0) -> None:
-        """Set up the searches.
+    climbers: int = whole(60, 1, MOST_POINTS)
+    seed: int = whole(0, 0, 2**63 - 1)
 
-        Args:
-            space: what may be changed.
-            climbers: C, the number of searches.
-            seed: of all random numbers.
-        """
-        checks.integer("climbers", climbers, 1, MOST_POINTS)
-        checks.integer("seed", seed, 0, 2**63 - 1)
-        self.space, self.climbers, self.seed = space, climbers, seed
-        self.generation = 0
-        self.points = np.full((climbers, space.size), np.nan)
-        self.scores = np.full(climbers, np.nan)
-
-    @property
-    def wants(self) -> Wants:
-        """Points of the space."""
-        return "points"
-
-    @property
-    def sharpness(self) -> float:
-        """Of no meaning for points of the space."""
-        return 0.0
-
-    @abstractmethod
-    def ask(self) -> Floats:
-        """One point per search, shape (C, D)."""
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.points = np.full((self.climbers, self.space.size), np.nan)
+        self.scores = np.full(self.climbers, np.nan)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Keep what is better; ``evaluation`` has a single objective."""
@@ -70,21 +53,6 @@ class IndependentSearches(ABC):
         best = int(np.argmax(np.where(np.isnan(self.scores), -np.inf, self.scores)))
         objectives = self.scores[:, None].copy()
         return SearchResult(self.points[best].copy(), float(self.scores[best]), self.points.copy(), objectives)
-
-    def state(self) -> Arrays:
-        """Generation, best points and scores."""
-        return {
-            "generation": np.array(self.generation),
-            "points": self.points.copy(),
-            "scores": self.scores.copy(),
-        }
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        if state["points"].shape != self.points.shape:
-            raise ValueError(f"state: points of shape {state['points'].shape}, expected {self.points.shape}")
-        self.generation = int(state["generation"])
-        self.points, self.scores = state["points"].copy(), state["scores"].copy()
 
 
 def random_starts(

@@ -5,17 +5,17 @@ Mouret, Discovering the elite hypervolume by leveraging interspecies correlation
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
+from optim.search.base import choice, number, table, whole
 from optim.search.method import LARGEST, Kept
 from optim.search.population import PopulationSearch
 from optim.search.variation import mutation_steps
-from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
 
 Variation = Literal["gaussian", "line"]
@@ -23,61 +23,44 @@ SPREAD, LINE = 0.01, 0.2  # sigma_1 and sigma_2 of the line operator (Vassiliade
 MOST_CELLS = 1_000_000
 
 
+@dataclass(eq=False, kw_only=True)
 class MapElites(PopulationSearch):
     """A grid of cells over descriptors of a point; each cell keeps the best success that fell into it, its elite.
 
     Generation 0 evaluates N random points; afterwards each of N children comes from elites drawn uniformly. Values of
     a descriptor beyond its range count as those at the end of the range.
+
+    Attributes:
+        descriptors: what tells kinds of points apart: names of variables, or of details of their evaluation, of
+            shape (N,), if ``ranges`` has them. The first two continuous variables or angles, if None.
+        bins: cells along each descriptor.
+        ranges: [low, high] of a descriptor by name; of a variable its bounds, if not given.
+        variation: ``"gaussian"``: a child is an elite plus normal deviates of the variables' steps, reflected at
+            the bounds, and of a variable without a step of a tenth of its range (whole numbers: at least 1/2).
+            ``"line"``: an elite plus deviates of 1 % of the ranges (whole numbers: their steps) and a step along
+            the line to another elite, of 20 % of its length.
+        offset: score from which the QD score counts.
     """
 
     kind: ClassVar[Kept] = "elites"
     arrays: ClassVar[tuple[str, ...]] = ("cells", "elites", "elite_objectives")
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        descriptors: Sequence[str] | None = None,
-        bins: int = 10,
-        ranges: Mapping[str, Sequence[float]] | None = None,
-        variation: Variation = "gaussian",
-        offset: float = 0.0,
-    ) -> None:
-        """Set up the grid.
+    descriptors: Sequence[str] | None = None
+    bins: int = whole(10, 1)
+    ranges: Mapping[str, Sequence[float]] | None = table()
+    variation: Variation = choice("gaussian", get_args(Variation))
+    offset: float = number(0.0, -LARGEST, LARGEST)
 
-        Args:
-            space: what may be changed.
-            population: N, the number of points of a generation.
-            seed: of all random numbers.
-            start: values by name with which the search begins; the other variables start at random.
-            descriptors: what tells kinds of points apart: names of variables, or of details of their evaluation, of
-                shape (N,), if ``ranges`` has them. The first two continuous variables or angles, if None.
-            bins: cells along each descriptor.
-            ranges: [low, high] of a descriptor by name; of a variable its bounds, if not given.
-            variation: ``"gaussian"``: a child is an elite plus normal deviates of the variables' steps, reflected at
-                the bounds, and of a variable without a step of a tenth of its range (whole numbers: at least 1/2).
-                ``"line"``: an elite plus deviates of 1 % of the ranges (whole numbers: their steps) and a step along
-                the line to another elite, of 20 % of its length.
-            offset: score from which the QD score counts.
-        """
-        checks.integer("bins", bins, 1)
-        checks.number("offset", offset, -LARGEST, LARGEST)
-        checks.choice("variation", variation, get_args(Variation))
-        ranges = {} if ranges is None else ranges
-        checks.table("ranges", ranges)
-        super().__init__(space, population=population, seed=seed, start=start)
-        self.variation, self.bins, self.offset = variation, bins, offset
-        self.descriptors = self._names(descriptors)
-        self.ranges = [self._range(name, ranges) for name in self.descriptors]
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        space, ranges = self.space, self.ranges or {}
+        self.axes = self._axes(ranges)
         for name in ranges:
-            if name not in self.descriptors:
-                raise ValueError(f"ranges: {name} is no descriptor; these are {', '.join(self.descriptors)}")
+            if name not in self.axes:
+                raise ValueError(f"ranges: {name} is no descriptor; these are {', '.join(self.axes)}")
         if self.count > MOST_CELLS:
             raise ValueError(
-                f"bins: {bins} is not allowed for {len(self.ranges)} descriptors; give at most {MOST_CELLS} cells"
+                f"bins: {self.bins} is not allowed for {len(self.axes)} descriptors; give at most {MOST_CELLS} cells"
             )
         steps = mutation_steps(space)
         self.steps = np.where(space.integers & (space.step == 0), np.maximum(steps, 0.5), steps)
@@ -88,16 +71,16 @@ class MapElites(PopulationSearch):
     @property
     def count(self) -> int:
         """Number of cells of the grid."""
-        return int(self.bins ** len(self.descriptors))
+        return int(self.bins ** len(self.axes))
 
-    def _names(self, descriptors: Sequence[str] | None) -> tuple[str, ...]:
-        """The descriptors that are given, or else those that the space suggests."""
-        names = descriptors
+    def _axes(self, ranges: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+        """Lower and upper end of each descriptor that is given, or else of those that the space suggests."""
+        names = self.descriptors
         if names is None:
             names = [v.name for v in self.space.variables if not v.is_integer][:2]
         if not _is_list(names, str) or not names or len(set(names)) < len(names):
             raise ValueError(f"descriptors: {names!r} is not allowed; give a list of names that differ, at least one")
-        return tuple(names)
+        return {name: self._range(name, ranges) for name in names}
 
     def _range(self, name: str, ranges: Mapping[str, Sequence[float]]) -> tuple[float, float]:
         """Lower and upper end of a descriptor."""
@@ -142,7 +125,7 @@ class MapElites(PopulationSearch):
     def _cells(self, points: Floats, evaluation: Evaluation) -> Ints:
         """Number of the cell of each point, shape (N,); the last descriptor varies fastest. Of failures 0."""
         numbers = np.zeros(len(points), np.int64)
-        for name, (low, high) in zip(self.descriptors, self.ranges, strict=True):
+        for name, (low, high) in self.axes.items():
             place = np.nan_to_num((self._descriptor(name, points, evaluation) - low) / (high - low))
             numbers = numbers * self.bins + np.clip(np.floor(place * self.bins), 0, self.bins - 1).astype(np.int64)
         return numbers

@@ -6,21 +6,21 @@ Mathias, Proc. PPSN 1994 (Lamarckian: what a member learns in its life is inheri
 """
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.differential_evolution import DifferentialEvolution, Strategy
+from optim.search.base import hidden, number, whole
+from optim.search.differential_evolution import DifferentialEvolution
 from optim.search.method import LARGEST, Wants, check_slopes, single_objective, slopes_per_range
 from optim.search.step_rules import LBFGS, free_variables
-from optim.search.variation import ranking
-from optim.space import Space
-from taichi_sim.base import checks
+from optim.search.variation import Bounds, ranking
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
 
 
+@dataclass(eq=False, kw_only=True)
 class MemeticSearch(DifferentialEvolution):
     """Generations of differential evolution; every k-th asks for gradients at the best members instead.
 
@@ -32,63 +32,33 @@ class MemeticSearch(DifferentialEvolution):
     too small to flip a bit add up: the rounded point is the same, and equals replace. Whole numbers have no gradient
     and stay; binary variables take steps of the same length, up or down; the others those of L-BFGS, which learns
     from the places where a member has been, and from a neighbour.
+
+    Attributes:
+        every: k; the last of k generations asks for gradients. At least 2.
+        refine: best members that do so; a multiple of 16 is cheap in the simulator, N is the most.
+        learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("values", "refined", "anchor", "slopes", "scale")
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        strategy: Strategy = "current-to-pbest/1/bin",
-        weight: float = 0.5,
-        dither: float = 0.3,
-        crossover: float = 0.5,
-        every: int = 4,
-        refine: int = 16,
-        learning_rate: float = 0.3,
-    ) -> None:
-        """Set up the population; see :class:`DifferentialEvolution` for what is not described here.
+    trials: int = hidden(0)
+    bounds: Bounds = hidden("reflect")
+    every: int = whole(4, 2)
+    refine: int = whole(16, 1)
+    learning_rate: float = number(0.3, 1e-6, 1.0)
 
-        Args:
-            space: what may be changed.
-            population: N.
-            seed: of all random numbers.
-            start: values by name of the first member.
-            strategy: of the trials.
-            weight: F.
-            dither: of F.
-            crossover: CR.
-            every: k; the last of k generations asks for gradients. At least 2.
-            refine: best members that do so; a multiple of 16 is cheap in the simulator, N is the most.
-            learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
-        """
-        check_slopes(space)
-        checks.integer("every", every, 2)
-        checks.integer("refine", refine, 1)
-        checks.number("learning_rate", learning_rate, 1e-6, 1.0)
-        super().__init__(
-            space,
-            population=population,
-            seed=seed,
-            start=start,
-            strategy=strategy,
-            weight=weight,
-            dither=dither,
-            crossover=crossover,
-        )
-        self.every, self.refine, self.learning_rate = every, min(refine, population), learning_rate
-        self.relaxed = space.relaxed()
-        self.integer = np.array([variable.kind == "integer" for variable in space.variables])
-        self.binary = np.array([variable.kind == "binary" for variable in space.variables])
-        self.rule = LBFGS(population, space.size, learning_rate)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_slopes(self.space)
+        self.refine = min(self.refine, self.population)
+        self.relaxed = self.space.relaxed()
+        self.integer = np.array([variable.kind == "integer" for variable in self.space.variables])
+        self.binary = np.array([variable.kind == "binary" for variable in self.space.variables])
+        self.rule = LBFGS(self.population, self.space.size, self.learning_rate)
         shape = self.points.shape
         self.refined = np.full(shape, np.nan)  # where gradients lead to, NaN in the rows of the others
         self.anchor, self.slopes = np.full(shape, np.nan), np.full(shape, np.nan)  # of the last gradients
-        self.scale = np.ones(population)  # of a step
+        self.scale = np.ones(self.population)  # of a step
 
     @property
     def wants(self) -> Wants:
@@ -154,11 +124,5 @@ class MemeticSearch(DifferentialEvolution):
         self.anchor = np.where(valid[:, None], here, self.anchor)
         self.slopes = np.where(valid[:, None], slopes, self.slopes)
 
-    def state(self) -> Arrays:
-        """The population, where its gradients lead, and what L-BFGS has learnt."""
-        return super().state() | {f"rule/{name}": values.copy() for name, values in self.rule.arrays.items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        super().restore(state)
-        self.rule.arrays = {name: state[f"rule/{name}"].copy() for name in self.rule.arrays}
+    def _groups(self) -> Mapping[str, Arrays]:
+        return {"rule": self.rule.arrays}

@@ -2,21 +2,24 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import ClassVar, get_args
 
 import numpy as np
 
 from optim.problem import Evaluation
+from optim.search.base import choice, flag, number, whole
+from optim.search.method import MOST_POINTS
 from optim.search.population import PopulationSearch, below_all
 from optim.search.variation import Bounds, draw_inside
 from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 OFF = 0.2  # share of the points in which some integer at rest still differs from its mean
 
 
+@dataclass(eq=False, kw_only=True)
 class SeparableNES(PopulationSearch):
     """N points a generation from a normal distribution whose mean and standard deviations follow the natural gradient.
 
@@ -27,58 +30,39 @@ class SeparableNES(PopulationSearch):
     floor, at which, with all integer means at whole numbers, one in five points has one that differs.
 
     Equal scores share their utilities, failures those of the last ranks. Nothing restarts it.
+
+    Attributes:
+        start: values by name where the mean first is; of the other variables it is in the middle, or at random.
+            Where all are given, generation 0 judges that point, too.
+        sigma: first standard deviation of every variable [ranges].
+        mirrored: draw every other point opposite to the one before, seen from the mean.
+        random_mean: begin at a random point, not in the middle.
+        max_sigma: the largest standard deviation [ranges]; wider than its range says no more.
+        bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between mean and bound.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("mean", "deviation")
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        sigma: float = 0.3,
-        mirrored: bool = False,
-        random_mean: bool = False,
-        max_sigma: float = 1.0,
-        bounds: Bounds = "reflect",
-    ) -> None:
-        """Set up the distribution.
+    population: int = whole(60, 4, MOST_POINTS)
+    sigma: float = number(0.3, 1e-3, 1.0)
+    mirrored: bool = flag(False)
+    random_mean: bool = flag(False)
+    max_sigma: float = number(1.0, "sigma", 1e300)
+    bounds: Bounds = choice("reflect", get_args(Bounds))
 
-        Args:
-            space: what may be changed.
-            population: N, points a generation, at least 4.
-            seed: of all random numbers.
-            start: values by name where the mean first is; of the other variables it is in the middle, or at random.
-                Where all are given, generation 0 judges that point, too.
-            sigma: first standard deviation of every variable [ranges].
-            mirrored: draw every other point opposite to the one before, seen from the mean.
-            random_mean: begin at a random point, not in the middle.
-            max_sigma: the largest standard deviation [ranges]; wider than its range says no more.
-            bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between mean and bound.
-        """
-        checks.number("sigma", sigma, 1e-3, 1.0)
-        checks.number("max_sigma", max_sigma, sigma, 1e300)
-        checks.choice("bounds", bounds, get_args(Bounds))
-        for name, value in (("mirrored", mirrored), ("random_mean", random_mean)):
-            checks.flag(name, value)
-        super().__init__(space, population=population, seed=seed, start=start)
-        self.mirrored, self.bounds = mirrored, bounds
-        given = np.array([random_mean or name in self.start for name in space.names])
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        space = self.space
+        given = np.array([self.random_mean or name in self.given for name in space.names])
         self.mean = np.where(given, (self._starts()[0] - space.low) / space.span, 0.5)
         self.floor = _floor(space)
-        self.ceiling = np.maximum(max_sigma, self.floor)
-        self.deviation = np.maximum(sigma, self.floor)
-
-    @classmethod
-    def _smallest(cls) -> int:
-        return 4
+        self.ceiling = np.maximum(self.max_sigma, self.floor)
+        self.deviation = np.maximum(self.sigma, self.floor)
 
     def ask(self) -> Floats:
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
         drawn = self.space.round(self._inside(self.mean + self.deviation * self._deviates(), 1))
-        return np.concatenate([drawn, self._given()])
+        return np.concatenate([drawn, self._complete_start()])
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Algorithm 6: both gradients in the coordinates of the distribution itself."""

@@ -5,6 +5,7 @@ Transactions on Evolutionary Computation 6(2), 2002; Blank & Deb, pymoo, IEEE Ac
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
@@ -12,64 +13,49 @@ import numpy as np
 
 from optim.measures.pareto import non_dominated
 from optim.problem import Evaluation
+from optim.search.base import number
 from optim.search.method import Kept
 from optim.search.population import PopulationSearch
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
-from optim.space import Space
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
 LAST = 1_000_000  # rank of a failure
 
 
+@dataclass(eq=False, kw_only=True)
 class NSGA2(PopulationSearch):
     """N points that breed N children a generation; the best N of both survive.
 
     A point is better if it lies in an earlier non-dominated front, or in the same and less crowded. Parents win
     binary tournaments; children come by simulated binary crossover and polynomial mutation in the unit cube, where
     angles wrap and whole numbers are rounded. Failures survive only where successes are too few.
+    Defaults are those of Deb et al. 2002, section IV.
     (differs: a child that is a copy of a point has at least one variable mutated, and a mutated whole number changes
     by at least one, or evaluations would be wasted.)
+
+    Attributes:
+        crossover_probability: with which two parents are crossed; else their children are copies, then mutated.
+        crossover_index: distribution index of the crossover; the larger, the closer children are to parents.
+        mutation_index: distribution index of the mutation, which changes one variable in D on average.
     """
 
     several_objectives: ClassVar[bool] = True
     kind: ClassVar[Kept] = "front"
     arrays: ClassVar[tuple[str, ...]] = ("ranks", "crowding")
 
-    def __init__(
-        self,
-        space: Space,
-        *,
-        population: int = 60,
-        seed: int = 0,
-        start: Mapping[str, float] | None = None,
-        crossover_probability: float = 0.9,
-        crossover_index: float = 20.0,
-        mutation_index: float = 20.0,
-    ) -> None:
-        """Set up the search; the defaults are those of Deb et al. 2002, section IV.
+    crossover_probability: float = number(0.9, 0, 1)
+    crossover_index: float = number(20.0, 0, 1000)
+    mutation_index: float = number(20.0, 0, 1000)
 
-        Args:
-            space: what may be changed.
-            population: N, the number of points.
-            seed: of all random numbers.
-            start: values by name with which the search begins; the other variables start at random.
-            crossover_probability: with which two parents are crossed; else their children are copies, then mutated.
-            crossover_index: distribution index of the crossover; the larger, the closer children are to parents.
-            mutation_index: distribution index of the mutation, which changes one variable in D on average.
-        """
-        checks.number("crossover_probability", crossover_probability, 0, 1)
-        checks.number("crossover_index", crossover_index, 0, 1000)
-        checks.number("mutation_index", mutation_index, 0, 1000)
+    def __post_init__(self) -> None:
+        super().__post_init__()
         try:
             from pymoo.util import default_random_state  # noqa: F401  older ones take no generators
         except ImportError:
             install = checks.install_extra("moo")
             raise ValueError(f"method: pymoo, which nsga2 needs, is missing; {install}") from None
-        self.crossover_probability, self.crossover_index = crossover_probability, crossover_index
-        self.mutation_index = mutation_index
-        super().__init__(space, population=population, seed=seed, start=start)
-        self.ranks, self.crowding = np.zeros(population, int), np.zeros(population)
+        self.ranks, self.crowding = np.zeros(self.population, int), np.zeros(self.population)
 
     def ask(self) -> Floats:
         """The starts, then N children, shape (N, D)."""

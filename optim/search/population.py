@@ -1,71 +1,47 @@
-"""What methods share that move one population of points."""
+"""What methods share that keep a population of points."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.method import MOST_POINTS, Kept, SearchResult, Wants, generator, single_objective, with_values
-from optim.space import Space
-from taichi_sim.base import checks
-from taichi_sim.base.arrays import Arrays, Floats
+from optim.search.base import Search, table, whole
+from optim.search.method import MOST_POINTS, Kept, SearchResult, generator, single_objective, with_values
+from taichi_sim.base.arrays import Floats
 
 
-class PopulationSearch(ABC):
+@dataclass(eq=False, kw_only=True)
+class PopulationSearch(Search):
     """N points that a method keeps, and the best point that it ever met.
 
     A method defines ``ask`` and ``_take``, and names in ``arrays`` what else of it changes.
+
+    Attributes:
+        population: N, the number of points.
+        seed: of all random numbers.
+        start: values by name with which the search begins; the other variables start at random.
     """
 
-    several_objectives: ClassVar[bool] = False
     kind: ClassVar[Kept] = "population"  # what the points of the result are
-    arrays: ClassVar[tuple[str, ...]] = ()  # attributes, arrays all of them, that change beside those below
+    always: ClassVar[tuple[str, ...]] = ("points", "objectives", "best_point", "best_score")
 
-    def __init__(
-        self, space: Space, *, population: int = 60, seed: int = 0, start: Mapping[str, float] | None = None
-    ) -> None:
-        """Set up the search.
+    population: int = whole(60, 1, MOST_POINTS)
+    seed: int = whole(0, 0, 2**63 - 1)
+    start: Mapping[str, float] | None = table()
 
-        Args:
-            space: what may be changed.
-            population: N, the number of points.
-            seed: of all random numbers.
-            start: values by name with which the search begins; the other variables start at random.
-        """
-        checks.integer("population", population, self._smallest(), MOST_POINTS)
-        checks.integer("seed", seed, 0, 2**63 - 1)
-        self.space, self.population, self.seed = space, population, seed
-        self.start = dict(start or {})
-        self.generation = 0
-        self.points = np.full((population, space.size), np.nan)
-        self.objectives = np.full((population, 1), np.nan)
-        self.best_point, self.best_score = np.full(space.size, np.nan), np.array(np.nan)
-        self._starts()
-
-    @classmethod
-    def _smallest(cls) -> int:
-        """The smallest population allowed."""
-        return 1
-
-    @property
-    def wants(self) -> Wants:
-        """Points of the space."""
-        return "points"
-
-    @property
-    def sharpness(self) -> float:
-        """Of no meaning for points of the space."""
-        return 0.0
-
-    @abstractmethod
-    def ask(self) -> Floats:
-        """The points to evaluate next, shape (M, D)."""
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.given: dict[str, float] = dict(self.start or {})
+        with_values(self.space, self.space.low[None], self.given)
+        self.points = np.full((self.population, self.space.size), np.nan)
+        self.objectives = np.full((self.population, 1), np.nan)
+        self.best_point, self.best_score = np.full(self.space.size, np.nan), np.array(np.nan)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Remember the best, and move on."""
+        """Take in the judgement of the points asked for, and remember the best."""
         if not self.several_objectives:
             single_objective(evaluation, len(self.ask()))
         elif len(evaluation.objectives) != len(points):
@@ -95,37 +71,24 @@ class PopulationSearch(ABC):
         return self.points, self.objectives
 
     def _numbers(self) -> Mapping[str, float | int | None]:
-        """What the log shall tell of the search beside its points."""
+        """Further numbers for the log."""
         return {}
-
-    def state(self) -> Arrays:
-        """Generation, population, the best point ever, and what else changes."""
-        names = ("points", "objectives", "best_point", "best_score", *self.arrays)
-        return {"generation": np.array(self.generation)} | {name: getattr(self, name).copy() for name in names}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        if state["points"].shape != self.points.shape:
-            raise ValueError(f"state: points of shape {state['points'].shape}, expected {self.points.shape}")
-        self.generation = int(state["generation"])
-        for name in ("points", "objectives", "best_point", "best_score", *self.arrays):
-            setattr(self, name, state[name].copy())
 
     def _starts(self) -> Floats:
         """The first population, shape (N, D): random but for the values given by name."""
-        return with_values(self.space, self.space.sample(self._generator(), self.population), self.start)
+        return with_values(self.space, self.space.sample(self._generator(), self.population), self.given)
 
-    def _given(self) -> Floats:
+    def _complete_start(self) -> Floats:
         """The start itself, shape (1, D), in generation 0 of a distribution around it; else none, shape (0, D).
 
         It is judged beside the points drawn, so that no search ends below where it began; the distribution is not told.
         Nor is anything judged where ``start`` leaves variables open.
         """
-        complete = self.generation == 0 and set(self.start) == set(self.space.names)
-        return with_values(self.space, self.space.low[None], self.start)[: int(complete)]
+        complete = self.generation == 0 and set(self.given) == set(self.space.names)
+        return with_values(self.space, self.space.low[None], self.given)[: int(complete)]
 
     def _generator(self, *stream: int) -> np.random.Generator:
-        """Random numbers of this generation; the same as often as asked."""
+        """Random numbers of this generation, the same however often they are asked for."""
         return generator(self.seed, self.generation, *stream)
 
 

@@ -214,7 +214,7 @@ def test_given_starts_belong_to_the_first_and_vary_around():
         ({"weight": 2.5}, "weight: 2.5 is not allowed; give a number from 0 to 2"),
         ({"dither": 0.6}, "dither: 0.6 is not allowed; give a number from 0 to 0.5"),
         ({"crossover": np.nan}, "crossover: nan is not allowed"),
-        ({"trials": 61}, "trials: 61 is not allowed; give a whole number from 0 to 60"),
+        ({"trials": 61}, "trials: 61 is not allowed; give a whole number, at most 60"),
         ({"bounds": "clip"}, "bounds: 'clip' is unknown; choose one of reflect, random"),
         ({"start": {"z": 1.0}}, "start: z not free to change"),
         ({"start": {"x3": 0.5}}, "x3: 0.5 is not allowed; give a whole number"),

@@ -72,7 +72,7 @@ def test_it_continues_exactly_from_any_generation(variation):
 def test_failures_have_no_cell(variation):
     method = run(MapElites(SPACE, population=20, seed=0, variation=variation, bins=4), judge, 60)
     result = method.result()
-    assert method.descriptors == ("x", "heading") and result.numbers["cells"] == 12  # a quarter of headings fails
+    assert tuple(method.axes) == ("x", "heading") and result.numbers["cells"] == 12  # a quarter of headings fails
     assert not np.isnan(result.objectives).any() and np.array_equal(judge(result.points), result.scores)
     assert result.score > 0.99 and {0.0, 1.0} == set(method.points[:, 3])
 
@@ -92,7 +92,7 @@ def test_descriptors_can_be_details_of_the_evaluation():
     heights = np.array([-3.0, 10.0, 4.0, np.nan])
     method.tell(points, Evaluation([1.0, 2.0, 3.0, np.nan], details={"height": heights}))
     assert method.cells.tolist() == [0, 12, 24]  # beyond a range is its end
-    method.descriptors = ("width",)
+    method.axes = {"width": (0.0, 1.0)}
     for details, message in (
         ({}, "descriptors: width is no detail of the evaluation; it has none"),
         ({"width": np.zeros((4, 2))}, r"descriptors: width of shape \(4, 2\) is not allowed; give one number a point"),
@@ -112,8 +112,8 @@ def test_the_first_two_variables_that_are_not_whole_describe_a_point():
     names = ("n", "x", "b", "y", "z")
     kinds = ("integer", "continuous", "binary", "angle", "continuous")
     space = Space(tuple(Variable(n, 0, 1, kind) for n, kind in zip(names, kinds, strict=True)))
-    assert MapElites(space).descriptors == ("x", "y")
-    assert MapElites(Space(space.variables[:2])).descriptors == ("x",)
+    assert tuple(MapElites(space).axes) == ("x", "y")
+    assert tuple(MapElites(Space(space.variables[:2])).axes) == ("x",)
 
 
 def test_children_by_lines_lie_along_two_elites():

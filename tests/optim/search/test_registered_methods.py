@@ -11,17 +11,19 @@ from optim.space import Space, Variable
 
 SPACE = Space((Variable("x", -5.0, 5.0, step=0.5),))
 METHOD = '''
+from dataclasses import dataclass
+
 import numpy as np
 
+from optim.search.base import number
 from optim.search.population import PopulationSearch
 
 
+@dataclass(eq=False, kw_only=True)
 class Annealing(PopulationSearch):
     """Children of the population, taken with a chance that falls."""
 
-    def __init__(self, space, *, population=60, seed=0, start=None, cooling=0.5):
-        super().__init__(space, population=population, seed=seed, start=start)
-        self.cooling = cooling
+    cooling: float = number(0.5, 0.0, 1.0)
 
     def ask(self):
         if self.generation == 0:
@@ -72,6 +74,8 @@ def test_methods_of_packages_are_as_good_as_built_in_ones(annealing):
     method = build_method("annealing", SPACE, {"population": 5, "cooling": 0.25})
     assert method.ask().shape == (5, 1) and not takes_several("annealing")
     assert default_settings("annealing") == {"population": 60, "seed": 0, "cooling": 0.5}
+    with pytest.raises(ValueError, match="cooling: 2 is not allowed; give a number from 0 to 1"):
+        build_method("annealing", SPACE, {"cooling": 2})
     with pytest.raises(ValueError, match=r"colling: method annealing does not take it; .*; did you mean cooling"):
         build_method("annealing", SPACE, {"colling": 1})
 
