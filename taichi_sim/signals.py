@@ -5,7 +5,7 @@ form, P = 0); Giorgino, Journal of Statistical Software 31(7), 2009 (the same as
 """
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real, choose_width, larger, load, smaller, store
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.runtime import GRAIN, ti
 
 BLOCK_COST = 2.0  # a block of lanes takes as long as so many pairs in scalars (measured)
@@ -26,9 +27,7 @@ def warping_distances(
     second: ArrayLike,
     *,
     normalise: bool = False,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> Floats:
     """Distance of each pair of signals by dynamic time warping over their full lengths, without a window.
 
@@ -46,9 +45,7 @@ def warping_distances(
         second: the signals to compare them with, one by one, shape (P, M).
         normalise: shift and scale each signal to mean 0 and standard deviation 1 before, so that offset and
             amplitude do not matter. A constant signal becomes zeros, and so lies at distance 0 from other constants.
-        precision: ``"f32"`` or ``"f64"``.
-        device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
-        threads: CPU threads; all cores by default.
+        **compute: device, precision and threads, as of :class:`Compute`.
 
     Returns:
         Distances in the unit of the samples (without unit if normalised), shape (P,); NaN for a pair with a sample
@@ -62,11 +59,11 @@ def warping_distances(
         raise ValueError(
             f"second: shape {second.shape} is not allowed beside first of shape {first.shape}; give as many signals"
         )
-    running = runtime.start(device, precision, threads)
-    on_cpu, pairs, n, m = device == "cpu", *first.shape, second.shape[1]
-    real = Real(precision, choose_width(pairs, precision, running.thread_count, BLOCK_COST) if on_cpu else 1)
-    room = SAMPLES_PER_THREAD if on_cpu else SAMPLES_PER_GPU
-    blocks = max(room // (real.width * (n + 2 * m) + GRAIN), 1) * (running.thread_count if on_cpu else 1)
+    running = runtime.start(Compute.given(compute))
+    precision, on_cpu, pairs, n, m = running.precision, running.device == "cpu", *first.shape, second.shape[1]
+    threads, room = (running.thread_count, SAMPLES_PER_THREAD) if on_cpu else (1, SAMPLES_PER_GPU)
+    real = Real(precision, choose_width(pairs, precision, threads, BLOCK_COST) if on_cpu else 1)
+    blocks = max(room // (real.width * (n + 2 * m) + GRAIN), 1) * threads
     distances: Floats = np.full(pairs, np.nan)
     for begin in range(0, pairs, blocks * real.width):
         part = slice(begin, begin + blocks * real.width)

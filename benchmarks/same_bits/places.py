@@ -10,8 +10,10 @@ Editing this file does not make the reference run again: what it finds in versio
 import importlib
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
+
+import numpy as np
 
 PLACES = {
     # The beam lattice.
@@ -118,3 +120,19 @@ def scene(name: str) -> ModuleType:
         return importlib.import_module(name)
     finally:
         sys.path.remove(folder)
+
+
+def differentiate_vehicles(*given: Any, **settings: Any) -> Any:
+    """Derivatives of vehicles' distances by the names of version 1.0."""
+    found = __getattr__("differentiate_vehicles")(*given, **settings)
+    if hasattr(found, "closest_by_sites"):
+        return found
+    by = {f"{of}_by_{what}": getattr(getattr(found, f"of_{of}"), what)
+          for of in ("closest", "final") for what in ("sites", "controllers")}  # fmt: skip
+    return SimpleNamespace(closest=found.closest, final=found.final, **by)
+
+
+def differentiate_quadruped(*given: Any, **settings: Any) -> tuple[Any, np.ndarray]:
+    """What quadrupeds did, and the derivatives of their readings by the weights."""
+    found = __getattr__("differentiate_quadruped")(*given, **settings)
+    return found if isinstance(found, tuple) else (found, found.gradient)

@@ -131,10 +131,10 @@ class VehicleProblem:
         if self.objectives != "total":
             raise ValueError(f"objectives: {self.objectives!r} have no single gradient; choose total")
         found = differentiate(self._batch(points), self.task, **self._where, progress=self.progress)
-        by_weights = found.closest_by_controllers[:, 0]
+        by_weights = found.of_closest.controllers[:, 0]
         if self.controller == "contralateral":
             by_weights = np.diagonal(by_weights, axis1=-2, axis2=-1)
-        by = [] if self.body else [found.closest_by_sites[:, 0]]
+        by = [] if self.body else [found.of_closest.sites[:, 0]]
         closest = found.closest[:, 0]
         slopes = np.concatenate([x.reshape(*closest.shape, -1) for x in (*by, by_weights)], axis=-1)
         if self.clip is not None:

@@ -7,6 +7,7 @@ Source: dissertation, chapters 3 and 4. ``PUBLISHED`` has the settings that give
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,7 @@ from robots.braitenberg.body import VehicleBody
 from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import ComputeOptions
 from taichi_sim.vehicle import Rollouts, Traces, VehicleBatch, VehicleTask, rollout
 from taichi_sim.vehicle.rollout import Until
 
@@ -99,10 +101,8 @@ def simulate(
     task: VehicleTask = PUBLISHED,
     *,
     until: Until = "closest",
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> Rollouts:
     """Run controllers in bodies in all environments of a task.
 
@@ -110,13 +110,14 @@ def simulate(
         bodies: B bodies.
         controllers: see :func:`batch_of`; :func:`contralateral` makes matrices of two weights.
         task: environments, radius and time.
-        until, precision, device, threads, progress: see :func:`taichi_sim.vehicle.rollout`.
+        until: when a rollout may end, see :func:`taichi_sim.vehicle.rollout`.
+        progress: called with the fraction done.
+        **compute: device, precision and threads, as of :class:`Compute`.
 
     Returns:
         Arrays of shape (B, C, E).
     """
-    batch = batch_of(bodies, controllers)
-    return rollout(batch, task, until=until, precision=precision, device=device, threads=threads, progress=progress)
+    return rollout(batch_of(bodies, controllers), task, until=until, progress=progress, **compute)
 
 
 def trace(
@@ -125,16 +126,13 @@ def trace(
     task: VehicleTask = PUBLISHED,
     *,
     every: int = 1,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> Traces:
     """Motion and sensor readings over time, as in :func:`simulate`.
 
     Args:
         bodies, controllers, task: see :func:`simulate`.
         every: steps from one sample to the next.
-        precision, device, threads: see :func:`taichi_sim.vehicle.rollout`.
+        **compute: device, precision and threads, as of :class:`Compute`.
     """
-    batch = batch_of(bodies, controllers)
-    return vehicle.trace(batch, task, every=every, precision=precision, device=device, threads=threads)
+    return vehicle.trace(batch_of(bodies, controllers), task, every=every, **compute)

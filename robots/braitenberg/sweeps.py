@@ -77,7 +77,7 @@ def sweep(
         r: radius of success [m].
         dt: time step [s].
         steps: of every rollout.
-        precision, device, threads: see :func:`taichi_sim.vehicle.rollout`; results do not depend on threads.
+        precision, device, threads: as of :class:`Compute`; results do not depend on threads.
         out: folder that takes the results as they come. A sweep of the same settings that finds it goes on from there,
             also for other bodies; killed at any moment, it loses half a minute of work at most.
         progress: called with the fraction done.

@@ -2,17 +2,31 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.vehicle import gradient_kernel as kernel
-from taichi_sim.vehicle.rollout_kernel import GRAIN
 from taichi_sim.vehicle.task import VehicleBatch, VehicleTask
 
 ROLLOUTS_AT_ONCE = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of a distance from the light.
+
+    Attributes:
+        sites: by the places of the sensors, shape (B, C, E, S, 2).
+        controllers: by W, shape (B, C, E, 2, S) [s/m^2]; 0 for connections that no controller has.
+    """
+
+    sites: Floats
+    controllers: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,18 +36,14 @@ class VehicleGradient:
     Attributes:
         closest: the smallest of a rollout, shape (B, C, E).
         final: at its end, shape (B, C, E).
-        closest_by_sites: d closest / d site, shape (B, C, E, S, 2).
-        closest_by_controllers: d closest / d W, shape (B, C, E, 2, S); 0 for connections that no controller has.
-        final_by_sites: d final / d site, shape (B, C, E, S, 2).
-        final_by_controllers: d final / d W, shape (B, C, E, 2, S).
+        of_closest: derivatives of the smallest.
+        of_final: derivatives of the one at the end.
     """
 
     closest: Floats
     final: Floats
-    closest_by_sites: Floats
-    closest_by_controllers: Floats
-    final_by_sites: Floats
-    final_by_controllers: Floats
+    of_closest: Slopes
+    of_final: Slopes
 
 
 @runtime.exclusive
@@ -41,10 +51,8 @@ def differentiate(
     batch: VehicleBatch,
     task: VehicleTask,
     *,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> VehicleGradient:
     """Run all rollouts to their end, with exact derivatives in forward mode.
 
@@ -53,14 +61,15 @@ def differentiate(
     Args:
         batch: bodies and controllers.
         task: environments and time.
-        precision, device, threads, progress: see :func:`rollout`.
+        progress: called with the fraction done.
+        **compute: device, precision and threads.
     """
-    running = runtime.start(device, precision, threads)
+    running = runtime.start(Compute.given(compute))
     shape = (batch.bodies, batch.controllers_each, len(task.starts))
     count, connections = int(np.prod(shape)), sum(map(len, batch.wiring))
-    real = Real(precision, NATIVE_WIDTH[precision] if device == "cpu" else 1)
+    real = Real(running.precision, NATIVE_WIDTH[running.precision] if running.device == "cpu" else 1)
     starts, parameters = _parameters(batch, task, connections)
-    run = kernel.gradient_kernel(real, batch.sensors, batch.wiring, GRAIN if device == "cpu" else 1)
+    run = kernel.gradient_kernel(real, batch.sensors, batch.wiring, runtime.GRAIN if running.device == "cpu" else 1)
     slots = kernel.slot_count(batch.sensors, connections)
     found = np.empty((count, slots))
     at_once = max(running.thread_count * real.width, ROLLOUTS_AT_ONCE * 2000 // max(task.steps, 2000) // 64 * 64)
@@ -113,12 +122,12 @@ def _gradient(found: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> Veh
     return VehicleGradient(
         closest.reshape(shape),
         final.reshape(shape),
-        *_by_site_and_connection(closest_by, batch, shape),
-        *_by_site_and_connection(final_by, batch, shape),
+        _slopes(closest_by, batch, shape),
+        _slopes(final_by, batch, shape),
     )
 
 
-def _by_site_and_connection(by: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
+def _slopes(by: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> Slopes:
     """Derivatives by sites and by the elements of W."""
     sensors = batch.sensors
     sites = by[:, : 2 * sensors].reshape(*shape, sensors, 2)
@@ -127,4 +136,4 @@ def _by_site_and_connection(by: Floats, batch: VehicleBatch, shape: tuple[int, .
     for motor, connected in enumerate(batch.wiring):
         controllers[:, motor, list(connected)] = by[:, column : column + len(connected)]
         column += len(connected)
-    return sites, controllers.reshape(*shape, 2, sensors)
+    return Slopes(sites, controllers.reshape(*shape, 2, sensors))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, Unpack, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.runtime import GRAIN
 from taichi_sim.vehicle import rollout_kernel as kernel
 from taichi_sim.vehicle.task import MOST_ROLLOUTS, VehicleBatch, VehicleTask
 
@@ -47,11 +49,9 @@ def rollout(
     task: VehicleTask,
     *,
     until: Until = "closest",
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     width: int | None = None,
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> Rollouts:
     """Run every controller of every body in every environment.
 
@@ -61,11 +61,9 @@ def rollout(
         until: when a rollout may end: at its ``"success"`` or when that is out of reach; when it cannot come closer
             (``"closest"``); or at the ``"end"``. The exits are proven, see ``equations.hopeless``: they change no
             result that is given.
-        precision: ``"f64"``; ``"f32"`` is for exploring, where a few percent of sweeps' cells flip.
-        device: ``"cpu"``, ``"cuda"``, ...
-        threads: CPU threads; all available cores if None.
         width: rollouts side by side; results do not depend on it.
         progress: called with the fraction done.
+        **compute: device, precision and threads; ``"f32"`` is for exploring, where a few percent of sweeps' cells flip.
 
     Raises:
         ValueError: in one line, for settings that are not allowed, or more rollouts than fit into memory.
@@ -75,12 +73,13 @@ def rollout(
     shape = (batch.bodies, batch.controllers_each, len(task.starts))
     if np.prod(shape, dtype=float) > MOST_ROLLOUTS:
         raise ValueError(f"batch: {shape} rollouts are too many at once; give at most {MOST_ROLLOUTS}")
-    running = runtime.start(device, precision, threads)
+    running = runtime.start(Compute.given(compute))
     count = int(np.prod(shape))
-    real = Real(
-        precision, (width or (WIDE if count > WIDE * running.thread_count else NARROW)) if device == "cpu" else 1
-    )
-    found = _launch(batch, task, real, kernel.UNTIL[until], device, running.thread_count, count, progress)
+    if running.device != "cpu":
+        width = 1
+    elif width is None:
+        width = WIDE if count > WIDE * running.thread_count else NARROW
+    found = _launch(batch, task, Real(running.precision, width), kernel.UNTIL[until], running, count, progress)
     closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (found.closest, found.final))
     reached = closest < task.radius
     timed = reached & (until != "success")
@@ -103,15 +102,14 @@ def _launch(
     task: VehicleTask,
     real: Real,
     until: int,
-    device: str,
-    threads: int,
+    running: Compute,
     count: int,
     progress: Callable[[float], None] | None,
 ) -> _Found:
     """Let the kernel do all rollouts, some at a time."""
-    number = real.numpy
+    number, threads, on_cpu = real.numpy, running.thread_count, running.device == "cpu"
     at_once = max(STEPS_PER_LAUNCH // task.steps, real.width * threads)
-    if device == "cpu":
+    if on_cpu:
         each = min(ROLLOUTS_PER_BLOCK, max(real.width, -(-min(count, at_once) // (8 * threads))))
     else:
         at_once, each = GPU_THREADS, 1
@@ -120,7 +118,7 @@ def _launch(
     memory = real.array((blocks, slots)).reshape(-1, real.width)
     lanes = np.zeros((blocks, real.width), np.int32)
     found = _Found(np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number))
-    run = kernel.rollout_kernel(real, batch.sensors, batch.wiring, until, kernel.GRAIN if device == "cpu" else 1)
+    run = kernel.rollout_kernel(real, batch.sensors, batch.wiring, until, GRAIN if on_cpu else 1)
     arrays = (
         batch.sites.reshape(batch.bodies, -1),
         batch.weights,

@@ -4,12 +4,13 @@ A block works through a range of rollouts. Its lanes hold one rollout each; a la
 next one, so that long rollouts do not hold up short ones. Neither neighbours nor their number change a lane's numbers.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, any_lane
-from taichi_sim.autodiff.tracing import select, sqrt
-from taichi_sim.runtime import ti
+from taichi_sim.autodiff.tracing import primitive, select, sqrt
+from taichi_sim.runtime import element, ti
 from taichi_sim.vehicle import equations
 from taichi_sim.vehicle.task import Wiring
 
@@ -25,7 +26,6 @@ CHANGING = STATE[:5]
 
 NOTHING = -1  # no rollout
 STEPS_BETWEEN_CHECKS = 40
-GRAIN = 512  # on a CPU Taichi runs an outer loop of at most this many iterations on one thread
 NEVER = 1e30
 
 
@@ -34,22 +34,45 @@ def slot_count(sensors: int, wiring: Wiring) -> int:
     return SITES + 2 * sensors + max(1, sum(map(len, wiring)))
 
 
-@ti.func
-def load_all(m: ti.template(), ms: ti.template(), k, slots: ti.template(), single: ti.template()):
+class Jobs(NamedTuple):
+    """What rollouts are given: sizes, and arrays of bodies, controllers and environments.
+
+    Attributes:
+        first: number of the launch's first rollout.
+        steps: of each.
+        controllers: of each body.
+        environments: of each controller.
+        shared: whether all bodies have the same controllers, 0 or 1.
+        sites: of sensors, (B, 2 S).
+        weights: of controllers.
+        starts: where the light is seen, (E, 2).
+        reach: largest |l| of bodies.
+        bound: fall of rho^3 in a step, of controllers.
+    """
+
+    first: Any
+    steps: Any
+    controllers: Any
+    environments: Any
+    shared: Any
+    sites: Any
+    weights: Any
+    starts: Any
+    reach: Any
+    bound: Any
+
+
+@primitive
+def load_all(m: Any, ms: Any, k: Any, slots: Sequence[int], single: bool) -> tuple[Any, ...]:
     """Read reals. Where they are scalars their memory has one name only: a GPU gets a copy of every argument."""
-    return ti.static(tuple([ms[k + slot, 0] if single else m[k + slot] for slot in slots]))
+    return tuple(element(ms, k + slot, 0) if single else element(m, k + slot) for slot in slots)
 
 
-@ti.func
-def store_all(
-    m: ti.template(), ms: ti.template(), k, slots: ti.template(), single: ti.template(), values: ti.template()
-):
+@primitive
+def store_all(m: Any, ms: Any, k: Any, slots: Sequence[int], single: bool, values: Sequence[Any]) -> None:
     """Write reals."""
-    for i in ti.static(range(len(slots))):
-        if ti.static(single):
-            ms[k + slots[i], 0] = values[i]
-        else:
-            m[k + slots[i]] = values[i]
+    for place, value in zip(load_all(m, ms, k, slots, single), values, strict=True):
+        place._assign(value)
 
 
 @ti.func
@@ -62,40 +85,26 @@ def end_rollout(ms: ti.template(), k, lane, job, closest: ti.template(), waited:
 
 
 @ti.func
-def begin_rollout(
-    ms: ti.template(),
-    k,
-    lane,
-    job,
-    steps,
-    controllers,
-    environments,
-    shared: ti.template(),
-    sites: ti.template(),
-    weights: ti.template(),
-    starts: ti.template(),
-    reach: ti.template(),
-    bound: ti.template(),
-):
+def begin_rollout(ms: ti.template(), k, lane, job, jobs: ti.template()):
     """Put a rollout into a lane."""
-    body = job // (controllers * environments)
-    controller = (job // environments) % controllers
-    start = job % environments
-    row = body * controllers + controller
-    if shared != 0:
+    body = job // (jobs.controllers * jobs.environments)
+    controller = (job // jobs.environments) % jobs.controllers
+    start = job % jobs.environments
+    row = body * jobs.controllers + controller
+    if jobs.shared != 0:
         row = controller
-    px, py = starts[start, 0], starts[start, 1]
+    px, py = jobs.starts[start, 0], jobs.starts[start, 1]
     ms[k + PX, lane] = px
     ms[k + PY, lane] = py
     ms[k + CLOSEST, lane] = px * px + py * py
     ms[k + WAITED, lane] = 0.0
-    ms[k + LEFT, lane] = steps
-    ms[k + BOUND, lane] = bound[row]
-    ms[k + REACH, lane] = reach[body]
-    for c in range(sites.shape[1]):
-        ms[k + SITES + c, lane] = sites[body, c]
-    for c in range(weights.shape[1]):
-        ms[k + SITES + sites.shape[1] + c, lane] = weights[row, c]
+    ms[k + LEFT, lane] = jobs.steps
+    ms[k + BOUND, lane] = jobs.bound[row]
+    ms[k + REACH, lane] = jobs.reach[body]
+    for c in range(jobs.sites.shape[1]):
+        ms[k + SITES + c, lane] = jobs.sites[body, c]
+    for c in range(jobs.weights.shape[1]):
+        ms[k + SITES + jobs.sites.shape[1] + c, lane] = jobs.weights[row, c]
 
 
 @ti.func
@@ -110,31 +119,12 @@ def empty_lane(ms: ti.template(), k, lane, slots: ti.template()):
 
 
 @ti.func
-def fill_lane(
-    ms: ti.template(),
-    k,
-    lane,
-    job,
-    end,
-    first,
-    slots: ti.template(),
-    steps,
-    controllers,
-    environments,
-    shared,
-    sites: ti.template(),
-    weights: ti.template(),
-    starts: ti.template(),
-    reach: ti.template(),
-    bound: ti.template(),
-):
+def fill_lane(ms: ti.template(), k, lane, job, end, slots: ti.template(), jobs: ti.template()):
     """Put a rollout into a lane, if there is one left; its number, or NOTHING."""
     result = NOTHING
     if job < end:
         result = job
-        begin_rollout(
-            ms, k, lane, first + job, steps, controllers, environments, shared, sites, weights, starts, reach, bound
-        )
+        begin_rollout(ms, k, lane, jobs.first + job, jobs)
     else:
         empty_lane(ms, k, lane, slots)
     return result
@@ -155,7 +145,7 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
     def run(
         blocks: ti.i32,
         first: ti.i32,
-        jobs: ti.i32,
+        count: ti.i32,
         jobs_per_block: ti.i32,
         steps: ti.i32,
         controllers: ti.i32,
@@ -179,42 +169,28 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
             if i % grain == 0:
                 block = i // grain
                 k = block * slots
+                jobs = ti.static(
+                    Jobs(first, steps, controllers, environments, shared, sites, weights, starts, reach, bound)
+                )
                 upcoming = block * jobs_per_block
-                end = ti.min(upcoming + jobs_per_block, jobs)
+                end = ti.min(upcoming + jobs_per_block, count)
                 active = ti.min(width, end - upcoming)
                 for lane in range(width):
-                    lanes[block, lane] = fill_lane(
-                        ms,
-                        k,
-                        lane,
-                        upcoming,
-                        end,
-                        first,
-                        slots,
-                        steps,
-                        controllers,
-                        environments,
-                        shared,
-                        sites,
-                        weights,
-                        starts,
-                        reach,
-                        bound,
-                    )
+                    lanes[block, lane] = fill_lane(ms, k, lane, upcoming, end, slots, jobs)
                     upcoming += 1
                 soonest = steps
                 while active > 0:
-                    count = ti.min(soonest, STEPS_BETWEEN_CHECKS)
+                    run_on = ti.min(soonest, STEPS_BETWEEN_CHECKS)
                     px, py, closest, waited, left, fall, outermost = load_all(m, ms, k, STATE, single)
                     l = ti.static(load_all(m, ms, k, at_sites, single))
                     w = ti.static(load_all(m, ms, k, at_weights, single))
-                    for _ in range(count):
+                    for _ in range(run_on):
                         if ti.static(until != UNTIL_SUCCESS):
                             waited = waited + select(closest >= radius * radius, 1.0, 0.0)
                         px, py, _turn = equations.advance(px, py, l, w, wiring, time_step)
                         distance = px * px + py * py
                         closest = select(distance < closest, distance, closest)
-                    left = left - ti.cast(count, real.scalar)
+                    left = left - ti.cast(run_on, real.scalar)
                     ended = (left < 0.5) | ((px + py) * 0.0 != 0.0)
                     if ti.static(until == UNTIL_SUCCESS):
                         ended = ended | (closest < radius * radius)
@@ -222,7 +198,7 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
                     if ti.static(until == UNTIL_CLOSEST):
                         ended = ended | equations.hopeless(px, py, outermost, sqrt(closest), fall * left)
                     store_all(m, ms, k, CHANGING, single, (px, py, closest, waited, left))
-                    soonest -= count
+                    soonest -= run_on
                     if any_lane(ended):
                         store_all(m, ms, k, (ENDED,), single, (select(ended, 1.0, 0.0),))
                         soonest = steps
@@ -230,24 +206,7 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
                             if lanes[block, lane] != NOTHING:
                                 if ms[k + ENDED, lane] > 0.5:
                                     end_rollout(ms, k, lane, lanes[block, lane], closest_of, waited_of, final_of)
-                                    lanes[block, lane] = fill_lane(
-                                        ms,
-                                        k,
-                                        lane,
-                                        upcoming,
-                                        end,
-                                        first,
-                                        slots,
-                                        steps,
-                                        controllers,
-                                        environments,
-                                        shared,
-                                        sites,
-                                        weights,
-                                        starts,
-                                        reach,
-                                        bound,
-                                    )
+                                    lanes[block, lane] = fill_lane(ms, k, lane, upcoming, end, slots, jobs)
                                     upcoming += 1
                                     if lanes[block, lane] == NOTHING:
                                         active -= 1

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.vehicle.task import VehicleBatch, VehicleTask
 from taichi_sim.vehicle.trace_kernel import trace_kernel
 
@@ -35,10 +37,8 @@ def trace(
     task: VehicleTask,
     *,
     every: int = 1,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> Traces:
     """Motion and readings of every controller of every body in every environment.
 
@@ -46,7 +46,8 @@ def trace(
         batch: bodies and controllers.
         task: environments and time; its radius does not matter.
         every: steps from one sample to the next; the start is the first.
-        precision, device, threads, progress: see :func:`rollout`.
+        progress: called with the fraction done.
+        **compute: device, precision and threads.
 
     Raises:
         ValueError: in one line, for ``every`` below 1, or more samples than fit into memory.
@@ -57,8 +58,8 @@ def trace(
     samples, count = task.steps // every + 1, int(np.prod(shape))
     if count * samples * (3 + batch.sensors) > MOST_NUMBERS:
         raise ValueError(f"every: {every} makes {count} traces of {samples} samples, too many; give a larger one")
-    running = runtime.start(device, precision, threads)
-    real = Real(precision, 1)
+    running = runtime.start(Compute.given(compute))
+    real = Real(running.precision, 1)
     places: np.ndarray = np.zeros((count, samples, 3), real.numpy)
     readings: np.ndarray = np.zeros((count, batch.sensors, samples), real.numpy)
     arrays = batch.sites.reshape(batch.bodies, -1), batch.weights, np.column_stack([task.seen, task.starts[:, 2]])

@@ -127,7 +127,7 @@ def test_vehicles_without_any_connection_stay_where_they_are():
     assert kernel.slot_count(2, still.wiring) == kernel.slot_count(2, ((0,), ())) and still.weights.shape == (1, 1)
     done = rollout(still, TASK, until="end")
     assert np.allclose(done.final, 4.0) and not done.reached.any()
-    assert not differentiate(still, TASK).final_by_sites.any()
+    assert not differentiate(still, TASK).of_final.sites.any()
 
 
 def test_controllers_may_be_shared():
@@ -202,7 +202,8 @@ def test_gradients_are_central_differences(steps, matrix):
         def value(s, w, name=name):
             return getattr(rollout(VehicleBatch([s], w[None, None]), task, until="end"), name)[0, 0]
 
-        ours = getattr(found, f"{name}_by_sites")[0, 0], getattr(found, f"{name}_by_controllers")[0, 0]
+        slopes = getattr(found, f"of_{name}")
+        ours = slopes.sites[0, 0], slopes.controllers[0, 0]
         numeric, wider = (
             (
                 differences(lambda s: value(s, weights), sites, step),
@@ -221,8 +222,8 @@ def test_gradients_do_not_depend_on_neighbours():
     some = batch(bodies=5, controllers=3)
     whole = differentiate(some, TASK)
     one = differentiate(VehicleBatch(some.sites[[3]], some.controllers[[3]]), TASK)
-    assert np.array_equal(whole.closest_by_sites[3], one.closest_by_sites[0])
-    assert np.array_equal(whole.final_by_controllers[3], one.final_by_controllers[0])
+    assert np.array_equal(whole.of_closest.sites[3], one.of_closest.sites[0])
+    assert np.array_equal(whole.of_final.controllers[3], one.of_final.controllers[0])
 
 
 # bad input
