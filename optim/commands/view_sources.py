@@ -220,8 +220,8 @@ def _vehicle(body: Any, controller: Floats, task: Any, name: str, args: argparse
 
 
 def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
+    from robots import quadruped
     from robots.control.neural import random_weights
-    from robots.quadruped import robot as quadruped
     from robots.view.rigid_motion import quadruped_motion
 
     robot = {"legged": quadruped.LEGGED, "wheeled": quadruped.WHEELED, "whegged": quadruped.WHEGGED}[kind]
@@ -238,7 +238,7 @@ def _quadruped(kind: str, args: argparse.Namespace) -> Motion:
 
 
 def _rover(args: argparse.Namespace) -> Motion:
-    from robots.rover import robot as rover
+    from robots import rover
     from robots.view.rigid_motion import rover_motion
 
     robot, lights = rover.Rover.published(_design(args)), [rover.LIGHTS[(args.environment or 1) - 1]]

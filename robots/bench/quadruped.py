@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from robots.control.neural import random_weights
-from robots.quadruped.robot import LEGGED, MOTORS, SENSORS, STEPS, WHEELED, WHEGGED, Quadruped, simulate
+from robots.quadruped import LEGGED, MOTORS, SENSORS, STEPS, WHEELED, WHEGGED, Quadruped, simulate
 
 ROBOTS = (LEGGED, WHEELED, WHEGGED)
 CONTROLLERS, ROUNDS = 256, 5

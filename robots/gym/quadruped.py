@@ -9,9 +9,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from robots.control.neural import check_lights
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
-from robots.quadruped.robot import AS_RUN, ENVIRONMENTS, LIGHT_HEIGHT, MOTORS, SENSORS, Kind, Quadruped, Variant, engine
-from taichi_sim.base.checks import number
+from robots.quadruped import AS_RUN, ENVIRONMENTS, LIGHT_HEIGHT, MOTORS, SENSORS, Kind, Quadruped, Variant, engine
 from taichi_sim.rigid import RigidResult
 
 BRIGHTEST = 100.0  # 1/m^2
@@ -48,9 +48,7 @@ class QuadrupedEnvironment(RobotEnvironment[Observation]):
         self.render_mode = render_mode
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (MOTORS,), np.float64)
         self.robot = Quadruped(kind) if robot is None else robot
-        self.lights = np.array([[number("lights", x) for x in place] for place in lights], float)
-        if self.lights.ndim != 2 or self.lights.shape[1] != 2:
-            raise ValueError(f"lights: shape {self.lights.shape} is not allowed; give (E, 2)")
+        self.lights = check_lights(lights)
         self._engine = engine(self.robot, variant, precision="f64", threads=1)
         self._light, self._distance = self.lights[0], 0.0
 

@@ -6,11 +6,10 @@ differs, ``TEXT`` holds the text's variant. A robot starts a little inside the g
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.arrays import Floats
-from taichi_sim.base.lazy import exported_from
+from taichi_sim.base.lazy import exported
 
 if TYPE_CHECKING:
-    from robots.quadruped.robot import (
+    from robots.quadruped.body import (
         AS_RUN,
         ENVIRONMENTS,
         GRAVITY,
@@ -29,12 +28,9 @@ if TYPE_CHECKING:
         WHEGGED,
         Kind,
         Quadruped,
-        QuadrupedResult,
         Variant,
-        differentiate,
-        engine,
-        simulate,
     )
+    from robots.quadruped.simulation import QuadrupedResult, differentiate, engine, simulate
 
 __all__ = [
     "AS_RUN",
@@ -53,7 +49,6 @@ __all__ = [
     "VARIANTS",
     "WHEELED",
     "WHEGGED",
-    "Floats",
     "Kind",
     "Quadruped",
     "QuadrupedResult",
@@ -63,4 +58,5 @@ __all__ = [
     "simulate",
 ]
 
-__getattr__ = exported_from(__name__, "robots.quadruped.robot", __all__)
+_AT_WORK = ("QuadrupedResult", "differentiate", "engine", "simulate")
+__getattr__ = exported(__name__, {n: f"{__name__}.{'simulation' if n in _AT_WORK else 'body'}" for n in __all__})

@@ -7,11 +7,10 @@ published ones are balls, which stop the vehicle, does not matter, as it succeed
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.arrays import Floats
-from taichi_sim.base.lazy import exported_from
+from taichi_sim.base.lazy import exported
 
 if TYPE_CHECKING:
-    from robots.rover.robot import (
+    from robots.rover.body import (
         BEST,
         CANONICAL,
         GRAVITY,
@@ -26,13 +25,10 @@ if TYPE_CHECKING:
         WHEEL_SETBACK,
         WIDTH,
         Rover,
-        RoverResult,
         Site,
         Sites,
-        controllers,
-        engine,
-        simulate,
     )
+    from robots.rover.simulation import RoverResult, controllers, differentiate, engine, simulate
 
 __all__ = [
     "BEST",
@@ -48,14 +44,15 @@ __all__ = [
     "TIME_STEP",
     "WHEEL_SETBACK",
     "WIDTH",
-    "Floats",
     "Rover",
     "RoverResult",
     "Site",
     "Sites",
     "controllers",
+    "differentiate",
     "engine",
     "simulate",
 ]
 
-__getattr__ = exported_from(__name__, "robots.rover.robot", __all__)
+_AT_WORK = ("RoverResult", "controllers", "differentiate", "engine", "simulate")
+__getattr__ = exported(__name__, {n: f"{__name__}.{'simulation' if n in _AT_WORK else 'body'}" for n in __all__})

@@ -6,8 +6,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.quadruped.robot import LEGS, LIGHT_HEIGHT, Quadruped, QuadrupedResult
-from robots.rover.robot import LIGHT_RADIUS, Rover, RoverResult
+from robots.quadruped import LEGS, LIGHT_HEIGHT, Quadruped, QuadrupedResult
+from robots.rover import LIGHT_RADIUS, Rover, RoverResult
 from robots.view.motion import (
     BALL,
     Channel,

@@ -13,7 +13,7 @@ from optim.experiments.tables import write_table
 from optim.studies.chapter2.evolution import Run, evolve
 from optim.studies.chapter2.settings import Interference, Treatment
 from optim.studies.chapter2.tables import measure
-from robots.quadruped.robot import TIME_STEP
+from robots.quadruped import TIME_STEP
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.files import write_text
 

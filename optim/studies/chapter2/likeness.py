@@ -22,7 +22,7 @@ from optim.search.method import generator
 from optim.studies.chapter2.champions import Champions, follow
 from optim.studies.chapter2.settings import Interference, Treatment
 from robots.control.neural import random_weights
-from robots.quadruped.robot import MOTORS, SENSORS
+from robots.quadruped import MOTORS, SENSORS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 from taichi_sim.signals import warping_distances

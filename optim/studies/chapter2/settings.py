@@ -9,7 +9,7 @@ from optim.problem import Evaluation
 from optim.search import build_method
 from optim.search.method import MOST_POINTS, Method
 from optim.space import Space, Variable
-from robots.quadruped.robot import (
+from robots.quadruped import (
     ENVIRONMENTS,
     LEGGED,
     MOTORS,
@@ -133,7 +133,7 @@ class Interference:
         weights, done, slopes = controllers(points), list[Floats](), list[Floats]()
         each = max(1, AT_ONCE // len(self.lights))
         for first in range(0, len(weights), each):
-            seen, found = differentiate(
+            seen = differentiate(
                 ROBOTS[treatment.robot],
                 weights[first : first + each],
                 self.lights,
@@ -143,6 +143,8 @@ class Interference:
                 device=self.device,
                 threads=threads,
             )
+            found = seen.gradient
+            assert found is not None
             with np.errstate(divide="ignore", invalid="ignore"):
                 shares = fitness_shares(treatment.fitness, seen.light)
                 slopes.append(np.einsum("pe,peij->pij", shares, found).reshape(len(found), -1))

@@ -14,7 +14,7 @@ import numpy as np
 
 from optim.experiments.results import cached
 from robots.braitenberg import weight_grid
-from robots.rover.robot import STEPS, Rover, simulate
+from robots.rover import STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder

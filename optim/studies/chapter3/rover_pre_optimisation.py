@@ -33,7 +33,7 @@ from optim.studies.chapter3.rover_problem import (
     distances,
     effort,
 )
-from robots.rover.robot import BEST, CANONICAL, STEPS, Rover, simulate
+from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
 from optim.space import Space, Variable
-from robots.rover.robot import CANONICAL, STEPS, Rover, simulate
+from robots.rover import CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 

@@ -20,7 +20,7 @@ from optim.plots.vehicles import add_overlap_bar, draw_overlap
 from optim.studies.chapter3.rover_grid import RoverGrid, successes
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep
-from robots.rover.robot import BEST, CANONICAL, Rover
+from robots.rover import BEST, CANONICAL, Rover
 from taichi_sim.base.arrays import Bytes
 
 Overlap = Bytes

@@ -15,8 +15,7 @@ from optim.studies.chapter3.rover_problem import RoverProblem
 from optim.studies.chapter3.rover_success import RoverSuccess
 from optim.studies.chapter3.rover_sweep import RoverSweep
 from robots.braitenberg import Sweep
-from robots.rover import Rover, simulate
-from robots.rover.robot import BEST
+from robots.rover import BEST, Rover, simulate
 
 
 @pytest.mark.parametrize(

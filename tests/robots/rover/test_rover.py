@@ -8,8 +8,18 @@ import pytest
 from maximal_rover import MaximalRover
 
 from robots.braitenberg import weight_grid
-from robots.rover import LIGHT_HEIGHT, LIGHT_RADIUS, LIGHTS, TIME_STEP, Rover, controllers, simulate
-from robots.rover.robot import BEST, CANONICAL
+from robots.rover import (
+    BEST,
+    CANONICAL,
+    LIGHT_HEIGHT,
+    LIGHT_RADIUS,
+    LIGHTS,
+    TIME_STEP,
+    Rover,
+    controllers,
+    differentiate,
+    simulate,
+)
 
 ROVERS = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 EVERY = 50  # steps between samples of the reference
@@ -134,3 +144,15 @@ def test_mistakes_are_one_line(make, message):
     with pytest.raises(ValueError) as raised:
         make()
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+def test_derivatives_of_distances_by_the_weights_are_central_differences():
+    settings = {"steps": 120, "precision": "f64", "threads": 1}
+    pairs, shift = np.array([[0.3, -0.9], [1.0, 0.6]]), 1e-6
+    found = differentiate(Rover(), pairs, LIGHTS[:2], **settings)
+    plain = simulate(Rover(), pairs, LIGHTS[:2], **settings)
+    assert plain.gradient is None and np.array_equal(found.distance, plain.distance)
+    for n in range(2):
+        moved = shift * np.eye(2)[n]
+        ends = [simulate(Rover(), pairs + sign * moved, LIGHTS[:2], **settings).distance for sign in (1, -1)]
+        assert found.gradient[..., n] == pytest.approx((ends[0] - ends[1]) / (2 * shift), rel=1e-5)

@@ -1,4 +1,4 @@
-"""A vehicle on two driven wheels and a castor, steered by two light sensors, as an articulated body on the ground.
+"""The rover: a vehicle on two driven wheels and a castor, steered by two light sensors, on the ground.
 
 Source: dissertation, chapter 3, "The empirical model"; the defaults are the published base parameters, found by a
 search of its authors. The vehicle drives along its own y; x is to its right. Lights are points of light here: that the
@@ -6,30 +6,12 @@ published ones are balls, which stop the vehicle, does not matter, as it succeed
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Self
 
 from robots.braitenberg import VehicleBody
-from taichi_sim.base.arrays import Bools, Floats
-from taichi_sim.base.checks import number, whole_number
-from taichi_sim.rigid import (
-    Body,
-    Box,
-    Hinge,
-    Motor,
-    Network,
-    RigidEngine,
-    RigidResult,
-    Senses,
-    Sphere,
-    Tree,
-    Weld,
-    World,
-)
+from taichi_sim.base.checks import number
+from taichi_sim.rigid import Body, Box, Hinge, Motor, Senses, Sphere, Tree, Weld
 
 Site = tuple[float, float]
 Sites = tuple[Site, Site]
@@ -145,103 +127,3 @@ class Rover:
 
 _SENSORS = ("sensor 1", "sensor 2")
 SENSES = Senses(light=[(name, (0, 0, 0)) for name in _SENSORS])
-
-
-@dataclass(frozen=True, eq=False)
-class RoverResult:
-    """What N vehicles did in E environments.
-
-    Attributes:
-        closest: smallest distance from the light at any look, seen from above, (N, E) [m]; NaN if diverged.
-        success: whether that is small enough, (N, E).
-        position: of the body at the end, (N, E, 3) [m].
-        status: ``"ok"`` or ``"diverged"``, (N, E).
-        rollouts: everything about the N E rollouts, environments changing fastest.
-    """
-
-    closest: Floats
-    success: Bools
-    position: Floats
-    status: NDArray[np.str_]
-    rollouts: RigidResult
-
-
-def controllers(weights: object) -> Floats:
-    """Networks of crossed wires, (N, 2, 2): sensor 1 drives the right wheel by w1, sensor 2 the left one by w2.
-
-    Args:
-        weights: w1 and w2 of each, (N, 2); or those of one, (2,).
-
-    Raises:
-        ValueError: in one line, for other shapes or numbers that are not finite.
-    """
-    try:
-        found = np.atleast_2d(np.asarray(weights, float))
-    except (TypeError, ValueError):
-        found = np.empty((0, 0))
-    if found.ndim != 2 or found.shape[1] != 2 or len(found) == 0:
-        raise ValueError(f"weights: shape {found.shape} is not allowed; give (N, 2): w1, w2")
-    if not np.isfinite(found).all():
-        raise ValueError("weights: numbers that are not finite are not allowed")
-    crossed = np.zeros((len(found), 2, 2))
-    crossed[:, [0, 1], [1, 0]] = found
-    return crossed
-
-
-def engine(rovers: Rover | Sequence[Rover], **settings: Any) -> RigidEngine:
-    """An engine for vehicles in the world of the published experiment; settings as of ``RigidEngine``.
-
-    Raises:
-        ValueError: in one line, for no vehicle.
-    """
-    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
-    if not several:
-        raise ValueError("rovers: an empty list is not allowed; give at least one")
-    world = World(TIME_STEP, GRAVITY, SLIP, integration="velocity")
-    return RigidEngine([each.tree() for each in several], world, SENSES, Network(memory=0.0), **settings)
-
-
-def simulate(
-    rovers: Rover | Sequence[Rover],
-    weights: object,
-    lights: Sequence[Sequence[float]] = LIGHTS,
-    *,
-    steps: int = STEPS,
-    record_every: int | None = None,
-    **settings: Any,
-) -> RoverResult:
-    """Run controllers in vehicles, each in all environments.
-
-    Args:
-        rovers: one body for all controllers, or one for each.
-        weights: w1 and w2, (N, 2).
-        lights: places of the light in the environments, (E, 2) [m].
-        steps: looks at the light, each before a time step; steps - 1 time steps are run.
-        record_every: record every so many time steps.
-        **settings: precision, device, threads, width of ``RigidEngine``.
-
-    Raises:
-        ValueError: in one line, for what is not allowed.
-    """
-    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
-    given = controllers(weights)
-    places = np.array([[number("light", x) for x in place] for place in lights], float)
-    if places.ndim != 2 or places.shape[1] != 2:
-        raise ValueError(f"lights: shape {places.shape} is not allowed; give (E, 2)")
-    if len(several) not in (1, len(given)):
-        raise ValueError(f"rovers: {len(several)} are not allowed; give one, or one for each of {len(given)}")
-    count, environments = len(given), len(places)
-    bodies = several if len(several) == 1 else [each for each in several for _ in range(environments)]
-    sources = np.column_stack([np.tile(places, (count, 1)), np.full(count * environments, LIGHT_HEIGHT)])
-    found = engine(bodies, **settings).run(
-        whole_number("steps", steps, 1) - 1,
-        weights=np.repeat(given, environments, 0),
-        lights=sources,
-        record_every=record_every,
-    )
-    shape = (count, environments)
-    closest = found.closest.reshape(shape)
-    enough = np.array([each.success_distance for each in several])[:, None]
-    return RoverResult(
-        closest, closest <= enough, found.position.reshape(*shape, 3), found.status.reshape(shape), found
-    )

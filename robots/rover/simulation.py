@@ -1,0 +1,138 @@
+"""Rovers at work: pairs of weights in bodies, in environments with a light each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.control.neural import Lights, Trials
+from robots.rover.body import GRAVITY, LIGHT_HEIGHT, LIGHTS, SENSES, SLIP, STEPS, TIME_STEP, Rover
+from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import ComputeOptions
+from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
+
+
+@dataclass(frozen=True, eq=False)
+class RoverResult:
+    """What N vehicles did in E environments.
+
+    Attributes:
+        distance: from the light at the end, seen from above, (N, E) [m]; NaN if diverged.
+        closest: smallest such distance at any look, (N, E) [m].
+        success: whether that is small enough, (N, E).
+        position: of the body at the end, (N, E, 3) [m].
+        status: ``"ok"`` or ``"diverged"``, (N, E).
+        rollouts: everything about the N E rollouts, environments changing fastest.
+        gradient: derivatives of ``distance`` by w1 and w2, (N, E, 2) [m], if asked for.
+    """
+
+    distance: Floats
+    closest: Floats
+    success: Bools
+    position: Floats
+    status: NDArray[np.str_]
+    rollouts: RigidResult
+    gradient: Floats | None = None
+
+
+def controllers(weights: object) -> Floats:
+    """Networks of crossed wires, (N, 2, 2): sensor 1 drives the right wheel by w1, sensor 2 the left one by w2.
+
+    Args:
+        weights: w1 and w2 of each, (N, 2); or those of one, (2,).
+
+    Raises:
+        ValueError: for other shapes, or numbers that are not finite.
+    """
+    try:
+        found = np.atleast_2d(np.asarray(weights, float))
+    except (TypeError, ValueError):
+        found = np.empty((0, 0))
+    if found.ndim != 2 or found.shape[1] != 2 or len(found) == 0:
+        raise ValueError(f"weights: shape {found.shape} is not allowed; give (N, 2): w1, w2")
+    if not np.isfinite(found).all():
+        raise ValueError("weights: numbers that are not finite are not allowed")
+    crossed = np.zeros((len(found), 2, 2))
+    crossed[:, [0, 1], [1, 0]] = found
+    return crossed
+
+
+def engine(
+    rovers: Rover | Sequence[Rover], *, width: int | None = None, **compute: Unpack[ComputeOptions]
+) -> RigidEngine:
+    """An engine for vehicles in the world of the published experiment; settings as of ``RigidEngine``.
+
+    Raises:
+        ValueError: for no vehicle.
+    """
+    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
+    if not several:
+        raise ValueError("rovers: an empty list is not allowed; give at least one")
+    world, network = World(TIME_STEP, GRAVITY, SLIP, integration="velocity"), Network(memory=0.0)
+    return RigidEngine([each.tree() for each in several], world, SENSES, network, width=width, **compute)
+
+
+def simulate(
+    rovers: Rover | Sequence[Rover],
+    weights: object,
+    lights: Lights = LIGHTS,
+    *,
+    steps: int = STEPS,
+    record_every: int | None = None,
+    width: int | None = None,
+    **compute: Unpack[ComputeOptions],
+) -> RoverResult:
+    """Run controllers in vehicles, each in all environments.
+
+    Args:
+        rovers: one body for all controllers, or one for each.
+        weights: w1 and w2, (N, 2).
+        lights: places of the light in the environments, (E, 2) [m].
+        steps: looks at the light, each before a time step; steps - 1 time steps are run.
+        record_every: record every so many time steps.
+        width: rollouts side by side on a CPU; results do not depend on it.
+        **compute: device, precision and threads, as of :class:`Compute`.
+
+    Raises:
+        ValueError: for what is not allowed.
+    """
+    trials = _trials(rovers, weights, lights)
+    run = engine(trials.bodies, width=width, **compute).run
+    looks = whole_number("steps", steps, 1)
+    found = run(looks - 1, weights=trials.weights, lights=trials.lights, record_every=record_every)
+    return _result(trials, found)
+
+
+def differentiate(
+    rovers: Rover | Sequence[Rover],
+    weights: object,
+    lights: Lights = LIGHTS,
+    *,
+    steps: int = STEPS,
+    width: int | None = None,
+    **compute: Unpack[ComputeOptions],
+) -> RoverResult:
+    """As :func:`simulate`, with the derivatives of the distances at the end by the weights."""
+    trials = _trials(rovers, weights, lights)
+    at_work = engine(trials.bodies, width=width, **compute)
+    tape = at_work.record(whole_number("steps", steps, 1) - 1, weights=trials.weights, lights=trials.lights)
+    away = (tape.result.position - trials.lights) * [1.0, 1.0, 0.0]
+    slopes = tape.pull_back(position=away / np.linalg.norm(away, axis=1, keepdims=True)).weights
+    return _result(trials, tape.result, trials.by_environment(slopes[:, [0, 1], [1, 0]]))
+
+
+def _trials(rovers: Rover | Sequence[Rover], weights: object, lights: Lights) -> Trials[Rover]:
+    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
+    return Trials.of("rovers", several, controllers(weights), lights, LIGHT_HEIGHT)
+
+
+def _result(trials: Trials[Rover], found: RigidResult, gradient: Floats | None = None) -> RoverResult:
+    """What a run came to, by controllers and environments."""
+    away = np.hypot(*(found.position - trials.lights)[:, :2].T)
+    enough = np.array([each.success_distance for each in trials.bodies])
+    arrays = (away, found.closest, found.closest <= enough, found.position, found.status)
+    away, closest, success, position, status = map(trials.by_environment, arrays)
+    return RoverResult(away, closest, success, position, status, found, gradient)
