@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported
+from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
     from optim.maximising import Maximum as Maximum
@@ -13,14 +13,4 @@ if TYPE_CHECKING:
     from optim.space import Space as Space
     from optim.space import Variable as Variable
 
-_PLACES = {
-    "Evaluation": "optim.problem",
-    "Maximum": "optim.maximising",
-    "Problem": "optim.problem",
-    "Space": "optim.space",
-    "Variable": "optim.space",
-    "maximise": "optim.maximising",
-    "problem_of": "optim.problems.function",
-}
-__all__ = ["Evaluation", "Maximum", "Problem", "Space", "Variable", "maximise", "problem_of"]
-__getattr__ = exported(__name__, _PLACES)
+__getattr__, __dir__ = exported_names(__name__)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("taichi_sim", "robots", "optim")
+PACKAGES = ("taichi_sim", "robots", "optim", "morpholab")
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
     for package in PACKAGES
@@ -75,3 +75,16 @@ def test_searching_needs_neither_robots_nor_physics(package):
     loaded = set(run(program).split())
     ground = {"taichi_sim", "taichi_sim.base"} | {name for name in loaded if name.startswith("taichi_sim.base.")}
     assert {name for name in loaded - ground if name.partition(".")[0] in ("robots", "taichi_sim", "taichi")} == set()
+
+
+def test_the_public_api_is_quick_to_import_and_every_name_is_there():
+    out = run(
+        "import sys, time\n"
+        "began = time.process_time()\n"
+        "import morpholab\n"
+        "print(time.process_time() - began < 0.3)\n"
+        f"print([name for name in {(*HEAVY, 'numpy')} if name in sys.modules])\n"
+        "names = [name for name in dir(morpholab) if not name.startswith('_')]\n"
+        "print(len([getattr(morpholab, name) for name in names]) > 30)\n"
+    )
+    assert out.splitlines() == ["True", "[]", "True"]

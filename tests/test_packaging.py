@@ -13,7 +13,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
 GROUND = "taichi_sim.base."  # checks, files and types that every package may use
-PACKAGES = ("taichi_sim", "robots", "optim")
+PACKAGES = ("taichi_sim", "robots", "optim", "morpholab")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -65,6 +65,7 @@ def test_the_installed_wheel_runs_outside_the_source_tree(site, tmp_path):
         program = f"import {package}; print({package}.__file__)"
         place = run(sys.executable, "-c", program, cwd=tmp_path, env=environment)
         assert Path(place).is_relative_to(site)
+    assert run(sys.executable, "-m", "morpholab", "--help", cwd=tmp_path, env=environment) == usage
 
 
 def test_the_constraints_pin_every_declared_dependency_within_its_range():
@@ -102,8 +103,9 @@ def imports(folder: str) -> list[tuple[str, str]]:
 @pytest.mark.parametrize(
     ("folder", "forbidden"),
     [
-        ("taichi_sim", {"robots", "optim"}),
-        ("robots", {"optim"}),
+        ("taichi_sim", {"robots", "optim", "morpholab"}),
+        ("robots", {"optim", "morpholab"}),
+        ("optim", {"morpholab"}),
         ("optim/search", {"robots", "taichi_sim"}),
         ("optim/measures", {"robots", "taichi_sim"}),
     ],

@@ -2,32 +2,17 @@
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported
+from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
-    from robots.lattice_robot.drive import Drive, Free
-    from robots.lattice_robot.record import save_robot
-    from robots.lattice_robot.robot import LatticeRobot
-    from robots.lattice_robot.simulation import LatticeRobotResult, differentiate, simulate
-    from robots.lattice_robot.sources import load_robot, robot_of_voxel_file
+    from robots.lattice_robot.drive import Drive as Drive
+    from robots.lattice_robot.drive import Free as Free
+    from robots.lattice_robot.record import save_robot as save_robot
+    from robots.lattice_robot.robot import LatticeRobot as LatticeRobot
+    from robots.lattice_robot.simulation import LatticeRobotResult as LatticeRobotResult
+    from robots.lattice_robot.simulation import differentiate as differentiate
+    from robots.lattice_robot.simulation import simulate as simulate
+    from robots.lattice_robot.sources import load_robot as load_robot
+    from robots.lattice_robot.sources import robot_of_voxel_file as robot_of_voxel_file
 
-__all__ = [
-    "Drive",
-    "Free",
-    "LatticeRobot",
-    "LatticeRobotResult",
-    "differentiate",
-    "load_robot",
-    "robot_of_voxel_file",
-    "save_robot",
-    "simulate",
-]
-
-_MODULES = {
-    "drive": ("Drive", "Free"),
-    "record": ("save_robot",),
-    "robot": ("LatticeRobot",),
-    "simulation": ("LatticeRobotResult", "differentiate", "simulate"),
-    "sources": ("load_robot", "robot_of_voxel_file"),
-}
-__getattr__ = exported(__name__, {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names})
+__getattr__, __dir__ = exported_names(__name__)

@@ -6,57 +6,34 @@ differs, ``TEXT`` holds the text's variant. A robot starts a little inside the g
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported
+from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
-    from robots.quadruped.body import (
-        AS_RUN,
-        ENVIRONMENTS,
-        GRAVITY,
-        LEGGED,
-        LEGS,
-        LIGHT_HEIGHT,
-        MOTORS,
-        SENSORS,
-        SLIP,
-        STEPS,
-        TEXT,
-        TIME_STEP,
-        TWO_ENVIRONMENTS,
-        VARIANTS,
-        WHEELED,
-        WHEGGED,
-        Kind,
-        Quadruped,
-        Variant,
-    )
-    from robots.quadruped.simulation import QuadrupedResult, differentiate, engine, simulate
+    from robots.quadruped.body import AS_RUN as AS_RUN
+    from robots.quadruped.body import ENVIRONMENTS as ENVIRONMENTS
+    from robots.quadruped.body import GRAVITY as GRAVITY
+    from robots.quadruped.body import LEGGED as LEGGED
+    from robots.quadruped.body import LEGS as LEGS
+    from robots.quadruped.body import LIGHT_HEIGHT as LIGHT_HEIGHT
+    from robots.quadruped.body import MOTORS as MOTORS
+    from robots.quadruped.body import SENSORS as SENSORS
+    from robots.quadruped.body import SLIP as SLIP
+    from robots.quadruped.body import STEPS as STEPS
+    from robots.quadruped.body import TEXT as TEXT
+    from robots.quadruped.body import TIME_STEP as TIME_STEP
+    from robots.quadruped.body import TWO_ENVIRONMENTS as TWO_ENVIRONMENTS
+    from robots.quadruped.body import VARIANTS as VARIANTS
+    from robots.quadruped.body import WHEELED as WHEELED
+    from robots.quadruped.body import WHEGGED as WHEGGED
+    from robots.quadruped.body import Kind as Kind
+    from robots.quadruped.body import Quadruped as Quadruped
+    from robots.quadruped.body import Variant as Variant
+    from robots.quadruped.simulation import QuadrupedResult as QuadrupedResult
+    from robots.quadruped.simulation import differentiate as differentiate
+    from robots.quadruped.simulation import engine as engine
+    from robots.quadruped.simulation import simulate as simulate
 
-__all__ = [
-    "AS_RUN",
-    "ENVIRONMENTS",
-    "GRAVITY",
-    "LEGGED",
-    "LEGS",
-    "LIGHT_HEIGHT",
-    "MOTORS",
-    "SENSORS",
-    "SLIP",
-    "STEPS",
-    "TEXT",
-    "TIME_STEP",
-    "TWO_ENVIRONMENTS",
-    "VARIANTS",
-    "WHEELED",
-    "WHEGGED",
-    "Kind",
-    "Quadruped",
-    "QuadrupedResult",
-    "Variant",
-    "differentiate",
-    "engine",
-    "simulate",
-]
 
 _AT_WORK = ("QuadrupedResult", "differentiate", "engine", "simulate")
-__getattr__ = exported(__name__, {n: f"{__name__}.{'simulation' if n in _AT_WORK else 'body'}" for n in __all__})
+
+__getattr__, __dir__ = exported_names(__name__)

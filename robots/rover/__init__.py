@@ -7,52 +7,32 @@ published ones are balls, which stop the vehicle, does not matter, as it succeed
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported
+from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
-    from robots.rover.body import (
-        BEST,
-        CANONICAL,
-        GRAVITY,
-        LIGHT_HEIGHT,
-        LIGHT_RADIUS,
-        LIGHTS,
-        ROUNDING,
-        SENSES,
-        SLIP,
-        STEPS,
-        TIME_STEP,
-        WHEEL_SETBACK,
-        WIDTH,
-        Rover,
-        Site,
-        Sites,
-    )
-    from robots.rover.simulation import RoverResult, controllers, differentiate, engine, simulate
+    from robots.rover.body import BEST as BEST
+    from robots.rover.body import CANONICAL as CANONICAL
+    from robots.rover.body import GRAVITY as GRAVITY
+    from robots.rover.body import LIGHT_HEIGHT as LIGHT_HEIGHT
+    from robots.rover.body import LIGHT_RADIUS as LIGHT_RADIUS
+    from robots.rover.body import LIGHTS as LIGHTS
+    from robots.rover.body import ROUNDING as ROUNDING
+    from robots.rover.body import SENSES as SENSES
+    from robots.rover.body import SLIP as SLIP
+    from robots.rover.body import STEPS as STEPS
+    from robots.rover.body import TIME_STEP as TIME_STEP
+    from robots.rover.body import WHEEL_SETBACK as WHEEL_SETBACK
+    from robots.rover.body import WIDTH as WIDTH
+    from robots.rover.body import Rover as Rover
+    from robots.rover.body import Site as Site
+    from robots.rover.body import Sites as Sites
+    from robots.rover.simulation import RoverResult as RoverResult
+    from robots.rover.simulation import controllers as controllers
+    from robots.rover.simulation import differentiate as differentiate
+    from robots.rover.simulation import engine as engine
+    from robots.rover.simulation import simulate as simulate
 
-__all__ = [
-    "BEST",
-    "CANONICAL",
-    "GRAVITY",
-    "LIGHTS",
-    "LIGHT_HEIGHT",
-    "LIGHT_RADIUS",
-    "ROUNDING",
-    "SENSES",
-    "SLIP",
-    "STEPS",
-    "TIME_STEP",
-    "WHEEL_SETBACK",
-    "WIDTH",
-    "Rover",
-    "RoverResult",
-    "Site",
-    "Sites",
-    "controllers",
-    "differentiate",
-    "engine",
-    "simulate",
-]
 
 _AT_WORK = ("RoverResult", "controllers", "differentiate", "engine", "simulate")
-__getattr__ = exported(__name__, {n: f"{__name__}.{'simulation' if n in _AT_WORK else 'body'}" for n in __all__})
+
+__getattr__, __dir__ = exported_names(__name__)

@@ -1,5 +1,7 @@
 """Public names of a package that are imported when they are first used, so that importing the package is quick."""
 
+import ast
+import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
@@ -22,6 +24,17 @@ def exported(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
         return value
 
     return __getattr__
+
+
+def exported_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """A package's ``__getattr__`` and ``__dir__`` for all that it imports under ``if TYPE_CHECKING:``.
+
+    So each public name stands in the package once, where type checkers and editors find it, too.
+    """
+    blocks = [block for block in ast.parse(inspect.getsource(sys.modules[package])).body if isinstance(block, ast.If)]
+    imports = [line for block in blocks for line in block.body if isinstance(line, ast.ImportFrom)]
+    places = {name.name: line.module or "" for line in imports for name in line.names}
+    return exported(package, places), lambda: sorted({*vars(sys.modules[package]), *places})
 
 
 def exported_from(package: str, module: str, names: Sequence[str]) -> Callable[[str], Any]:

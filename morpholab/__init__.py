@@ -1,0 +1,50 @@
+"""Simulate soft and rigid robots, differentiate through them, and design bodies and behaviours together.
+
+These are the names that most programs need. Each is imported when it is first used.
+"""
+
+from typing import TYPE_CHECKING
+
+from taichi_sim.base.lazy import exported_names
+
+if TYPE_CHECKING:
+    from optim.maximising import Maximum as Maximum
+    from optim.maximising import maximise as maximise
+    from optim.measures import homeostasis as homeostasis
+    from optim.measures import interference as interference
+    from optim.measures import learnability as learnability
+    from optim.problem import Evaluation as Evaluation
+    from optim.problem import Problem as Problem
+    from optim.problems.function import problem_of as problem_of
+    from optim.runs import open_run as open_run
+    from optim.runs import run_search as run_search
+    from optim.search import METHODS as METHODS
+    from optim.search import build_method as build_method
+    from optim.space import Space as Space
+    from optim.space import Variable as Variable
+    from robots.braitenberg import VehicleBody as VehicleBody
+    from robots.hardware import PneumaticRig as PneumaticRig
+    from robots.hardware import export_csv as export_csv
+    from robots.hardware import read_csv as read_csv
+    from robots.inflatable import INCHING as INCHING
+    from robots.inflatable import ROLLING as ROLLING
+    from robots.inflatable import InflatableDesign as InflatableDesign
+    from robots.lattice_robot import Drive as Drive
+    from robots.lattice_robot import Free as Free
+    from robots.lattice_robot import LatticeRobot as LatticeRobot
+    from robots.quadruped import LEGGED as LEGGED
+    from robots.quadruped import WHEELED as WHEELED
+    from robots.quadruped import WHEGGED as WHEGGED
+    from robots.robot import KINDS as KINDS
+    from robots.robot import Robot as Robot
+    from robots.robot import RobotKind as RobotKind
+    from robots.schedule import GaitSchedule as GaitSchedule
+    from robots.world import Terrain as Terrain
+    from taichi_sim.base.compute import Compute as Compute
+    from taichi_sim.lattice import LatticeBody as LatticeBody
+    from taichi_sim.lattice import LatticeEngine as LatticeEngine
+    from taichi_sim.lattice import LatticeProgram as LatticeProgram
+    from taichi_sim.lattice import Material as Material
+    from taichi_sim.lattice import body_from_array as body_from_array
+
+__getattr__, __dir__ = exported_names(__name__)
