@@ -153,6 +153,13 @@ def accumulate(memory: Any, k: Any, slot: Any, value: Any) -> None:
 
 
 @primitive
+def consecutive(first: Any, count: int) -> tuple[Any, ...]:
+    """A slot and those after it, ``count`` in all."""
+    start = emit(first)
+    return tuple(start + i for i in range(count))
+
+
+@primitive
 def load_all(memory: Any, k: Any, slots: Sequence[Any]) -> tuple[Any, ...]:
     """Read several slots."""
     return tuple(load(memory, k, slot) for slot in slots)

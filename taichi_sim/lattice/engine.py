@@ -149,10 +149,10 @@ class LatticeEngine:
         switches = (bool(floor), bool(self_contact))
         if driver == "stepped" or device != "cpu":
             self._driver: FusedDriver | SteppedDriver = SteppedDriver(
-                self.tables, self.batch, precision, *switches, device == "cpu"
+                self.tables, self.batch, precision, switches, device == "cpu"
             )
         else:
-            self._driver = FusedDriver(self.tables, self.batch, precision, running.thread_count, *switches, width)
+            self._driver = FusedDriver(self.tables, self.batch, precision, running.thread_count, switches, width)
         self._diverged = np.zeros(self.batch, bool)
         self.reset()
 
@@ -224,15 +224,15 @@ class LatticeEngine:
             voxel[:, :, first : first + width] = given[:, self.order]
         if np.abs((voxel[:, :, 3:7] ** 2).sum(axis=2) - 1).max() > 2e-6:
             raise ValueError("orientations: give unit quaternions (w, x, y, z)")
-        voxel[:, :, memory.MOMENTUM : memory.SPIN] /= self.inverse_masses[..., :1]
-        voxel[:, :, memory.SPIN : memory.STICKS] /= self.inverse_masses[..., 1:]
+        voxel[:, :, memory.MOMENTUM : memory.ANGULAR_MOMENTUM] /= self.inverse_masses[..., :1]
+        voxel[:, :, memory.ANGULAR_MOMENTUM : memory.STICKS] /= self.inverse_masses[..., 1:]
         voxel[:, :, memory.STICKS] = 1.0  # every voxel starts in the static state
         self._driver.write(memory.VOXEL, voxel)
         link = np.zeros((self.batch, len(self.tables.link_ends), memory.LINK_WIDTH))
         link[:, :, memory.REGIME] = beams.NEW
         self._driver.write(memory.LINK, link)
         self._driver.write(memory.STRAIN, np.zeros((self.batch, self.tables.gauges, memory.STRAIN_WIDTH)))
-        self._driver.forget_watch()
+        self._driver.forget_neighbours()
         self._diverged[:] = False
 
     def save(self) -> SavedLattice:
@@ -320,5 +320,5 @@ class LatticeEngine:
         inverse = np.empty((self.batch, self.body.voxel_count, 2))
         inverse[:, self.order] = self.inverse_masses
         velocities = voxel[..., memory.MOMENTUM : memory.MOMENTUM + 3] * inverse[..., :1]
-        spins = voxel[..., memory.SPIN : memory.SPIN + 3] * inverse[..., 1:]
-        return LatticeState(voxel[..., :3], voxel[..., 3:7], velocities, spins)
+        turning = voxel[..., memory.ANGULAR_MOMENTUM : memory.ANGULAR_MOMENTUM + 3] * inverse[..., 1:]
+        return LatticeState(voxel[..., :3], voxel[..., 3:7], velocities, turning)

@@ -19,10 +19,8 @@ from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
 from taichi_sim.lattice.stages import memory as places
 
 if TYPE_CHECKING:
-    from taichi_sim.lattice.drivers.fused import FusedRun
-    from taichi_sim.lattice.drivers.fused_reverse import FusedReverse
-    from taichi_sim.lattice.drivers.stepped import SteppedRun
-    from taichi_sim.lattice.drivers.stepped_reverse import SteppedReverse
+    from taichi_sim.lattice.drivers.fused import FusedReverse, FusedRun
+    from taichi_sim.lattice.drivers.stepped import SteppedReverse, SteppedRun
     from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 
 
@@ -183,7 +181,7 @@ class Tape:
         return seeds
 
     def _state_seeds(self, state: "LatticeState | None") -> np.ndarray:
-        """Cotangents of the last state's places, momenta and spins in the engine's order, shape (B, V, 13)."""
+        """Cotangents of the last state's poses and momenta of both kinds in the engine's order, shape (B, V, 13)."""
         batch, voxels = self._engine.batch, self._engine.body.voxel_count
         seeds = np.zeros((batch, voxels, places.STICKS))
         if state is None:
@@ -193,8 +191,8 @@ class Tape:
             given = _checked(f"state.{name}", getattr(state, name), (batch, voxels, width))
             seeds[:, :, first : first + width] = given[:, self._engine.order]
         inverse = self._engine.inverse_masses
-        seeds[:, :, places.MOMENTUM : places.SPIN] *= inverse[..., :1]
-        seeds[:, :, places.SPIN :] *= inverse[..., 1:]
+        seeds[:, :, places.MOMENTUM : places.ANGULAR_MOMENTUM] *= inverse[..., :1]
+        seeds[:, :, places.ANGULAR_MOMENTUM :] *= inverse[..., 1:]
         return seeds
 
     def _gradient(self, reverse: "FusedReverse | SteppedReverse", finals: np.ndarray) -> LatticeGradient:
@@ -217,8 +215,8 @@ class Tape:
             rates=events[:, 1],
             positions=voxel[..., :3],
             orientations=voxel[..., 3:7],
-            velocities=voxel[..., places.MOMENTUM : places.SPIN] / inverse[..., :1],
-            angular_velocities=voxel[..., places.SPIN : places.STICKS] / inverse[..., 1:],
+            velocities=voxel[..., places.MOMENTUM : places.ANGULAR_MOMENTUM] / inverse[..., :1],
+            angular_velocities=voxel[..., places.ANGULAR_MOMENTUM : places.STICKS] / inverse[..., 1:],
             materials=material_gradients(
                 engine.bodies,
                 engine.tables,

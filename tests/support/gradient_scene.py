@@ -81,7 +81,7 @@ def body(poisson: bool = False, pouch: bool = False) -> LatticeBody:
 
 
 def start(shape: LatticeBody) -> LatticeState:
-    """Bent so that the tips touch, sliding fast enough for the watch list to be built again."""
+    """Bent so that the tips touch, sliding fast enough for the neighbour list to be built again."""
     rng = np.random.default_rng(3)
     positions = shape.start_positions + rng.normal(0, 2e-4, (shape.voxel_count, 3))
     upper = np.isin(shape.regions, [1, 2])

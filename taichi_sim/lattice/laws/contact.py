@@ -1,4 +1,4 @@
-"""Contact between voxels of one robot: the force law and the watch list's geometry.
+"""Contact between voxels of one robot: the force law and the geometry of the list of neighbours.
 
 Source: Voxelyze's collision model (Hiller & Lipson 2014); surface voxels repel as spheres of 0.625 of their edge.
 """
@@ -6,8 +6,8 @@ Source: Voxelyze's collision model (Hiller & Lipson 2014); surface voxels repel 
 from taichi_sim.autodiff.lanes import larger
 from taichi_sim.autodiff.tracing import law, select, sqrt
 
-WATCH_RADIUS = 2.5  # voxel edges: pairs closer than this when the list is built are watched
-REBUILD_DISTANCE = 0.5  # voxel edges a surface voxel may move before the list is built again
+NEIGHBOUR_RADIUS = 2.5  # voxel edges: the list holds the pairs that are closer than this when it is built
+REBUILD_DISTANCE = 0.5  # voxel edges that a surface voxel may move before the list is built again
 SPHERE_RADIUS = 0.625  # of the mean rest size
 
 
@@ -33,3 +33,10 @@ def force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1,
     approach = ((w1 * px - w2 * qx) * dx + (w1 * py - w2 * qy) * dy + (w1 * pz - w2 * qz) * dz) * inverse
     scale = select(near, repulsion(limit - distance, approach, k1, k2, c1, c2) * inverse, 0.0)
     return scale * dx, scale * dy, scale * dz
+
+
+@law
+def pair_force(x1, y1, z1, px, py, pz, x2, y2, z2, qx, qy, qz, size1, size2, w1, w2, k1, k2, c1, c2, near):
+    """:func:`force_between` two voxels, from their positions, momenta and mean sizes."""
+    limit = reach(size1, size2)
+    return force_between(x2 - x1, y2 - y1, z2 - z1, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)

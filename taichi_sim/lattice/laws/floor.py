@@ -11,6 +11,21 @@ def penetration(mean_size, edge, z):
 
 
 @law
+def floor_force(fz, vz, depth, stiffness, contact_damping):
+    """Vertical force [N] with that of the floor where a voxel touches it, and the floor's normal force undamped."""
+    normal = stiffness * depth
+    return fz + select(depth >= 0.0, normal - contact_damping * vz, 0.0), normal
+
+
+@law
+def slip_friction(vx, vy, kinetic_friction, normal, depth, sticks):
+    """:func:`sliding_friction` of a voxel that touches the floor and does not stick to it."""
+    rx, ry = sliding_friction(vx, vy, kinetic_friction, normal)
+    slides = (depth >= 0.0) & (sticks < 0.5)
+    return select(slides, rx, 0.0), select(slides, ry, 0.0)
+
+
+@law
 def breaks_loose(fx, fy, static_friction, normal):
     """Whether a sticking voxel is pulled harder than static friction holds."""
     limit = static_friction * normal
@@ -31,3 +46,10 @@ def comes_to_rest(px, py, friction_x, friction_y, ux, uy, inverse_mass):
     """Whether friction's work over this step uses up the horizontal kinetic energy."""
     kinetic = 0.5 * inverse_mass * (px * px + py * py)
     return kinetic + (friction_x * ux + friction_y * uy) <= 0.0
+
+
+@law
+def stopped(px, py, stuck):
+    """Horizontal momentum of a voxel that may stick to the floor."""
+    free = stuck < 0.5
+    return select(free, px, 0.0), select(free, py, 0.0)

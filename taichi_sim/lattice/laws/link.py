@@ -165,7 +165,7 @@ def straight_strains(x, y, z, qw, qx, qy, qz, rest):
 
 @law
 def turned_strains(x, y, z, qw, qx, qy, qz, rest, before):
-    """The same of a link of any regime, then the new regime and the rotation (w, 0, y, z) onto the axis."""
+    """Offset and rotation vector of a link of any regime, its new regime, the rotation (w, 0, y, z) onto its axis."""
     stays = select(stays_small(x, y, z, rest), SMALL + 0.0 * before, LARGE)
     enters = select(becomes_small(x, y, z, rest), SMALL + 0.0 * before, LARGE)
     small = select(before > 0.5, stays, enters)
@@ -183,16 +183,95 @@ def turned_strains(x, y, z, qw, qx, qy, qz, rest, before):
 
 
 @law
-def turned_forces(edge, stiff, minus, plus, pull, twist, turning, small, w, by, bz, d1, d2, d4, d5, h0, h1, h2, h4, h5):
-    """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel."""
+def strain(extension, inverse_rest):
+    """Extension of a link over its rest length."""
+    return extension * inverse_rest
+
+
+@law
+def shared_strain(extension, inverse_rest, share):
+    """The share in a link's strain of the voxel at one of its ends."""
+    return strain(extension, inverse_rest) * share
+
+
+@law
+def axial_force(tension, stiffness):
+    """Stress times cross-section of a link [N] whose strain is ``tension``."""
+    return stiffness * tension
+
+
+@law
+def squeezed_force(force, transverse, squeeze, area):
+    """The axial force with what Poisson's effect adds, by transverse stiffness, strains and area."""
+    return (force + transverse * squeeze) * area
+
+
+@law
+def half_changes(half, d0, d1, d2, d3, d4, d5, m0, m1, m2, m3, m4, m5):
+    """Half the change of a link's offset and rotation from m to d; ``half`` is 0 where the memory m is not valid."""
+    return half * (d0 - m0), half * (d1 - m1), half * (d2 - m2), half * (d3 - m3), half * (d4 - m4), half * (d5 - m5)
+
+
+@law
+def memory_weight(before, small):
+    """The factor of :func:`half_changes`: a switch of regime invalidates the memory, so there is no damping then."""
+    return select(before == small, 0.5 + 0.0 * before, 0.0)
+
+
+@law
+def straight_forces(edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4, d5, h0, h1, h2, h3, h4, h5):
+    """:func:`end_forces` of a link that is and was in the small-angle regime.
+
+    Args:
+        edge: of a voxel [m].
+        stiff, minus, plus, twist, root: constants of the beam, see ``materials``.
+        pull: axial force [N].
+        d1, d2, d3, d4, d5: offset across the axis and rotation.
+        h0, h1, h2, h3, h4, h5: half their changes, those of the extension first.
+    """
+    turning = 0.5 * root * h3
+    return end_forces(
+        edge,
+        stiff,
+        minus,
+        plus,
+        pull,
+        twist * d3,
+        turning,
+        h0,
+        d1,
+        d2,
+        h1,
+        h2,
+        0.0,
+        0.0,
+        d4,
+        d5,
+        0.0,
+        0.0,
+        h4,
+        h5,
+        False,
+    )
+
+
+@law
+def turned_forces(
+    edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4, d5, h0, h1, h2, h3, h4, h5, small, w, by, bz
+):
+    """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel.
+
+    ``small`` and what follows it are of :func:`turned_strains`, the others as in :func:`straight_forces`.
+    """
     is_small = small > 0.5
+    turning = 0.5 * root * h3
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = end_forces(
         edge,
         stiff,
         minus,
         plus,
         pull,
-        twist,
+        twist * d3,
         turning,
         h0,
         select(is_small, d1, 0.0),

@@ -1,9 +1,56 @@
-"""Integration of a voxel: symplectic Euler on momenta, and the degrees of freedom that the world holds."""
+"""Motion of a voxel: symplectic Euler on momenta, degrees of freedom that the world holds, strains, face pressure."""
 
 from taichi_sim.autodiff.lanes import larger
-from taichi_sim.autodiff.rotations import from_rotation_vector, multiply, renormalise
+from taichi_sim.autodiff.rotations import (
+    from_large_rotation_vector,
+    from_rotation_vector,
+    multiply,
+    renormalise,
+    rotate,
+    to_rotation_vector,
+)
 from taichi_sim.autodiff.tracing import law, select, sqrt
 from taichi_sim.runtime import ti
+
+
+@law
+def damped_force(fx, fy, fz, px, py, pz, inverse_mass, drag, cx, cy, cz):
+    """Force F less the drag against the world at momentum p, with the contact force c."""
+    return (
+        fx - drag * (px * inverse_mass) + cx,
+        fy - drag * (py * inverse_mass) + cy,
+        fz - drag * (pz * inverse_mass) + cz,
+    )
+
+
+@law
+def accelerated(px, py, pz, fx, fy, fz, dt):
+    """Momentum after a step under force F, or angular momentum under a moment."""
+    return px + fx * dt, py + fy * dt, pz + fz * dt
+
+
+@law
+def damped_moment(mx, my, mz, lx, ly, lz, inverse_inertia, drag):
+    """Moment M less the drag against the world at angular momentum l."""
+    rate = drag * inverse_inertia
+    return mx - lx * rate, my - ly * rate, mz - lz * rate
+
+
+@law
+def placed(x, y, z, qw, qx, qy, qz, px, py, pz, lx, ly, lz, inverse_mass, inverse_inertia, dt):
+    """Position and orientation after a step, from the new momentum p and angular momentum l."""
+    step = dt * inverse_mass
+    qw, qx, qy, qz = rotate_by_momentum(qw, qx, qy, qz, lx, ly, lz, dt * inverse_inertia)
+    return x + px * step, y + py * step, z + pz * step, qw, qx, qy, qz
+
+
+@law
+def held_rotation(qw, qx, qy, qz, rx, ry, rz, hold_x, hold_y, hold_z):
+    """Orientation with the prescribed components r of its rotation vector where the world holds them (hold = 1)."""
+    tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
+    return from_large_rotation_vector(
+        select(hold_x > 0.5, rx, tx), select(hold_y > 0.5, ry, ty), select(hold_z > 0.5, rz, tz)
+    )
 
 
 @law
@@ -46,6 +93,13 @@ def pressure_on_faces(gx, gy, gz, size_x, size_y, size_z, pressure, hx, hy, hz, 
     ey = size_y * (1.0 + gy * hy)
     ez = size_z * (1.0 + gz * hz)
     return pressure * (ey * ez) * nx, pressure * (ez * ex) * ny, pressure * (ex * ey) * nz
+
+
+@law
+def face_force(qw, qx, qy, qz, gx, gy, gz, size_x, size_y, size_z, pressure, hx, hy, hz, nx, ny, nz):
+    """:func:`pressure_on_faces` of a voxel of orientation q, world frame."""
+    fx, fy, fz = pressure_on_faces(gx, gy, gz, size_x, size_y, size_z, pressure, hx, hy, hz, nx, ny, nz)
+    return rotate(qw, qx, qy, qz, fx, fy, fz)
 
 
 @law

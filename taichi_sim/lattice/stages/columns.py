@@ -1,4 +1,6 @@
-"""Columns of the integer tables that the robots of a batch share, and channels as plain numbers for kernels."""
+"""What the robots of a batch share in a kernel: integer tables and their columns, channels as plain numbers."""
+
+from typing import Any, NamedTuple
 
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 from taichi_sim.lattice.stages.memory import CHANNEL_WIDTH
@@ -42,3 +44,48 @@ TRANSLATION, ROTATION, SCALE = int(Quantity.TRANSLATION), int(Quantity.ROTATION)
 TEMPERATURE, PRESSURE, GLOBAL_DAMPING = int(Quantity.TEMPERATURE), int(Quantity.PRESSURE), int(Quantity.GLOBAL_DAMPING)
 STATIC_FRICTION, KINETIC_FRICTION = int(Quantity.STATIC_FRICTION), int(Quantity.KINETIC_FRICTION)
 RESISTANCE = int(Quantity.RESISTANCE)
+
+
+class Shared(NamedTuple):
+    """What kernels hand to stages in one piece; a kernel fills in what its stages read.
+
+    Attributes:
+        plan: where sections lie, how many items there are, what is switched on (see ``memory``).
+        link, voxel, rest, square, corner, surface, excluded: the integer tables (see ``tables.Tables``).
+        start: start positions [m].
+        time_step, edge, gravity: dt [s], edge h of a voxel [m], acceleration along -z [m/s^2].
+        fluid: whether there is a fluid, known when the kernel is compiled.
+    """
+
+    plan: Any
+    link: Any = None
+    voxel: Any = None
+    rest: Any = None
+    square: Any = None
+    corner: Any = None
+    surface: Any = None
+    excluded: Any = None
+    start: Any = None
+    time_step: Any = None
+    edge: Any = None
+    gravity: Any = None
+    fluid: bool = False
+
+
+class Undo(NamedTuple):
+    """The memories that the reverse of a step works on.
+
+    Attributes:
+        m, k: parameters of the step (channels and what follows from them), and the robot's or block's key to them.
+        record, r: recorded states, and the key to them.
+        a: cotangents, laid out as a robot's memory: of the state, and sums over time of those of the constants; key k.
+        old, new: what shifts a slot of the state to the record before the step, and to that after it.
+    """
+
+    m: Any
+    k: Any
+    record: Any
+    r: Any
+    a: Any
+    old: Any
+    new: Any

@@ -1,51 +1,36 @@
-"""Stage of a link: the beam between two voxels, from their poses to the forces on both."""
+"""The stage of a link, the beam between two voxels, and its reverse: from their poses to the forces on both, and back.
 
-from taichi_sim.autodiff.lanes import all_lanes, load, load_all, store
+See ``groups`` for what the arguments hold.
+"""
+
+from typing import Any
+
+from taichi_sim.autodiff.lanes import (
+    accumulate_all,
+    all_lanes,
+    consecutive,
+    load,
+    load_all,
+    select_all,
+    store,
+    store_all,
+)
 from taichi_sim.autodiff.rotations import apply, matrix
-from taichi_sim.autodiff.tracing import select
-from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.materials import AXIAL, DAMP_MINUS, DAMP_PLUS, STIFF, TRANSVERSE, TWIST, TWIST_ROOT
-from taichi_sim.lattice.stages.columns import (
-    GAUGE,
-    LINK_ALONG,
-    LINK_BEAM,
-    LINK_COLUMNS,
-    LINK_FIRST,
-    LINK_MINUS,
-    LINK_PLUS,
-    LINK_REST,
-    LINK_SECOND,
-    LINK_SIDE_1,
-    LINK_SIDE_2,
-    LINK_SYMMETRIC,
-    VOXEL_COLUMNS,
-)
-from taichi_sim.lattice.stages.memory import (
-    BEAM,
-    DIVERGED,
-    LINK,
-    LINK_WIDTH,
-    MONITOR,
-    ORIENTATION,
-    POISSON_ON,
-    REGIME,
-    REST,
-    STRAIN,
-    VOXEL,
-)
+from taichi_sim.autodiff.tracing import primitive, pull_back, select
+from taichi_sim.lattice import materials
+from taichi_sim.lattice.laws import link as laws
+from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.runtime import ti
 
 
 @ti.func
-def pose_slots(base, l, plan: ti.template(), link_table: ti.template()):
+def pose_slots(base, l, t: ti.template()):
     """Slots of the positions and orientations of a link's two voxels, components along its axis first."""
-    row = l * LINK_COLUMNS
-    p1 = base + plan[VOXEL] + link_table[row + LINK_MINUS]
-    p2 = base + plan[VOXEL] + link_table[row + LINK_PLUS]
-    a = link_table[row + LINK_ALONG]
-    b = link_table[row + LINK_SIDE_1]
-    c = link_table[row + LINK_SIDE_2]
-    q1, q2 = p1 + ORIENTATION, p2 + ORIENTATION
+    row = l * columns.LINK_COLUMNS
+    p1 = base + t.plan[memory.VOXEL] + t.link[row + columns.LINK_MINUS]
+    p2 = base + t.plan[memory.VOXEL] + t.link[row + columns.LINK_PLUS]
+    a, b, c = link_axes(l, t)
+    q1, q2 = p1 + memory.ORIENTATION, p2 + memory.ORIENTATION
     return (
         p1 + a,
         p1 + b,
@@ -65,177 +50,209 @@ def pose_slots(base, l, plan: ti.template(), link_table: ti.template()):
 
 
 @ti.func
+def past_slot(l, t: ti.template()):
+    """First slot of what a link remembers of the last step: offset and rotation vector, and its regime."""
+    return t.plan[memory.LINK] + l * memory.LINK_WIDTH
+
+
+@ti.func
+def rest_slot(l, t: ti.template()):
+    """Slot of a link's rest length; that of its inverse is the next."""
+    return t.plan[memory.REST] + t.link[l * columns.LINK_COLUMNS + columns.LINK_REST]
+
+
+@ti.func
+def beam_slot(l, t: ti.template()):
+    """First slot of the constants of a link's beam."""
+    return t.plan[memory.BEAM] + t.link[l * columns.LINK_COLUMNS + columns.LINK_BEAM]
+
+
+@ti.func
+def bending_slots(beam):
+    """Slots of the constants of a beam that its forces need besides the axial one's."""
+    return (
+        beam + materials.STIFF,
+        beam + materials.DAMP_MINUS,
+        beam + materials.DAMP_PLUS,
+        beam + materials.TWIST,
+        beam + materials.TWIST_ROOT,
+    )
+
+
+@ti.func
+def axial_slots(rest, beam):
+    """Slots of a link's rest length and its inverse, and of its axial and transverse stiffness."""
+    return rest, rest + 1, beam + materials.AXIAL, beam + materials.TRANSVERSE
+
+
+@ti.func
+def transverse_slots(base, l, t: ti.template()):
+    """Slots of the two transverse strains of either voxel of a link."""
+    row = l * columns.LINK_COLUMNS
+    first = t.link[row + columns.LINK_FIRST] * columns.VOXEL_COLUMNS
+    second = t.link[row + columns.LINK_SECOND] * columns.VOXEL_COLUMNS
+    s1 = base + t.plan[memory.STRAIN] + t.voxel[first + columns.GAUGE] + 3
+    s2 = base + t.plan[memory.STRAIN] + t.voxel[second + columns.GAUGE] + 3
+    _, b, c = link_axes(l, t)
+    return s1 + b, s1 + c, s2 + b, s2 + c
+
+
+@ti.func
+def link_axes(l, t: ti.template()):
+    """Components along and across a link's axis."""
+    row = l * columns.LINK_COLUMNS
+    return t.link[row + columns.LINK_ALONG], t.link[row + columns.LINK_SIDE_1], t.link[row + columns.LINK_SIDE_2]
+
+
+@ti.func
+def end_slots(first, axes: ti.template()):
+    """Slots of three components of a force, then of a moment, that begin at a slot; along the link's axis first."""
+    a, b, c = first + axes[0], first + axes[1], first + axes[2]
+    return a, b, c, a + 3, b + 3, c + 3
+
+
+@ti.func
 def is_straight(before, x, y, z, rest):
     """In which lanes a link is and was in the small-angle regime."""
-    return beams.stays_small(x, y, z, rest) & (before == beams.SMALL)
+    return laws.stays_small(x, y, z, rest) & (before == laws.SMALL)
 
 
 @ti.func
-def stays_straight(before, x, y, z, rest):
-    """Whether it is so in every lane: most links of a healthy robot."""
-    return all_lanes(is_straight(before, x, y, z, rest))
-
-
-@ti.func
-def link_stage(
-    m: ti.template(),
-    k,
-    l,
-    edge,
-    plan: ti.template(),
-    link_table: ti.template(),
-    voxel_table: ti.template(),
-    fluid: ti.template(),
-):
+def link_stage(m: ti.template(), k, l, t: ti.template()):
     """What link l adds to its "-" voxel, force F and moment M, and takes from its "+" voxel, G and N: (F, M, G, N).
 
     World frame, components along the link's axis first.
     """
-    x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2 = load_all(m, k, pose_slots(0, l, plan, link_table))
-    x, y, z, qw, qx, qy, qz = beams.relative_pose(x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2)
-    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(
-        m, k, l, edge, plan, link_table, voxel_table, x, y, z, qw, qx, qy, qz
-    )
+    x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2 = load_all(m, k, pose_slots(0, l, t))
+    x, y, z, qw, qx, qy, qz = laws.relative_pose(x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2)
+    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(m, k, l, x, y, z, qw, qx, qy, qz, t)
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, qa, qb, qc)
     fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
     mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
     nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
-    if link_table[l * LINK_COLUMNS + LINK_SYMMETRIC] != 0:
+    if t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC] != 0:
         gx, gy, gz = fx, fy, fz
     else:
         gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
-    if ti.static(fluid):  # nothing else holds a floating body; on the ground all is as published
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.balanced(
+    if ti.static(t.fluid):  # nothing else holds a floating body; on the ground all is as published
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.balanced(
             x2 - x1, y2 - y1, z2 - z1, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
         )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
 @ti.func
-def bend(
-    m: ti.template(),
-    k,
-    l,
-    edge,
-    plan: ti.template(),
-    link_table: ti.template(),
-    voxel_table: ti.template(),
-    x,
-    y,
-    z,
-    qw,
-    qx,
-    qy,
-    qz,
-):
+def bend(m: ti.template(), k, l, x, y, z, qw, qx, qy, qz, t: ti.template()):
     """The beam to a voxel at (x, y, z) with orientation q, all in the frame of the "-" voxel: (F, M, G, N)."""
-    memory = plan[LINK] + l * LINK_WIDTH
-    beam = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM]
-    rest = load(m, k, plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST])
-    before = load(m, k, memory + REGIME)
+    past, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
+    length, before = load_all(m, k, (rest, past + memory.REGIME))
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = x, x, x, x, x, x, x, x, x, x, x, x
-    if stays_straight(before, x, y, z, rest):
-        d0, d1, d2, d3, d4, d5 = beams.straight_strains(x, y, z, qw, qx, qy, qz, rest)
-        h0, h1, h2, h3, h4, h5 = remember(m, k, memory, 0.5, d0, d1, d2, d3, d4, d5)
-        pull = axial_force(m, k, l, d0, plan, link_table, voxel_table)
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.end_forces(
-            edge,
-            load(m, k, beam + STIFF),
-            load(m, k, beam + DAMP_MINUS),
-            load(m, k, beam + DAMP_PLUS),
-            pull,
-            load(m, k, beam + TWIST) * d3,
-            0.5 * load(m, k, beam + TWIST_ROOT) * h3,
-            h0,
-            d1,
-            d2,
-            h1,
-            h2,
-            0.0,
-            0.0,
-            d4,
-            d5,
-            0.0,
-            0.0,
-            h4,
-            h5,
-            False,
-        )
+    if all_lanes(is_straight(before, x, y, z, length)):  # most links of a healthy robot
+        d = laws.straight_strains(x, y, z, qw, qx, qy, qz, length)
+        h = remember(m, k, past, 0.5, d)
+        pull = axial_force(m, k, l, rest, beam, d[0], t)
+        bending = load_all(m, k, bending_slots(beam))
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.straight_forces(t.edge, *bending, pull, *d[1:], *h)
     else:
-        d0, d1, d2, d3, d4, d5, small, w, by, bz = beams.turned_strains(x, y, z, qw, qx, qy, qz, rest, before)
-        # A switch of regime invalidates the memory: no damping in this step.
-        half = select(before == small, 0.5 + 0.0 * x, 0.0)
-        h0, h1, h2, h3, h4, h5 = remember(m, k, memory, half, d0, d1, d2, d3, d4, d5)
-        store(m, k, memory + REGIME, small)
-        pull = axial_force(m, k, l, d0, plan, link_table, voxel_table)
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = beams.turned_forces(
-            edge,
-            load(m, k, beam + STIFF),
-            load(m, k, beam + DAMP_MINUS),
-            load(m, k, beam + DAMP_PLUS),
-            pull,
-            load(m, k, beam + TWIST) * d3,
-            0.5 * load(m, k, beam + TWIST_ROOT) * h3,
-            small,
-            w,
-            by,
-            bz,
-            d1,
-            d2,
-            d4,
-            d5,
-            h0,
-            h1,
-            h2,
-            h4,
-            h5,
-        )
+        d = laws.turned_strains(x, y, z, qw, qx, qy, qz, length, before)
+        h = remember(m, k, past, laws.memory_weight(before, d[6]), d[:6])
+        store(m, k, past + memory.REGIME, d[6])
+        pull = axial_force(m, k, l, rest, beam, d[0], t)
+        bending = load_all(m, k, bending_slots(beam))
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.turned_forces(t.edge, *bending, pull, *d[1:6], *h, *d[6:])
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
 @ti.func
-def remember(m: ti.template(), k, memory, half, d0, d1, d2, d3, d4, d5):
-    """Half the change of a link's offset and rotations since the last step, and their new memory."""
-    h0 = half * (d0 - load(m, k, memory))
-    h1 = half * (d1 - load(m, k, memory + 1))
-    h2 = half * (d2 - load(m, k, memory + 2))
-    h3 = half * (d3 - load(m, k, memory + 3))
-    h4 = half * (d4 - load(m, k, memory + 4))
-    h5 = half * (d5 - load(m, k, memory + 5))
-    store(m, k, memory, d0)
-    store(m, k, memory + 1, d1)
-    store(m, k, memory + 2, d2)
-    store(m, k, memory + 3, d3)
-    store(m, k, memory + 4, d4)
-    store(m, k, memory + 5, d5)
-    return h0, h1, h2, h3, h4, h5
+def remember(m: ti.template(), k, past, half, d: ti.template()):
+    """Half the change of a link's offset and rotation since the last step; they become its memory."""
+    h = laws.half_changes(half, *d, *load_all(m, k, consecutive(past, 6)))
+    store_all(m, k, consecutive(past, 6), d)
+    return h
 
 
 @ti.func
-def axial_force(
-    m: ti.template(), k, l, extension, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()
-):
+def axial_force(m: ti.template(), k, l, rest, beam, extension, t: ti.template()):
     """Stress times cross-section of a link [N]; an absurd strain marks the robot as diverged."""
-    row = l * LINK_COLUMNS
-    strain = extension * load(m, k, plan[REST] + link_table[row + LINK_REST] + 1)
-    if not all_lanes(strain <= beams.DIVERGED_STRAIN):
-        seen = load(m, k, plan[MONITOR] + DIVERGED)
-        store(m, k, plan[MONITOR] + DIVERGED, select(strain <= beams.DIVERGED_STRAIN, seen, 1.0))
-    beam = plan[BEAM] + link_table[row + LINK_BEAM]
-    force = load(m, k, beam + AXIAL) * strain
-    if plan[POISSON_ON] != 0:
-        e1, e2, f1, f2 = transverse_slots(0, l, plan, link_table, voxel_table)
-        squeeze, area = beams.cross_section(load(m, k, e1), load(m, k, e2), load(m, k, f1), load(m, k, f2))
-        force = (force + load(m, k, beam + TRANSVERSE) * squeeze) * area
+    tension = laws.strain(extension, load(m, k, rest + 1))
+    if not all_lanes(tension <= laws.DIVERGED_STRAIN):
+        mark = t.plan[memory.MONITOR] + memory.DIVERGED
+        store(m, k, mark, select(tension <= laws.DIVERGED_STRAIN, load(m, k, mark), 1.0))
+    force = laws.axial_force(tension, load(m, k, beam + materials.AXIAL))
+    if t.plan[memory.POISSON_ON] != 0:
+        squeeze, area = laws.cross_section(*load_all(m, k, transverse_slots(0, l, t)))
+        force = laws.squeezed_force(force, load(m, k, beam + materials.TRANSVERSE), squeeze, area)
     return force
 
 
+@primitive
+def whole_link(*given: Any) -> Any:
+    """What the stage does, as one function of all that it depends on, to trace it backwards: (F, M, G, N), new memory.
+
+    ``given`` are poses (14), memory (6), rest length, its inverse, axial and transverse stiffness, the five bending
+    constants, squeeze and area by Poisson's effect, edge; then the last regime, whether there is a fluid, and whether
+    the link may be, or have been, in another regime than that of small angles.
+    """
+    pose, past, (rest, inverse, axial, transverse), bending = given[:14], given[14:20], given[20:24], given[24:29]
+    squeeze, area, edge, before, fluid, turned = given[29:]
+    relative = laws.relative_pose(*pose)
+    half: Any = 0.5
+    regime: tuple[Any, ...] = ()
+    if turned:
+        *strains, small, w, by, bz = laws.turned_strains(*relative, rest, before)
+        half, regime = laws.memory_weight(before, small), (small, w, by, bz)
+    else:
+        strains = laws.straight_strains(*relative, rest)
+    d0, *others = strains
+    changes = laws.half_changes(half, *strains, *past)
+    pull = laws.squeezed_force(laws.axial_force(laws.strain(d0, inverse), axial), transverse, squeeze, area)
+    law = laws.turned_forces if turned else laws.straight_forces
+    ends = law(edge, *bending, pull, *others, *changes, *regime)
+    turn = matrix(*pose[3:7])
+    ends = [component for i in range(0, 12, 3) for component in apply(*turn, *ends[i : i + 3])]
+    if fluid:
+        x1, y1, z1, x2, y2, z2 = *pose[:3], *pose[7:10]
+        ends = laws.balanced(x2 - x1, y2 - y1, z2 - z1, *ends)
+    return (*ends, *strains)
+
+
 @ti.func
-def transverse_slots(base, l, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
-    """Slots of the two transverse strains of either voxel of a link."""
-    row = l * LINK_COLUMNS
-    s1 = base + plan[STRAIN] + voxel_table[link_table[row + LINK_FIRST] * VOXEL_COLUMNS + GAUGE] + 3
-    s2 = base + plan[STRAIN] + voxel_table[link_table[row + LINK_SECOND] * VOXEL_COLUMNS + GAUGE] + 3
-    b = link_table[row + LINK_SIDE_1]
-    c = link_table[row + LINK_SIDE_2]
-    return s1 + b, s1 + c, s2 + b, s2 + c
+def link_adjoint(u: ti.template(), l, t: ti.template()):
+    """Reverse link l: reads the cotangents of its voxels' forces (FORCE) and of its new memory (LINK)."""
+    poses = load_all(u.record, u.r, pose_slots(u.old, l, t))
+    slot, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
+    past = load_all(u.record, u.r, consecutive(u.old + slot, 6))
+    constants = load_all(u.m, u.k, axial_slots(rest, beam) + bending_slots(beam))
+    axes = link_axes(l, t)
+    first = t.link[l * columns.LINK_COLUMNS + columns.LINK_FIRST]
+    second = t.link[l * columns.LINK_COLUMNS + columns.LINK_SECOND]
+    gained = load_all(u.a, u.k, end_slots(t.plan[memory.FORCE] + 6 * first, axes))
+    lost = load_all(u.a, u.k, end_slots(t.plan[memory.FORCE] + 6 * second, axes))
+    seeds = gained + ti.static(tuple([0.0 - x for x in lost])) + load_all(u.a, u.k, consecutive(slot, 6))
+    squeeze = 0.0 * constants[0]
+    area = 1.0 + squeeze
+    if t.plan[memory.POISSON_ON] != 0:
+        squeeze, area = laws.cross_section(*load_all(u.record, u.r, transverse_slots(u.old, l, t)))
+    inputs = poses + past + constants + (squeeze, area)
+    before = load(u.record, u.r, u.old + slot + memory.REGIME)
+    x, y, z, _, _, _, _ = laws.relative_pose(*poses)
+    straight = is_straight(before, x, y, z, constants[0])
+    g = ti.static(pull_back(whole_link, inputs, (t.edge, before, t.fluid, False), seeds))
+    if all_lanes(straight):
+        give(u, l, t, g)
+    else:  # the laws agree on straight links, but their reverses add in other orders: each lane must have its own
+        g_turned = ti.static(pull_back(whole_link, inputs, (t.edge, before, t.fluid, True), seeds))
+        give(u, l, t, select_all(straight, g, g_turned))
+
+
+@ti.func
+def give(u: ti.template(), l, t: ti.template(), cotangents: ti.template()):
+    """Add the cotangents of a link's inputs to those of state and constants."""
+    accumulate_all(u.a, u.k, pose_slots(0, l, t), cotangents[:14])
+    store_all(u.a, u.k, consecutive(past_slot(l, t), 6), cotangents[14:20])  # those of the new memory have been taken
+    rest, beam = rest_slot(l, t), beam_slot(l, t)
+    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), cotangents[20:29])
+    if t.plan[memory.POISSON_ON] != 0:
+        strains = load_all(u.record, u.r, transverse_slots(u.old, l, t))
+        shares = ti.static(pull_back(laws.cross_section, strains, (), cotangents[29:]))
+        accumulate_all(u.a, u.k, transverse_slots(0, l, t), shares)

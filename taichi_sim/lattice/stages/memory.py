@@ -6,7 +6,7 @@ The sections of the state come first, so that a robot can be copied away and bac
     LINK      7 a link     damping memory (offset and rotations of the last step) 6, regime
     STRAIN    6 a gauge    strain per axis of a gauged voxel, and with Poisson's effect
     CHANNEL   4 a channel  base, rate, age, value of the 25 channels of every group
-    WATCH     3 a surface voxel: its position when the watch list was built
+    LISTED    3 a surface voxel: its position when the neighbour list was built
     MONITOR   2            largest squared distance from there; 1 once diverged
     CURRENT   9 a group    what follows from the channels in this step
     CONSTANT  9 a group    materials.voxel_constants
@@ -26,17 +26,17 @@ import numpy as np
 from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
 from taichi_sim.lattice.program import QUANTITY_COUNT
 
-(VOXEL, LINK, STRAIN, CHANNEL, WATCH, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE, PRESSED) = range(13)
+(VOXEL, LINK, STRAIN, CHANNEL, LISTED, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE, PRESSED) = range(13)
 SECTION_COUNT = 13
 MOST_SLOTS = 2**31 - 1  # of an array in a kernel, which counts them in 32 bits
 
 VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 4, 9, 2
 PRESSED_WIDTH = 12
-ORIENTATION, MOMENTUM, SPIN, STICKS = 3, 7, 10, 13  # places in a voxel
+ORIENTATION, MOMENTUM, ANGULAR_MOMENTUM, STICKS = 3, 7, 10, 13  # places in a voxel
 REGIME = 6  # place in a link
 BASE, RATE, AGE, VALUE = range(4)  # places in a channel
 MOVED, DIVERGED = 0, 1  # places in the monitor
-SIZE, MEAN_SIZE, PUSH, DRAG, SPIN_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: rest sizes, external force, damping
+SIZE, MEAN_SIZE, PUSH, DRAG, ANGULAR_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: rest sizes, external force, damping
 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
 (
@@ -112,4 +112,4 @@ class Memory:
     @property
     def state_slots(self) -> int:
         """Slots of the state, which come first."""
-        return self.starts[WATCH]
+        return self.starts[LISTED]

@@ -1,125 +1,125 @@
-"""The watch list of pairs that may collide: who is near whom, built again when voxels have moved.
+"""The list of neighbours that may collide: who is near whom, built again when voxels have moved.
 
 Each robot follows its own rule: its list holds the pairs of surface voxels whose centres were within 2.5 edges
 when it was built, and it is built again once one of them has moved more than half an edge. The robots of a block
 share one sorted list, the union of theirs, with a bit per robot; so neither neighbours nor batch size change a result.
 """
 
+from typing import Any, NamedTuple
+
 from taichi_sim.autodiff.lanes import any_lane
-from taichi_sim.lattice.stages.columns import SURFACE_COLUMNS, SURFACE_VOXEL
-from taichi_sim.lattice.stages.memory import PAIRS, SURFACE, VOXEL, WATCH
+from taichi_sim.lattice.stages.contact import listed_slots, place_slots
+from taichi_sim.lattice.stages.memory import PAIRS, SURFACE
 from taichi_sim.runtime import ti
 
 LIST, LENGTH, REBUILDS = 0, 1, 2  # columns of ``info``
 NOWHERE = 2**30
 
 
+class Lists(NamedTuple):
+    """The lists of all blocks, and what building them needs; the two of a block take turns.
+
+    Attributes:
+        row: first pair of each surface voxel, shape (blocks, 2, surface voxels + 1).
+        partner: the other, later surface voxel of each pair, shape (blocks, 2, pairs).
+        mask: bits of the lanes whose lists hold the pair, shape (blocks, 2, pairs).
+        info: integers of a block: which list holds, its length, how often lists were built; more are the driver's.
+        bits: the bit of every lane.
+        touched: whether a surface voxel's contact force is begun in this step, shape (blocks, surface voxels).
+        fresh: pairs of a voxel that are being collected, shape (blocks, surface voxels).
+        scratch, scratch_scalar: surface positions ``bunch`` at a time, and the same memory as scalars.
+        near, near_scalar: which of a bunch are near, likewise.
+        bunch: voxels that are compared at a time.
+    """
+
+    row: Any
+    partner: Any
+    mask: Any
+    info: Any
+    bits: Any
+    touched: Any
+    fresh: Any
+    scratch: Any
+    scratch_scalar: Any
+    near: Any
+    near_scalar: Any
+    bunch: int
+
+
 @ti.func
-def rebuild_lane(
-    ms: ti.template(),
-    block,
-    k,
-    lane,
-    bunch: ti.template(),
-    radius_squared,
-    plan: ti.template(),
-    surface: ti.template(),
-    excluded: ti.template(),
-    scratch: ti.template(),
-    scratch_scalar: ti.template(),
-    near: ti.template(),
-    near_scalar: ti.template(),
-    fresh: ti.template(),
-    row: ti.template(),
-    partner: ti.template(),
-    mask: ti.template(),
-    info: ti.template(),
-):
+def rebuild_lane(ms: ti.template(), block, k, lane, radius_squared, t: ti.template(), lists: ti.template()):
     """Build one robot's part of a block's list; returns 0 and changes nothing if the list has no room.
 
-    ms is the memory seen as scalars [slot, lane]; scratch holds the robot's surface positions ``bunch`` at a time.
-    The lists are double: the new one is merged from the old one and the fresh pairs.
+    ``ms`` is the memory seen as scalars [slot, lane]. The new list is merged from the old one and the fresh pairs.
     """
-    count = plan[SURFACE]
+    bunch = ti.static(lists.bunch)
+    count = t.plan[SURFACE]
     for s in range(count):
+        slots = place_slots(s, t)
         for c in ti.static(range(3)):
-            voxel = k + plan[VOXEL] + surface[SURFACE_COLUMNS * s + SURFACE_VOXEL]
-            scratch_scalar[block, c, s // bunch, s % bunch] = ms[voxel + c, lane]
-    old = info[block, LIST]
+            lists.scratch_scalar[block, c, s // bunch, s % bunch] = ms[k + slots[c], lane]
+    old = lists.info[block, LIST]
     new = 1 - old
     bit = 1 << lane
     length = 0
     for s in range(count):
-        found = _near_voxels(
-            block, s, bunch, count, radius_squared, excluded, scratch, scratch_scalar, near, near_scalar, fresh
-        )
-        row[block, new, s] = length
-        o = row[block, old, s]
-        end = row[block, old, s + 1]
+        found = _near_voxels(block, s, count, radius_squared, t.excluded, lists)
+        lists.row[block, new, s] = length
+        o = lists.row[block, old, s]
+        end = lists.row[block, old, s + 1]
         f = 0
         while f < found or o < end:
             next_fresh = NOWHERE
             next_old = NOWHERE
             if f < found:
-                next_fresh = fresh[block, f]
+                next_fresh = lists.fresh[block, f]
             if o < end:
-                next_old = partner[block, old, o]
+                next_old = lists.partner[block, old, o]
             robots = 0
             if next_old <= next_fresh:
-                robots = mask[block, old, o] & ~bit
+                robots = lists.mask[block, old, o] & ~bit
                 o += 1
             if next_fresh <= next_old:
                 robots = robots | bit
                 f += 1
             if robots != 0:
-                if length < plan[PAIRS]:
-                    partner[block, new, length] = ti.min(next_fresh, next_old)
-                    mask[block, new, length] = robots
+                if length < t.plan[PAIRS]:
+                    lists.partner[block, new, length] = ti.min(next_fresh, next_old)
+                    lists.mask[block, new, length] = robots
                 length += 1
-    row[block, new, count] = length
+    lists.row[block, new, count] = length
     fits = 0
-    if length <= plan[PAIRS]:
+    if length <= t.plan[PAIRS]:
         fits = 1
-        info[block, LIST] = new
-        info[block, LENGTH] = length
-        info[block, REBUILDS] += 1
+        lists.info[block, LIST] = new
+        lists.info[block, LENGTH] = length
+        lists.info[block, REBUILDS] += 1
         for s in range(count):
+            slots = listed_slots(s, t)
             for c in ti.static(range(3)):
-                place = scratch_scalar[block, c, s // bunch, s % bunch]
-                ms[k + plan[WATCH] + 3 * s + c, lane] = place
+                ms[k + slots[c], lane] = lists.scratch_scalar[block, c, s // bunch, s % bunch]
     return fits
 
 
 @ti.func
-def _near_voxels(
-    block,
-    s,
-    bunch: ti.template(),
-    count,
-    radius_squared,
-    excluded: ti.template(),
-    scratch: ti.template(),
-    scratch_scalar: ti.template(),
-    near: ti.template(),
-    near_scalar: ti.template(),
-    fresh: ti.template(),
-):
+def _near_voxels(block, s, count, radius_squared, excluded: ti.template(), lists: ti.template()):
     """Collect later surface voxels near surface voxel s, in ascending order; returns their number."""
+    bunch = ti.static(lists.bunch)
     found = 0
-    x = scratch_scalar[block, 0, s // bunch, s % bunch]
-    y = scratch_scalar[block, 1, s // bunch, s % bunch]
-    z = scratch_scalar[block, 2, s // bunch, s % bunch]
+    x = lists.scratch_scalar[block, 0, s // bunch, s % bunch]
+    y = lists.scratch_scalar[block, 1, s // bunch, s % bunch]
+    z = lists.scratch_scalar[block, 2, s // bunch, s % bunch]
     for g in range((s + 1) // bunch, (count + bunch - 1) // bunch):
-        dx = scratch[block, 0, g] - x
-        dy = scratch[block, 1, g] - y
-        dz = scratch[block, 2, g] - z
+        dx = lists.scratch[block, 0, g] - x
+        dy = lists.scratch[block, 1, g] - y
+        dz = lists.scratch[block, 2, g] - z
         within = dx * dx + dy * dy + dz * dz <= radius_squared
         if any_lane(within):
-            near[block] = ti.select(within, 1, 0)
+            lists.near[block] = ti.select(within, 1, 0)
             for i in range(bunch):
-                if near_scalar[block, i] != 0:
+                if lists.near_scalar[block, i] != 0:
                     other = g * bunch + i
                     if other > s and other < count and excluded[s, other // 32] & (1 << (other % 32)) == 0:
-                        fresh[block, found] = other
+                        lists.fresh[block, found] = other
                         found += 1
     return found

@@ -1,7 +1,8 @@
 """A body as the tables that kernels read: integers shared by a batch, constants per robot, voxels in engine order."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -70,6 +71,12 @@ class Tables:
     squares: int
     fluid: bool
     ring: int
+
+    def shared(self, plan: np.ndarray, dtype: type, put: Callable[[np.ndarray], Any] = lambda a: a) -> columns.Shared:
+        """The tables as kernels take them; ``put`` brings an array to where they run."""
+        names = ("link", "voxel", "rest", "square", "corner", "surface", "excluded")
+        arrays = {name: put(getattr(self, name)) for name in names}
+        return columns.Shared(put(plan), **arrays, start=put(self.start.astype(dtype)))
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""

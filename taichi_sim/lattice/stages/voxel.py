@@ -1,191 +1,176 @@
-"""Stage of a voxel: floor, pressure, drag and integration; then the gauges that read its strain for the next step."""
+"""The stage of a voxel: floor, pressure, drag and integration; then the gauges that read its strain for the next step.
 
-from taichi_sim.autodiff.lanes import any_lane, load, load_all, store
-from taichi_sim.autodiff.rotations import from_large_rotation_vector, rotate, to_rotation_vector
+See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
+"""
+
+from typing import Any, NamedTuple
+
+from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, store, store_all
 from taichi_sim.autodiff.tracing import select
+from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
-from taichi_sim.lattice.materials import (
-    CONTACT_DAMPING,
-    INVERSE_INERTIA,
-    INVERSE_MASS,
-    NU,
-    SHARE_MINUS,
-    SHARE_PLUS,
-    STIFFNESS,
-)
-from taichi_sim.lattice.stages.columns import (
-    ACCELERATION,
-    CHANNELS,
-    FEELS_PRESSURE,
-    FIXED,
-    FORCE,
-    GAUGE,
-    GROUP,
-    KINETIC_FRICTION,
-    LINK_BEAM,
-    LINK_COLUMNS,
-    LINK_REST,
-    MOMENT,
-    NORMAL,
-    PRESSURE,
-    RESISTANCE,
-    ROTATION,
-    SIDE_LINK,
-    STATIC_FRICTION,
-    TRANSLATION,
-    VOXEL_COLUMNS,
-    WET,
-)
-from taichi_sim.lattice.stages.forcing import channel_value
-from taichi_sim.lattice.stages.memory import (
-    BEAM,
-    CHANNEL,
-    CHANNEL_WIDTH,
-    CONSTANT,
-    CURRENT,
-    DRAG,
-    FLOOR_ON,
-    FLUID_ON,
-    LINK,
-    LINK_WIDTH,
-    MEAN_SIZE,
-    MOMENTUM,
-    ORIENTATION,
-    POISSON_ON,
-    PUSH,
-    REST,
-    SIZE,
-    SPIN,
-    SPIN_DRAG,
-    STICKS,
-    STRAIN,
-    VALUE,
-    VOXEL,
-    VOXEL_WIDTH,
-    WATCH,
-)
+from taichi_sim.lattice.laws import link as beams
+from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.groups import channel_slot
+from taichi_sim.lattice.stages.link import beam_slot, rest_slot
 from taichi_sim.runtime import ti
 
 
 @ti.func
-def voxel_stage(
-    m: ti.template(),
-    k,
-    v,
-    dt,
-    edge,
-    fx,
-    fy,
-    fz,
-    mx,
-    my,
-    mz,
-    cx,
-    cy,
-    cz,
-    plan: ti.template(),
-    voxel_table: ti.template(),
-    start: ti.template(),
-):
+def voxel_slot(v, t: ti.template()):
+    """First slot of voxel v's motion."""
+    return t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
+
+
+class Group(NamedTuple):
+    """First slots of a voxel's group in CONSTANT, in CURRENT, and of the values of its channels."""
+
+    constant: Any
+    current: Any
+    channels: Any
+
+
+@ti.func
+def group_places(v, t: ti.template()):
+    """What :class:`Group` holds, of voxel v."""
+    row = v * columns.VOXEL_COLUMNS
+    group = t.voxel[row + columns.GROUP]
+    channels = t.plan[memory.CHANNEL] + t.voxel[row + columns.CHANNELS] + memory.VALUE
+    return t.plan[memory.CONSTANT] + group, t.plan[memory.CURRENT] + group, channels
+
+
+@ti.func
+def channel_slots(g: ti.template(), quantity: ti.template()):
+    """Slots of three consecutive channels of a group."""
+    slot = g.channels + quantity * memory.CHANNEL_WIDTH
+    return slot, slot + memory.CHANNEL_WIDTH, slot + 2 * memory.CHANNEL_WIDTH
+
+
+@ti.func
+def gauge_slot(v, t: ti.template()):
+    """First slot of voxel v's strains."""
+    return t.plan[memory.STRAIN] + t.voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE]
+
+
+@ti.func
+def momentum_slots(g: ti.template()):
+    """Slots of inverse mass and drag."""
+    return g.constant + materials.INVERSE_MASS, g.current + memory.DRAG
+
+
+@ti.func
+def rotation_slots(g: ti.template()):
+    """Slots of inverse inertia and drag against rotation."""
+    return g.constant + materials.INVERSE_INERTIA, g.current + memory.ANGULAR_DRAG
+
+
+@ti.func
+def floor_slots(g: ti.template()):
+    """Slots of mean size, stiffness and damping of contact, and kinetic friction."""
+    return (
+        g.current + memory.MEAN_SIZE,
+        g.constant + materials.STIFFNESS,
+        g.constant + materials.CONTACT_DAMPING,
+        g.channels + columns.KINETIC_FRICTION * memory.CHANNEL_WIDTH,
+    )
+
+
+@ti.func
+def face_slots(g: ti.template()):
+    """Slots of rest sizes and pressure."""
+    return consecutive(g.current + memory.SIZE, 3) + (g.channels + columns.PRESSURE * memory.CHANNEL_WIDTH,)
+
+
+@ti.func
+def drag_slots(g: ti.template()):
+    """Slots of inverse mass, rest sizes, and both resistances of the fluid around a voxel."""
+    resistance = g.channels + columns.RESISTANCE * memory.CHANNEL_WIDTH
+    return (
+        (g.constant + materials.INVERSE_MASS,)
+        + consecutive(g.current + memory.SIZE, 3)
+        + (resistance, resistance + memory.CHANNEL_WIDTH)
+    )
+
+
+@ti.func
+def share_slots(l, side: ti.template(), t: ti.template()):
+    """Slots of the inverse rest length of a link and of the share that the voxel on one side has in its strain."""
+    share = beam_slot(l, t) + (materials.SHARE_PLUS if side == 0 else materials.SHARE_MINUS)
+    return rest_slot(l, t) + 1, share
+
+
+@ti.func
+def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: ti.template()):
     """Integrate voxel v under the forces F and moments M of its links and the contact force c, world; its new place."""
-    row = v * VOXEL_COLUMNS
-    voxel = plan[VOXEL] + v * VOXEL_WIDTH
-    current = plan[CURRENT] + voxel_table[row + GROUP]
-    constant = plan[CONSTANT] + voxel_table[row + GROUP]
-    channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
-    qw = load(m, k, voxel + ORIENTATION)
-    qx = load(m, k, voxel + ORIENTATION + 1)
-    qy = load(m, k, voxel + ORIENTATION + 2)
-    qz = load(m, k, voxel + ORIENTATION + 3)
-    if voxel_table[row + FEELS_PRESSURE] != 0:
-        ax, ay, az = pressure_force(m, k, v, plan, voxel_table)
-        ax, ay, az = rotate(qw, qx, qy, qz, ax, ay, az)
+    voxel = voxel_slot(v, t)
+    constant, current, channels = group_places(v, t)
+    g = ti.static(Group(constant, current, channels))
+    x, y, z, qw, qx, qy, qz = load_all(m, k, consecutive(voxel, 7))
+    px, py, pz = load_all(m, k, consecutive(voxel + memory.MOMENTUM, 3))
+    if t.voxel[v * columns.VOXEL_COLUMNS + columns.FEELS_PRESSURE] != 0:
+        gauges, normals = load_all(m, k, consecutive(gauge_slot(v, t), 3)), pressed_faces(v, t)
+        ax, ay, az = motion.face_force(qw, qx, qy, qz, *gauges, *load_all(m, k, face_slots(g)), *normals)
         fx, fy, fz = fx + ax, fy + ay, fz + az
-    inverse_mass = load(m, k, constant + INVERSE_MASS)
-    drag = load(m, k, current + DRAG)
-    px = load(m, k, voxel + MOMENTUM)
-    py = load(m, k, voxel + MOMENTUM + 1)
-    pz = load(m, k, voxel + MOMENTUM + 2)
-    vx = px * inverse_mass
-    vy = py * inverse_mass
-    vz = pz * inverse_mass
-    if plan[FLUID_ON] != 0:
-        ax, ay, az = drag_force(m, k, v, px, py, pz, inverse_mass, qw, qx, qy, qz, plan, voxel_table)
+    if t.plan[memory.FLUID_ON] != 0:
+        given = load_all(m, k, drag_slots(g))
+        ax, ay, az = fluid.drag(qw, qx, qy, qz, px, py, pz, *given, *wet_faces(v, t))
         fx, fy, fz = fx + ax, fy + ay, fz + az
-    fx = fx + load(m, k, current + PUSH) - drag * vx + cx
-    fy = fy + load(m, k, current + PUSH + 1) - drag * vy + cy
-    fz = fz + load(m, k, current + PUSH + 2) - drag * vz + cz
-    step = dt * inverse_mass
-    x = load(m, k, voxel)
-    y = load(m, k, voxel + 1)
-    z = load(m, k, voxel + 2)
-    depth = floor.penetration(load(m, k, current + MEAN_SIZE), edge, z)
+    ax, ay, az = load_all(m, k, consecutive(g.current + memory.PUSH, 3))
+    inverse_mass, drag = load_all(m, k, momentum_slots(g))
+    fx, fy, fz = motion.damped_force(fx + ax, fy + ay, fz + az, px, py, pz, inverse_mass, drag, cx, cy, cz)
+    px, py, pz = push(m, k, voxel + memory.STICKS, px, py, pz, fx, fy, fz, z, inverse_mass, g, t)
+    lx, ly, lz = load_all(m, k, consecutive(voxel + memory.ANGULAR_MOMENTUM, 3))
+    ax, ay, az = load_all(m, k, channel_slots(g, columns.MOMENT))
+    inverse_inertia, drag = load_all(m, k, rotation_slots(g))
+    mx, my, mz = motion.damped_moment(mx + ax, my + ay, mz + az, lx, ly, lz, inverse_inertia, drag)
+    lx, ly, lz = motion.accelerated(lx, ly, lz, mx, my, mz, t.time_step)
+    bits = t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED]
+    if bits != 0:
+        zero = 0.0 * inverse_mass
+        px, py, pz = held(bits, 1, px, zero), held(bits, 2, py, zero), held(bits, 4, pz, zero)
+        lx, ly, lz = held(bits, 8, lx, zero), held(bits, 16, ly, zero), held(bits, 32, lz, zero)
+    x, y, z, qw, qx, qy, qz = motion.placed(
+        x, y, z, qw, qx, qy, qz, px, py, pz, lx, ly, lz, inverse_mass, inverse_inertia, t.time_step
+    )
+    if bits != 0:
+        ax, ay, az = load_all(m, k, channel_slots(g, columns.TRANSLATION))
+        x = held(bits, 1, x, t.start[v, 0] + ax)
+        y = held(bits, 2, y, t.start[v, 1] + ay)
+        z = held(bits, 4, z, t.start[v, 2] + az)
+        if bits >= 8:
+            turn = load_all(m, k, channel_slots(g, columns.ROTATION))
+            qw, qx, qy, qz = motion.held_rotation(qw, qx, qy, qz, *turn, *held_turns(bits, inverse_mass))
+    store_all(m, k, consecutive(voxel, 7), (x, y, z, qw, qx, qy, qz))
+    store_all(m, k, consecutive(voxel + memory.MOMENTUM, 6), (px, py, pz, lx, ly, lz))
+    return x, y, z
+
+
+@ti.func
+def push(m: ti.template(), k, sticking, px, py, pz, fx, fy, fz, z, inverse_mass, g: ti.template(), t: ti.template()):
+    """Momentum after a step under force F of a voxel at height z; the floor, and whether it sticks there (a slot)."""
+    dt = t.time_step
+    depth = floor.penetration(load(m, k, g.current + memory.MEAN_SIZE), t.edge, z)
     stuck = 0.0 * inverse_mass
-    on_floor = plan[FLOOR_ON] != 0
+    on_floor = t.plan[memory.FLOOR_ON] != 0
     if on_floor:
         on_floor = any_lane(depth >= 0.0)
     if on_floor:
-        touches = depth >= 0.0
-        normal = load(m, k, constant + STIFFNESS) * depth
-        fz = fz + select(touches, normal - load(m, k, constant + CONTACT_DAMPING) * vz, 0.0)
-        sticks = load(m, k, voxel + STICKS)
-        loose = floor.breaks_loose(fx, fy, channel_value(m, k, channels, STATIC_FRICTION), normal)
-        rx, ry = floor.sliding_friction(vx, vy, channel_value(m, k, channels, KINETIC_FRICTION), normal)
-        slides = touches & (sticks < 0.5)
-        rx = select(slides, rx, 0.0)
-        ry = select(slides, ry, 0.0)
-        px = px + (fx + rx) * dt
-        py = py + (fy + ry) * dt
-        stuck = select(loose, 0.0, sticks)
-        stuck = select(floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass), 1.0, stuck)
-        stuck = select(touches, stuck, 0.0)
-        px = select(stuck > 0.5, 0.0, px)
-        py = select(stuck > 0.5, 0.0, py)
+        _, stiffness, damping, friction = load_all(m, k, floor_slots(g))
+        vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
+        sticks = load(m, k, sticking)
+        fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
+        holds = load(m, k, g.channels + columns.STATIC_FRICTION * memory.CHANNEL_WIDTH)
+        loose = floor.breaks_loose(fx, fy, holds, normal)
+        rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
+        px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
+        step = dt * inverse_mass
+        rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
+        stuck = select(depth >= 0.0, select(rests, 1.0, select(loose, 0.0, sticks)), 0.0)
+        px, py = floor.stopped(px, py, stuck)
     else:
-        px = px + fx * dt
-        py = py + fy * dt
-    pz = pz + fz * dt
-    store(m, k, voxel + STICKS, stuck)
-    x = x + px * step
-    y = y + py * step
-    z = z + pz * step
-    inverse_inertia = load(m, k, constant + INVERSE_INERTIA)
-    drag = load(m, k, current + SPIN_DRAG) * inverse_inertia
-    sx = load(m, k, voxel + SPIN)
-    sy = load(m, k, voxel + SPIN + 1)
-    sz = load(m, k, voxel + SPIN + 2)
-    sx = sx + (mx + channel_value(m, k, channels, MOMENT) - sx * drag) * dt
-    sy = sy + (my + channel_value(m, k, channels, MOMENT + 1) - sy * drag) * dt
-    sz = sz + (mz + channel_value(m, k, channels, MOMENT + 2) - sz * drag) * dt
-    bits = voxel_table[row + FIXED]
-    if bits != 0:
-        nought = 0.0 * inverse_mass
-        px, py, pz = held(bits, 1, px, nought), held(bits, 2, py, nought), held(bits, 4, pz, nought)
-        sx, sy, sz = held(bits, 8, sx, nought), held(bits, 16, sy, nought), held(bits, 32, sz, nought)
-        x = held(bits, 1, x, start[v, 0] + channel_value(m, k, channels, TRANSLATION))
-        y = held(bits, 2, y, start[v, 1] + channel_value(m, k, channels, TRANSLATION + 1))
-        z = held(bits, 4, z, start[v, 2] + channel_value(m, k, channels, TRANSLATION + 2))
-    qw, qx, qy, qz = motion.rotate_by_momentum(qw, qx, qy, qz, sx, sy, sz, dt * inverse_inertia)
-    if bits >= 8:
-        tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
-        tx = held(bits, 8, tx, channel_value(m, k, channels, ROTATION))
-        ty = held(bits, 16, ty, channel_value(m, k, channels, ROTATION + 1))
-        tz = held(bits, 32, tz, channel_value(m, k, channels, ROTATION + 2))
-        qw, qx, qy, qz = from_large_rotation_vector(tx, ty, tz)
-    store(m, k, voxel, x)
-    store(m, k, voxel + 1, y)
-    store(m, k, voxel + 2, z)
-    store(m, k, voxel + ORIENTATION, qw)
-    store(m, k, voxel + ORIENTATION + 1, qx)
-    store(m, k, voxel + ORIENTATION + 2, qy)
-    store(m, k, voxel + ORIENTATION + 3, qz)
-    store(m, k, voxel + MOMENTUM, px)
-    store(m, k, voxel + MOMENTUM + 1, py)
-    store(m, k, voxel + MOMENTUM + 2, pz)
-    store(m, k, voxel + SPIN, sx)
-    store(m, k, voxel + SPIN + 1, sy)
-    store(m, k, voxel + SPIN + 2, sz)
-    return x, y, z
+        px, py, pz = motion.accelerated(px, py, pz, fx, fy, fz, dt)
+    store(m, k, sticking, stuck)
+    return px, py, pz
 
 
 @ti.func
@@ -197,142 +182,84 @@ def held(bits, bit: ti.template(), value, prescribed):
 
 
 @ti.func
-def squared_move(m: ti.template(), k, slot, x, y, z, plan: ti.template()):
-    """Squared distance of a surface voxel from where it was when the watch list was built."""
-    watch = plan[WATCH] + 3 * slot
-    dx = x - load(m, k, watch)
-    dy = y - load(m, k, watch + 1)
-    dz = z - load(m, k, watch + 2)
-    return dx * dx + dy * dy + dz * dz
+def held_turns(bits, like):
+    """1 for each rotation that the world holds, else 0, as reals of the kind of ``like``."""
+    zero = 0.0 * like
+    one = 1.0 + zero
+    return held(bits, 8, zero, one), held(bits, 16, zero, one), held(bits, 32, zero, one)
 
 
 @ti.func
-def pressure_force(m: ti.template(), k, v, plan: ti.template(), voxel_table: ti.template()):
-    """Pressure times the deformed area of the voxel's pressurised faces, in the voxel frame."""
-    row = v * VOXEL_COLUMNS
-    gx, gy, gz, hx, hy, hz, nx, ny, nz = gauged_faces(m, k, 0, v, plan, voxel_table)
-    size = plan[CURRENT] + voxel_table[row + GROUP] + SIZE
-    pressure = channel_value(m, k, plan[CHANNEL] + voxel_table[row + CHANNELS], PRESSURE)
-    return motion.pressure_on_faces(
-        gx, gy, gz, load(m, k, size), load(m, k, size + 1), load(m, k, size + 2), pressure, hx, hy, hz, nx, ny, nz
-    )
-
-
-@ti.func
-def drag_force(
-    m: ti.template(), k, v, px, py, pz, inverse_mass, qw, qx, qy, qz, plan: ti.template(), voxel_table: ti.template()
-):
-    """What the fluid around a voxel of momentum p does to it, world frame."""
-    sx, sy, sz, normal, tangential = load_all(m, k, drag_slots(v, plan, voxel_table))
-    nx, ny, nz = wet_faces(v, voxel_table)
-    return fluid.drag(qw, qx, qy, qz, px, py, pz, inverse_mass, sx, sy, sz, normal, tangential, nx, ny, nz)
-
-
-@ti.func
-def drag_slots(v, plan: ti.template(), voxel_table: ti.template()):
-    """Slots of a voxel's rest sizes and of both resistances of the fluid around it."""
-    row = v * VOXEL_COLUMNS
-    size = plan[CURRENT] + voxel_table[row + GROUP] + SIZE
-    resistance = plan[CHANNEL] + voxel_table[row + CHANNELS] + RESISTANCE * CHANNEL_WIDTH + VALUE
-    return size, size + 1, size + 2, resistance, resistance + CHANNEL_WIDTH
-
-
-@ti.func
-def wet_faces(v, voxel_table: ti.template()):
+def wet_faces(v, t: ti.template()):
     """How many faces along each axis a fluid reaches."""
-    wet = voxel_table[v * VOXEL_COLUMNS + WET]
+    wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET]
     return ti.cast(wet & 3, float), ti.cast((wet >> 2) & 3, float), ti.cast((wet >> 4) & 3, float)
 
 
 @ti.func
-def gauged_faces(m: ti.template(), k, base, v, plan: ti.template(), voxel_table: ti.template()):
-    """Strains of a voxel, half the number of links along each axis, and the normals of its pressurised faces."""
-    gauge = base + plan[STRAIN] + voxel_table[v * VOXEL_COLUMNS + GAUGE]
-    normal = v * VOXEL_COLUMNS + NORMAL
+def pressed_faces(v, t: ti.template()):
+    """Half the number of links along each axis, and the normals of the voxel's pressurised faces."""
+    normal = v * columns.VOXEL_COLUMNS + columns.NORMAL
     return (
-        load(m, k, gauge),
-        load(m, k, gauge + 1),
-        load(m, k, gauge + 2),
-        0.5 * ti.cast(link_count(v, 0, voxel_table), float),
-        0.5 * ti.cast(link_count(v, 1, voxel_table), float),
-        0.5 * ti.cast(link_count(v, 2, voxel_table), float),
-        ti.cast(voxel_table[normal], float),
-        ti.cast(voxel_table[normal + 1], float),
-        ti.cast(voxel_table[normal + 2], float),
+        0.5 * ti.cast(link_count(v, 0, t), float),
+        0.5 * ti.cast(link_count(v, 1, t), float),
+        0.5 * ti.cast(link_count(v, 2, t), float),
+        ti.cast(t.voxel[normal], float),
+        ti.cast(t.voxel[normal + 1], float),
+        ti.cast(t.voxel[normal + 2], float),
     )
 
 
 @ti.func
-def link_count(v, axis: ti.template(), voxel_table: ti.template()):
+def link_count(v, axis: ti.template(), t: ti.template()):
     """How many of a voxel's two sides along an axis have a link."""
-    side = v * VOXEL_COLUMNS + SIDE_LINK + 2 * axis
-    return ti.cast(voxel_table[side] >= 0, ti.i32) + ti.cast(voxel_table[side + 1] >= 0, ti.i32)
+    side = v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis
+    return ti.cast(t.voxel[side] >= 0, ti.i32) + ti.cast(t.voxel[side + 1] >= 0, ti.i32)
 
 
 @ti.func
-def gauge_stage(m: ti.template(), k, v, plan: ti.template(), link_table: ti.template(), voxel_table: ti.template()):
+def gauge_stage(m: ti.template(), k, v, t: ti.template()):
     """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
-    row = v * VOXEL_COLUMNS
-    gauge = plan[STRAIN] + voxel_table[row + GAUGE]
-    ex = axis_strain(m, k, v, 0, plan, link_table, voxel_table)
-    ey = axis_strain(m, k, v, 1, plan, link_table, voxel_table)
-    ez = axis_strain(m, k, v, 2, plan, link_table, voxel_table)
-    store(m, k, gauge, ex)
-    store(m, k, gauge + 1, ey)
-    store(m, k, gauge + 2, ez)
-    if plan[POISSON_ON] != 0:
-        nu = load(m, k, plan[CONSTANT] + voxel_table[row + GROUP] + NU)
-        tx = in_tension(m, k, v, 0, plan, voxel_table)
-        ty = in_tension(m, k, v, 1, plan, voxel_table)
-        tz = in_tension(m, k, v, 2, plan, voxel_table)
-        ex, ey, ez = motion.poisson_strains(ex, ey, ez, nu, tx, ty, tz)
-        store(m, k, gauge + 3, ex)
-        store(m, k, gauge + 4, ey)
-        store(m, k, gauge + 5, ez)
+    gauge = gauge_slot(v, t)
+    ex, ey, ez = axis_strain(m, k, v, 0, t), axis_strain(m, k, v, 1, t), axis_strain(m, k, v, 2, t)
+    store_all(m, k, consecutive(gauge, 3), (ex, ey, ez))
+    if t.plan[memory.POISSON_ON] != 0:
+        nu = load(m, k, group_places(v, t)[0] + materials.NU)
+        strains = motion.poisson_strains(ex, ey, ez, nu, *tensions(m, k, v, t))
+        store_all(m, k, consecutive(gauge + 3, 3), strains)
 
 
 @ti.func
-def axis_strain(
-    m: ti.template(),
-    k,
-    v,
-    axis: ti.template(),
-    plan: ti.template(),
-    link_table: ti.template(),
-    voxel_table: ti.template(),
-):
+def axis_strain(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
     """Mean of a voxel's shares in the strains of its links along an axis."""
-    total = 0.0 * load(m, k, plan[CONSTANT])
+    total = 0.0 * load(m, k, t.plan[memory.CONSTANT])
     for side in ti.static(range(2)):
-        l = voxel_table[v * VOXEL_COLUMNS + SIDE_LINK + 2 * axis + side]
+        l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + side]
         if l >= 0:
-            share, rest = gauge_slots(l, side, plan, link_table)
-            strain = load(m, k, plan[LINK] + l * LINK_WIDTH) * load(m, k, rest + 1)
-            total = total + strain * load(m, k, share)
-    if link_count(v, axis, voxel_table) == 2:
+            extension = load(m, k, t.plan[memory.LINK] + l * memory.LINK_WIDTH)
+            total = total + beams.shared_strain(extension, *load_all(m, k, share_slots(l, side, t)))
+    if link_count(v, axis, t) == 2:
         total = 0.5 * total
     return total
 
 
 @ti.func
-def gauge_slots(l, side: ti.template(), plan: ti.template(), link_table: ti.template()):
-    """Slots of the share that the voxel on one side has in a link's strain, and of the link's rest length."""
-    share = plan[BEAM] + link_table[l * LINK_COLUMNS + LINK_BEAM] + (SHARE_PLUS if side == 0 else SHARE_MINUS)
-    return share, plan[REST] + link_table[l * LINK_COLUMNS + LINK_REST]
+def tensions(m: ti.template(), k, v, t: ti.template()):
+    """Whether each axis of a voxel is in tension, see :func:`in_tension`."""
+    return in_tension(m, k, v, 0, t), in_tension(m, k, v, 1, t), in_tension(m, k, v, 2, t)
 
 
 @ti.func
-def in_tension(m: ti.template(), k, v, axis: ti.template(), plan: ti.template(), voxel_table: ti.template()):
+def in_tension(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
     """1 for two links, or one and something to pull against: a held degree of freedom or an external force; else 0."""
-    row = v * VOXEL_COLUMNS
-    channels = plan[CHANNEL] + voxel_table[row + CHANNELS]
-    pull = channel_value(m, k, channels, FORCE + axis) + channel_value(m, k, channels, ACCELERATION + axis)
+    force = load(m, k, channel_slot(v, columns.FORCE + axis, t))
+    pull = force + load(m, k, channel_slot(v, columns.ACCELERATION + axis, t))
     tension = 0.0 * pull
-    count = link_count(v, axis, voxel_table)
+    count = link_count(v, axis, t)
     if count == 2:
         tension = tension + 1.0
     elif count == 1:
-        if voxel_table[row + FIXED] & (1 << axis) != 0:
+        if t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED] & (1 << axis) != 0:
             tension = tension + 1.0
         else:
             tension = select(pull != 0.0, 1.0, tension)

@@ -10,9 +10,10 @@ from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.lanes import Real, absolute, larger, smaller
 from taichi_sim.autodiff.tracing import law, pull_back, select, sqrt
 from taichi_sim.lattice import materials
-from taichi_sim.lattice.laws import enclosure, floor, fluid, motion
+from taichi_sim.lattice.laws import contact, enclosure, floor, fluid, group, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.stages import link_adjoint, voxel_adjoint
+from taichi_sim.lattice.stages import voxel_adjoint
+from taichi_sim.lattice.stages.link import whole_link
 from taichi_sim.runtime import ti
 
 EDGE, DT = 0.01, 1e-4
@@ -60,26 +61,27 @@ NEXT = (0.0103, 0.0004, -0.0003, 0.985, 0.1, -0.1, 0.08)
 FAR = (0.0103, 0.004, -0.003, 0.98, 0.1, -0.1, 0.1)
 MEMORY = (2e-4, 3e-4, -1e-4, 0.05, 0.01, -0.02)
 BEAM = (0.0101, 1 / 0.0101, 40.0, 5.0, 3000.0, 50.0, 40.0, 0.03, 4e-3, 0.01, 1.02)
+SPHERES = (0.0101, 0.0103, 300.0, 280.0, 900.0, 800.0, 0.5, 0.4)
+PUSHED = (2e-5, -3e-5, 1e-5, 0.01, 0.02, -0.03, 300.0, 1e-3, -2e-4, 0.0101, 900.0, 0.5, 0.4)
 LAWS = {
-    "straight link": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, False), 18),
-    "large link": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, False), 18),
-    "small link in a mixed block": (
-        link_adjoint.turned_link,
-        (*POSE, *NEXT, *MEMORY, *BEAM),
-        (EDGE, beams.SMALL, False),
-        18,
-    ),
-    "link that switches": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL, False), 18),
-    "straight link in a fluid": (link_adjoint.straight_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, True), 18),
-    "large link in a fluid": (link_adjoint.turned_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, True), 18),
-    "placing": (voxel_adjoint.placed, (*NEXT, 0.1, -0.2, 0.3, 1e-4, 2e-4, -1e-4, 300.0, 2e7), (DT,), 7),
+    "straight link": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, False), 18),
+    "large link": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, False, True), 18),
+    "small link in a mixed block": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, True), 18),
+    "link that switches": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, True), 18),
+    "straight link in a fluid": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, True, False), 18),
+    "large link in a fluid": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, True, True), 18),
+    "pushing in the air": (voxel_adjoint.pushed, (*PUSHED[:8],), (DT, EDGE, 0.0, 0.0, False), 3),
+    "pushing on the floor": (voxel_adjoint.pushed, PUSHED, (DT, EDGE, 0.0, 0.0, True), 3),
+    "pushing of a voxel that sticks": (voxel_adjoint.pushed, PUSHED, (DT, EDGE, 1.0, 1.0, True), 3),
+    "turning": (voxel_adjoint.turned, (1e-4, 2e-4, -1e-4, 1e-3, -2e-3, 1e-3, 2e7, 1e-6), (DT,), 3),
+    "placing": (motion.placed, (*NEXT, 0.1, -0.2, 0.3, 1e-4, 2e-4, -1e-4, 300.0, 2e7), (DT,), 7),
     "pressure": (
-        voxel_adjoint.pressed,
+        motion.face_force,
         (*POSE[3:], 0.1, -0.05, 0.2, 0.01, 0.011, 0.009, 500.0),
         (1.0, 0.5, 1.0, 0.0, 0.0, 1.0),
         3,
     ),
-    "held rotation": (voxel_adjoint.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
+    "held rotation": (motion.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
     "square under pressure": (
         enclosure.pressed_square,
@@ -87,6 +89,19 @@ LAWS = {
         (),
         12,
     ),
+    "contact": (
+        contact.pair_force,
+        (*POSE[:3], 1e-5, 2e-5, -1e-5, 0.009, 0.001, 0.002, -2e-5, 1e-5, 0.0, *SPHERES),
+        (True,),
+        3,
+    ),
+    "group": (
+        group.group_state,
+        (1e-3, 20.0, 1.1, 0.9, 1.0, 3e-3, 0.1, 0.2, -9.0, 1e-3, 2e-3, 0.0, 0.01, 0.5, 2e-6),
+        (EDGE, 9.8),
+        9,
+    ),
+    "rest length": (group.rest_length, (0.01, 0.012), (), 2),
     "sliding": (floor.sliding_friction, (0.02, -0.01, 0.4, 0.3), (), 2),
     "poisson": (motion.poisson_strains, (0.1, 0.05, -0.02, 0.3), (1.0, 0.0, 1.0), 3),
     "beam constants": (materials.beam_row, (3e5, 3000.0, 0.3, 1.0, 2e5, 2500.0, 0.2, 0.8), (EDGE, DT), 9),

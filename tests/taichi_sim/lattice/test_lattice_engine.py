@@ -91,7 +91,7 @@ def test_memory_of_a_device_gives_the_same_bits(monkeypatch):
 
 
 def test_two_runs_continue_as_one():
-    """Channels, damping memory and watch lists carry over, also for robots that ended before their block."""
+    """Channels, damping memory and neighbour lists carry over, also for robots that ended before their block."""
     case = load_case("bars_collide")
     whole = LatticeEngine(case.body, 2, time_step=case.time_step)
     parts = LatticeEngine(case.body, 2, time_step=case.time_step)

@@ -1,0 +1,263 @@
+"""What happens to a robot at the marks of its program: events, recordings and its end; forwards and on the way back.
+
+Marks are met robot by robot, so ``ms`` and the other memories here are seen as scalars [slot, lane]. All drivers share
+these functions: a robot's integers are ``lanes[block, lane]``, and one of the stepped driver is a lane of block 0.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from taichi_sim.autodiff.tracing import pull_back
+from taichi_sim.lattice.laws import group as laws
+from taichi_sim.lattice.program import QUANTITY_COUNT
+from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.groups import size_slots
+from taichi_sim.lattice.stages.link import rest_slot
+from taichi_sim.lattice.stages.memory import AGE, BASE, CHANNEL, CHANNEL_WIDTH, RATE
+from taichi_sim.lattice.stages.neighbours import NOWHERE
+from taichi_sim.lattice.stages.tables import PackedProgram, Tables
+from taichi_sim.runtime import ti
+
+# Columns of the integers of a lane: its next event, the range of its events, its steps, its state, when it ended.
+EVENT, FIRST_EVENT, END_EVENT, LENGTH, STATE, STEP, ROBOT = range(7)
+LANE_COLUMNS = 7
+ACTIVE, ENDED, DIVERGED, WAITING = range(4)  # waiting, on the way back: beyond its last step
+NO_MARK = -1
+
+Recordings = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Marks(NamedTuple):
+    """A program and what robots record, as kernels see them.
+
+    Attributes:
+        lanes: integers of the lanes, shape (blocks, lanes, columns).
+        event: step and target of each mark, see ``tables.PackedProgram``.
+        value: base and rate of each.
+        poses, strains, sizes: recorded, shapes (B, S, V, 7), (B, S, L), (B, S, G, 3); their cotangents on the way back.
+        finals: cotangents of the last states, shape (B, V, 13), on the way back.
+        by_value: cotangents of the marks' base and rate, likewise.
+    """
+
+    lanes: Any
+    event: Any
+    value: Any
+    poses: Any
+    strains: Any
+    sizes: Any
+    finals: Any = None
+    by_value: Any = None
+
+
+def lane_table(program: PackedProgram, robots: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """Integers of lanes that run the program of these robots, at its start, shape of ``robots`` + (columns,)."""
+    lanes = np.zeros((*robots.shape, LANE_COLUMNS), np.int32)
+    lanes[..., EVENT] = lanes[..., FIRST_EVENT] = program.first[robots]
+    lanes[..., END_EVENT], lanes[..., LENGTH] = program.first[robots + 1], program.lengths[robots]
+    lanes[..., STATE], lanes[..., ROBOT] = state, robots
+    return lanes
+
+
+def lanes_back(lanes: np.ndarray) -> np.ndarray:
+    """The integers of lanes for the way back: robots wait for their last steps, those that diverged do nothing."""
+    back = lanes.copy()
+    back[..., EVENT] = back[..., END_EVENT]
+    back[..., STATE] = np.where(lanes[..., STATE] == DIVERGED, DIVERGED, WAITING)
+    return back
+
+
+def named(recorded: Recordings, finals: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Cotangents of recordings and of last states, by their names in ``Marks``."""
+    yield from zip(("poses", "strains", "sizes", "finals"), (*recorded, finals), strict=True)
+
+
+def filled(array: np.ndarray, dtype: Any) -> np.ndarray:
+    """The array as kernels take it: of one type, in one piece, not empty."""
+    given = np.ascontiguousarray(array, dtype)
+    return given if given.size else np.zeros((1,) * given.ndim, dtype)
+
+
+def unrecorded(program: PackedProgram, batch: int, tables: Tables, dtype: Any) -> Recordings:
+    """Room for what a program records: poses, strains and sizes of groups, NaN as long as nothing is."""
+    slots = max(program.slots, 1)
+    links, groups = max(len(tables.link_ends), 1), len(tables.group_region)
+    shapes = ((batch, slots, len(tables.group), 7), (batch, slots, links), (batch, slots, groups, 3))
+    poses, strains, sizes = (np.full(shape, np.nan, dtype) for shape in shapes)
+    return poses, strains, sizes
+
+
+@ti.func
+def meet_events(ms: ti.template(), block, k, lane, step, t: ti.template(), marks: ti.template()):
+    """The events and recordings of a robot that are due at a step; returns the step of its next one."""
+    upcoming = NOWHERE
+    e = marks.lanes[block, lane, EVENT]
+    due = 1
+    while due == 1:
+        due = 0
+        if e < marks.lanes[block, lane, END_EVENT]:
+            if marks.event[e, 0] <= step:
+                apply_event(ms, k, lane, e, marks.lanes[block, lane, ROBOT], t, marks)
+                e += 1
+                due = 1
+            else:
+                upcoming = marks.event[e, 0]
+    marks.lanes[block, lane, EVENT] = e
+    return upcoming
+
+
+@ti.func
+def apply_event(ms: ti.template(), k, lane, e, robot, t: ti.template(), marks: ti.template()):
+    """Set a channel, or record the robot's pose, strains and rest sizes if the event's target is negative."""
+    target = marks.event[e, 1]
+    if target >= 0:
+        set_channel(ms, k, lane, e, t, marks)
+    else:
+        snapshot = 0 - target - 1
+        for v in range(t.plan[memory.VOXELS]):
+            voxel = k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
+            for c in range(7):
+                marks.poses[robot, snapshot, v, c] = ms[voxel + c, lane]
+        for l in range(t.plan[memory.LINKS]):
+            extension = ms[k + t.plan[memory.LINK] + l * memory.LINK_WIDTH, lane]
+            marks.strains[robot, snapshot, l] = extension * ms[k + rest_slot(l, t) + 1, lane]
+        for g in range(t.plan[memory.GROUPS]):
+            if marks.event[e, 0] > 0:
+                for c in ti.static(range(3)):
+                    marks.sizes[robot, snapshot, g, c] = ms[k + current_size(g, t) + c, lane]
+            else:
+                x, y, z = laws.grown_scales(*first_sizes(ms, k, lane, g, t))
+                marks.sizes[robot, snapshot, g, 0] = t.edge * x
+                marks.sizes[robot, snapshot, g, 1] = t.edge * y
+                marks.sizes[robot, snapshot, g, 2] = t.edge * z
+
+
+@ti.func
+def set_channel(ms: ti.template(), k, lane, e, t: ti.template(), marks: ti.template()):
+    """Set a channel to what an event says."""
+    slot = k + t.plan[CHANNEL] + marks.event[e, 1] * CHANNEL_WIDTH
+    ms[slot + BASE, lane] = marks.value[e, 0]
+    ms[slot + RATE, lane] = marks.value[e, 1]
+    ms[slot + AGE, lane] = 0.0
+
+
+@ti.func
+def current_size(g, t: ti.template()):
+    """Slot of the rest sizes that group g had in the last step."""
+    return t.plan[memory.CURRENT] + g * memory.CURRENT_WIDTH + memory.SIZE
+
+
+@ti.func
+def first_sizes(ms: ti.template(), k, lane, g, t: ti.template()):
+    """Thermal expansion, temperature and scales with which the first step of a run begins."""
+    swells, warm, x, y, z = size_slots(t.plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP, g, t)
+    return (
+        ms[k + swells, lane],
+        next_value(ms, k + warm, lane),
+        next_value(ms, k + x, lane),
+        next_value(ms, k + y, lane),
+        next_value(ms, k + z, lane),
+    )
+
+
+@ti.func
+def next_value(ms: ti.template(), slot, lane):
+    """Value of a channel in the step that is about to begin."""
+    return laws.channel_value(ms[slot + BASE, lane], ms[slot + RATE, lane], ms[slot + AGE, lane])
+
+
+@ti.func
+def meet_events_back(u: ti.template(), block, lane, step, slots, t: ti.template(), marks: ti.template()):
+    """On the way back: a robot whose run ends here begins; events take their cotangents, recordings give theirs.
+
+    ``u`` holds scalars; its records are those before and after this step. Returns the step before this one at which
+    the robot has something to do again.
+    """
+    upcoming = NO_MARK
+    robot = marks.lanes[block, lane, ROBOT]
+    if marks.lanes[block, lane, STATE] == WAITING:
+        if marks.lanes[block, lane, LENGTH] == step:
+            marks.lanes[block, lane, STATE] = ACTIVE
+            for slot in range(slots):
+                u.a[u.k + slot, lane] = 0.0
+            for v in range(t.plan[memory.VOXELS]):
+                for c in range(memory.STICKS):
+                    voxel = u.k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
+                    u.a[voxel + c, lane] = marks.finals[robot, v, c]
+        else:
+            upcoming = marks.lanes[block, lane, LENGTH]
+    if marks.lanes[block, lane, STATE] == ACTIVE:
+        e = marks.lanes[block, lane, EVENT]
+        if step == 0:
+            recall_start(u, lane, marks.lanes[block, lane, FIRST_EVENT], e, t, marks)
+        due = 1
+        while due == 1:
+            due = 0
+            if e > marks.lanes[block, lane, FIRST_EVENT]:
+                if marks.event[e - 1, 0] >= step:
+                    e -= 1
+                    due = 1
+                    if marks.event[e, 0] == step:
+                        if marks.event[e, 1] >= 0:
+                            slot = u.k + t.plan[CHANNEL] + marks.event[e, 1] * CHANNEL_WIDTH
+                            for c in ti.static((BASE, RATE)):
+                                marks.by_value[e, c] = u.a[slot + c, lane]
+                                u.a[slot + c, lane] = 0.0
+                        else:
+                            receive(u, lane, robot, 0 - marks.event[e, 1] - 1, step, t, marks)
+                else:
+                    upcoming = marks.event[e - 1, 0]
+        marks.lanes[block, lane, EVENT] = e
+    return upcoming
+
+
+@ti.func
+def recall_start(u: ti.template(), lane, first, end, t: ti.template(), marks: ti.template()):
+    """Put a robot's channels into the state in which its first step begins: as recorded, then set by its events."""
+    for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
+        slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
+        for c in ti.static((BASE, RATE, AGE)):
+            u.m[u.k + slot + c, lane] = u.record[u.r + u.new + slot + c, lane]
+    for e in range(first, end):
+        if marks.event[e, 0] == 0 and marks.event[e, 1] >= 0:
+            set_channel(u.m, u.k, lane, e, t, marks)
+
+
+@ti.func
+def receive(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), marks: ti.template()):
+    """Add the cotangents of a recorded pose, of the strains of its links and of its rest sizes."""
+    for v in range(t.plan[memory.VOXELS]):
+        for c in range(7):
+            voxel = u.k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
+            u.a[voxel + c, lane] += marks.poses[robot, snapshot, v, c]
+    if step > 0:  # what links remember at the start of a run is given
+        for l in range(t.plan[memory.LINKS]):
+            rest = u.k + rest_slot(l, t) + 1
+            link = t.plan[memory.LINK] + l * memory.LINK_WIDTH
+            u.a[u.k + link, lane] += marks.strains[robot, snapshot, l] * u.m[rest, lane]
+            u.a[rest, lane] += marks.strains[robot, snapshot, l] * u.record[u.r + u.new + link, lane]
+    for g in range(t.plan[memory.GROUPS]):
+        if step > 0:
+            for c in ti.static(range(3)):
+                u.a[u.k + current_size(g, t) + c, lane] += marks.sizes[robot, snapshot, g, c]
+        else:
+            receive_first_sizes(u, lane, robot, snapshot, g, t, marks)
+
+
+@ti.func
+def receive_first_sizes(u: ti.template(), lane, robot, snapshot, g, t: ti.template(), marks: ti.template()):
+    """Add the cotangents of the sizes of group g with which a run begins."""
+    inputs = first_sizes(u.m, u.k, lane, g, t)
+    seeds = (
+        t.edge * marks.sizes[robot, snapshot, g, 0],
+        t.edge * marks.sizes[robot, snapshot, g, 1],
+        t.edge * marks.sizes[robot, snapshot, g, 2],
+    )
+    cotangents = ti.static(pull_back(laws.grown_scales, inputs, (), seeds))
+    slots = size_slots(t.plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP, g, t)
+    u.a[u.k + slots[0], lane] += cotangents[0]
+    for i in ti.static(range(1, 5)):
+        channel = u.k + slots[i]
+        u.a[channel + BASE, lane] += cotangents[i]
+        u.a[channel + RATE, lane] += cotangents[i] * u.m[channel + AGE, lane]
