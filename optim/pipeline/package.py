@@ -20,7 +20,7 @@ from robots.inflatable.gaits import GaitDesign, save_gait
 from taichi_sim.base.files import write_text
 
 FOLDERS = ("gaits", "tables", "pictures")
-NUMBERS, PLAYER, REPORT = "numbers.json", "journey.html", "report.html"
+NUMBERS, REPORT = "numbers.json", "report.html"
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ def write_package(package: Package, folder: Path) -> list[str]:
     Raises:
         ValueError: in one line, when the rig's limits refuse a gait.
     """
-    from optim.pipeline.page import report_page
+    from optim.pipeline.page import PLAYER, report_page
     from robots.view.picture import save_motion_picture
     from robots.view.player import page
     from robots.view.soft_motion import journey_motion

@@ -1,18 +1,22 @@
 """The report of a package: what was chosen and why, how fast it is, how shapes change."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from optim.pipeline.changes import Change
 from optim.pipeline.machine import RULES, change_name
-from optim.pipeline.package import PLAYER, Package
 from optim.pipeline.plans import Plan, core_of
 from optim.report.charts import picture_of
 from optim.report.markup import Html, Section, Text, code, facts, number, page, paragraph, picture, table, text, tiles
 
+if TYPE_CHECKING:
+    from optim.pipeline.package import Package
+
+PLAYER = "journey.html"  # the page with the motions, beside this one
 FOOT = "Made by morpholab pipeline. This page is one file and needs no network."
 
 
-def report_page(package: Package, folder: Path) -> str:
+def report_page(package: "Package", folder: Path) -> str:
     """The page as text; pictures are read from the folder of the package."""
     names = " and ".join(terrain.name for terrain in package.task.terrains)
     lead = [
@@ -26,7 +30,7 @@ def report_page(package: Package, folder: Path) -> str:
     return page(f"From task to machine: {names}", lead, sections, FOOT)
 
 
-def _plans(package: Package) -> Section:
+def _plans(package: "Package") -> Section:
     """Candidates, and the plans that were compared."""
     terrains = [terrain.name for terrain in package.task.terrains]
     rows = [
@@ -57,7 +61,7 @@ def _of_plan(plan: Plan | None) -> tuple[Text, Text]:
     return ("no gait works everywhere", None) if plan is None else (", ".join(plan.gaits), number(plan.speed))
 
 
-def _states(package: Package, folder: Path) -> Section:
+def _states(package: "Package", folder: Path) -> Section:
     """A picture of every gait."""
     content: list[Html] = []
     for state in package.states:
@@ -67,7 +71,7 @@ def _states(package: Package, folder: Path) -> Section:
     return Section("Gaits", content)
 
 
-def _changes(package: Package) -> Section:
+def _changes(package: "Package") -> Section:
     """How shapes change, and how well."""
     rows = [_change(pair, change) for pair, change in package.changes.items()]
     header = (
@@ -107,7 +111,7 @@ def _change(pair: tuple[str, str], change: Change | None) -> tuple[Text, ...]:
     )
 
 
-def _crossings(package: Package) -> Section:
+def _crossings(package: "Package") -> Section:
     """What a change of terrain mid-way does to the robot."""
     rows = []
     for (first, second), crossing in package.crossings.items():
@@ -126,7 +130,7 @@ def _yes(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _playing(package: Package) -> Section:
+def _playing(package: "Package") -> Section:
     """What a controller does with the files."""
     files = [(state.terrain.name, text(f"tables/{state.name}.csv")) for state in package.states]
     files += [(f"{a} to {b}", text(f"tables/{change_name((a, b))}.csv")) for (a, b), c in package.changes.items() if c]

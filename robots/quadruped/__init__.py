@@ -34,6 +34,4 @@ if TYPE_CHECKING:
     from robots.quadruped.simulation import simulate as simulate
 
 
-_AT_WORK = ("QuadrupedResult", "differentiate", "engine", "simulate")
-
 __getattr__, __dir__ = exported_names(__name__)

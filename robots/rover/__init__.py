@@ -33,6 +33,4 @@ if TYPE_CHECKING:
     from robots.rover.simulation import simulate as simulate
 
 
-_AT_WORK = ("RoverResult", "controllers", "differentiate", "engine", "simulate")
-
 __getattr__, __dir__ = exported_names(__name__)
