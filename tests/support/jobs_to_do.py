@@ -5,12 +5,6 @@ import signal
 import time
 import warnings
 
-from hill import Hill
-from worker_checks import wait_for
-
-from optim.studies.beyond.gait_hunt.study import _search
-from robots.inflatable import gaits
-
 
 def leave(folder, name, where, progress):
     """A file with the options and the process, half way and at the end."""
@@ -50,21 +44,11 @@ def die(folder, where, progress):
 
 
 def _until_another_waits(folder):
-    wait_for(lambda: any(folder.iterdir()))
+    while not any(folder.iterdir()):
+        time.sleep(0.01)
 
 
 def wait(folder, where, progress):
     """For longer than any test."""
     (folder / str(os.getpid())).touch()
     time.sleep(600)
-
-
-def search(folder, hunt, name, seed, where, progress):
-    """A run of the hunt, with the stand-in for the simulator in whatever process it is; a file tells which."""
-    before, gaits.simulate = gaits.simulate, Hill()
-    try:
-        found = _search(folder, hunt, name, seed, where, progress)
-    finally:
-        gaits.simulate = before
-    (folder / "runs" / f"{name}-{seed}" / str(os.getpid())).touch()
-    return found

@@ -9,7 +9,7 @@ from functools import partial
 
 import jobs_to_do
 import pytest
-from hill import Hill
+from hill import Hill, search
 from worker_checks import numbers, wait_for
 
 from optim.experiments.jobs import run_parallel
@@ -93,7 +93,7 @@ def test_an_interrupt_ends_all(tmp_path):
 
 
 def test_a_hunt_in_two_processes_finds_the_same(tmp_path, monkeypatch):
-    monkeypatch.setattr(hunting, "_search", jobs_to_do.search)
+    monkeypatch.setattr(hunting, "_search", search)
     monkeypatch.setattr(gaits, "simulate", Hill())  # of the finalists
     settings = hunting.Hunt(20, (0, 1), ("genetic",), finalists=1, runs=1)
     hunting.study(tmp_path / "one", settings, threads=1)
