@@ -79,6 +79,7 @@ def test_the_table_for_the_hardware_is_read():
     assert table.schedule() == read_design(DATA / "gait/best.json").schedule
 
 
+@pytest.mark.kernels
 @runs
 def test_they_go_on_to_what_version_1_found_next(name, folder):
     config = read_config(folder) | {"generations": 3}
