@@ -76,7 +76,7 @@ class Space:
         return np.array([variable.is_integer for variable in self.variables])
 
     def relaxed(self) -> "Space":
-        """The same space with its binary variables continuous from 0 to 1; integers stay whole."""
+        """A copy of the space in which binary variables are continuous from 0 to 1; integers stay whole."""
         binary_freed = (replace(v, kind="continuous") if v.kind == "binary" else v for v in self.variables)
         return Space(tuple(binary_freed))
 
@@ -123,7 +123,7 @@ class Space:
         """The points as float64, if all of them are points of this space.
 
         Raises:
-            ValueError: in one line, that names the first variable at fault.
+            ValueError: if one is not; it names the first variable at fault.
         """
         points = np.asarray(points, float)
         if points.ndim == 0 or points.shape[-1] != self.size:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
-from optim.commands.kept_points import kept_point
+from optim.commands.kept_points import kept_point_of
 from optim.wording import counted
 
 if TYPE_CHECKING:
@@ -132,7 +132,8 @@ def _design(source: Path, member: int | None) -> "tuple[GaitDesign, int | None]"
     if not source.is_dir():
         raise ValueError(f"source: {source} is neither a run nor the file of a design")
     from optim.problems.inflatable.problem import GaitProblem
-    from optim.runs.config import read_config
+    from optim.runs.history import read_history
 
-    problem, point = kept_point(source, GaitProblem.from_description, member)
-    return problem.design(point), read_config(source)["method"]["seed"]
+    history = read_history(source)
+    problem, point = kept_point_of(history, GaitProblem.from_description, member)
+    return problem.design(point), history.config["method"].get("seed")

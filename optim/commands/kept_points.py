@@ -12,8 +12,6 @@ from taichi_sim.base.arrays import Floats
 if TYPE_CHECKING:
     from optim.runs.history import History
 
-    pass
-
 P = TypeVar("P")
 
 
@@ -28,10 +26,18 @@ def kept_point(source: Path, build: Callable[[Mapping[str, Any]], P], member: in
     Raises:
         ValueError: in one line, for folders without runs, runs of other problems, and points that are not there.
     """
-    from optim.runs.config import problem_of
     from optim.runs.history import read_history
 
-    history = read_history(source)
+    return kept_point_of(read_history(source), build, member)
+
+
+def kept_point_of(
+    history: "History", build: Callable[[Mapping[str, Any]], P], member: int | None
+) -> "tuple[P, Floats]":
+    """As :func:`kept_point`, for a run that has been read."""
+    from optim.runs.config import problem_of
+
+    source = history.path
     problem: Any = problem_of(source, history.config, build)
     if member is not None:
         return problem, _kept(history, problem, member)

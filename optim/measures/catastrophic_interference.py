@@ -84,7 +84,7 @@ def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
         distance: at the end of each, (N, E) [m]; NaN failed.
 
     Raises:
-        ValueError: in one line, for other shapes, or a run without any.
+        ValueError: for other shapes, or a run without any.
     """
     of, away = _checked(climber, distance)
     ends = last_kept(of)
@@ -106,7 +106,7 @@ def measure_run_as_computed(climber: ArrayLike, distance: ArrayLike, apparent: A
             if None.
 
     Raises:
-        ValueError: in one line, for other shapes, or a run without any.
+        ValueError: for other shapes, or a run without any.
     """
     of, away = _checked(climber, distance)
     _, seen = (of, away) if apparent is None else _checked(climber, apparent)

@@ -30,7 +30,7 @@ def homeostasis(signals: ArrayLike, distances: Callable[[Floats, Floats], Floats
         is NaN.
 
     Raises:
-        ValueError: in one line, unless signals have four axes with two environments and one sensor at least, or if
+        ValueError: unless signals have four axes with two environments and one sensor at least, or if
             the distances are not as many as the pairs.
     """
     signals = np.asarray(signals, float)

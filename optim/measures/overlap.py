@@ -23,7 +23,7 @@ def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
         Shares, shape (...).
 
     Raises:
-        ValueError: in one line, if the overlaps are no matrices of whole numbers from 0 to E, or E is below 1.
+        ValueError: if the overlaps are no matrices of whole numbers from 0 to E, or E is below 1.
     """
     counts = _checked(overlap, environments)
     return np.asarray(_cells(counts == environments) / (counts.shape[-2] * counts.shape[-1]))

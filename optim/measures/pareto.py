@@ -39,7 +39,7 @@ def hypervolume(objectives: ArrayLike, reference: ArrayLike) -> float:
         reference: a point that is worse than those of interest in every objective, shape (K,).
 
     Raises:
-        ValueError: in one line, if the shapes do not fit together.
+        ValueError: if the shapes do not fit together.
     """
     objectives, reference = np.asarray(objectives, float), np.asarray(reference, float)
     if objectives.ndim != 2 or reference.shape != objectives.shape[1:]:

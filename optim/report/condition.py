@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from optim.problem import Problem
-from optim.runs import checkpoint
-from optim.runs.config import identity
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.history import History
 from taichi_sim.base import files
@@ -27,10 +25,9 @@ def damages(history: History, problem: Problem) -> list[str]:
 
     What makes a run unreadable is an error of ``read_history``.
     """
-    found = checkpoint.load(history.path, identity(history.config))
-    if found is None:
+    if history.found is None:
         return []
-    _, record, others = found
+    _, record, others = history.found
     told = [f"{name} is unusable ({reason}); the one before is used" for name, reason in others.items()]
     if files.sha256(_content(history.path / ENVIRONMENT)) != record.environment:
         told.append(f"{ENVIRONMENT} is not as it was written; versions and machine may not be the run's")

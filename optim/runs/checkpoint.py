@@ -55,7 +55,7 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
     """The newest checkpoint that fits, and why others did not, by file name; None if there has not been any.
 
     Raises:
-        ValueError: in one line, if there are checkpoints, or lines of the log, but no checkpoint fits.
+        ValueError: if there are checkpoints, or lines of the log, but no checkpoint fits.
     """
     lines = files.complete_lines(folder / LOG)
     reasons: dict[str, str] = {}

@@ -17,6 +17,7 @@ from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
 from optim.runs.config import identity
 from optim.runs.history import History
+from optim.search import METHODS, default_settings
 from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
@@ -131,7 +132,7 @@ def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
     """One curve for each group of runs that differ in their seed only.
 
     Raises:
-        ValueError: in one line, if a run has no generation yet, its times are unknown but wanted, two runs of a
+        ValueError: if a run has no generation yet, its times are unknown but wanted, two runs of a
             group are the same search, or have no place on the axis in common.
     """
     for history in histories:
@@ -154,7 +155,7 @@ def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
     """The last place on the axis that every curve has come to.
 
     Raises:
-        ValueError: in one line, if a curve begins beyond it.
+        ValueError: if a curve begins beyond it.
     """
     return _overlap({", ".join(curve.folders): curve.x for curve in compared}, axis)[1]
 
@@ -226,18 +227,22 @@ def _places(history: History, axis: Axis) -> Floats:
 
 
 def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
-    method = {name: value for name, value in config["method"].items() if name != "seed"}
+    """Problem and method, with the defaults of settings that an older version did not have."""
+    given = config["method"]
+    usual = default_settings(given["name"]) if given["name"] in METHODS else {}
+    method = {name: value for name, value in {**usual, **given}.items() if name != "seed"}
     return {"problem": config["problem"], "method": method}
 
 
 def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
     """Names of groups: the method and the settings in which they differ, or the folder if that is long."""
     flat = [_flat(_without_seed(group[0].config)) for group in groups]
-    names = sorted({name for settings in flat for name in settings if name != "method.name"})
-    differing = [name for name in names if len({json.dumps(settings.get(name)) for settings in flat}) > 1]
     labels = []
     for settings, group in zip(flat, groups, strict=True):
-        own = [f"{name.rpartition('.')[2]} {settings[name]}" for name in differing if name in settings]
+        alike = [other for other in flat if other["method.name"] == settings["method.name"]]
+        rivals = {name: alike if name.startswith("method.") else flat for name in sorted(settings)}
+        differing = [n for n, others in rivals.items() if len({json.dumps(each.get(n)) for each in others}) > 1]
+        own = [f"{name.rpartition('.')[2]} {settings[name]}" for name in differing]
         label = ", ".join([settings["method.name"], *own])
         labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({group[0].path.name})")
     return labels

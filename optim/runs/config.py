@@ -44,7 +44,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     """The settings of the run in a folder.
 
     Raises:
-        ValueError: in one line, if there are none, or they cannot be read, were changed, or are of a newer program.
+        ValueError: if there are none, or they cannot be read, were changed, or are of a newer program.
     """
     path = folder / CONFIG
     if not path.exists():
@@ -84,7 +84,7 @@ def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping
         build: makes the problem of its description, ``from_description`` of the kind that is wanted.
 
     Raises:
-        ValueError: in one line that names the folder, if the description is damaged or of another kind.
+        ValueError: if the description is damaged or of another kind.
     """
     try:
         return build(config["problem"])

@@ -1,4 +1,4 @@
-"""What a run ran on."""
+"""The machine, versions and command line of a run."""
 
 import os
 import platform
@@ -38,7 +38,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def versions() -> dict[str, str | None]:
-    """Of Python and the packages that results depend on; None of a package that is not installed."""
+    """Versions of Python and of the packages that results depend on; None for a package that is not installed."""
     return {"python": platform.python_version(), **{name: _version(name) for name in (*JUDGING, *SEARCHING)}}
 
 

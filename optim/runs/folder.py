@@ -1,4 +1,4 @@
-"""What a run is on disk.
+"""The files of a run.
 
 =========================== ======================================================================
 ``config.toml``             every setting: the problem, the method, the number of generations; sealed
@@ -65,7 +65,7 @@ class RunFolder:
         """Go back to the last checkpoint: the method's state and the last line of the log; None without any.
 
         Raises:
-            ValueError: in one line, if there are checkpoints, but none is whole and fits the rest of the folder.
+            ValueError: if there are checkpoints, but none is whole and fits the rest of the folder.
         """
         found = checkpoint.load(self.path, self._settings)
         if found is None:
@@ -113,7 +113,7 @@ class RunFolder:
         """End a generation: its log line, its wall time [s], then the checkpoint that knows them.
 
         Raises:
-            RuntimeError: in one line, if the disk takes no more; what was there before is kept.
+            RuntimeError: if the disk takes no more; what was there before is kept.
         """
         finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         timing = {"generation": self._lines, "seconds": round(seconds, 3), "finished": finished}
@@ -130,13 +130,13 @@ class RunFolder:
         """Let ``write`` make the file ``name`` of the folder; it changes only if the content does.
 
         Raises:
-            RuntimeError: in one line, if the disk takes no more.
+            RuntimeError: if the disk takes no more.
         """
         with self.writing(), files.replacing(self.path / name, if_changed=True) as aside:
             write(aside)
 
     def update_text(self, name: str, text: str) -> None:
-        """The same for a text."""
+        """Write a text to the file ``name``, which changes only if the text does."""
 
         def write(path: Path) -> None:
             path.write_text(text, encoding="utf-8")
@@ -182,7 +182,7 @@ def open_run(
         note: called with a line about anything the user should know.
 
     Raises:
-        ValueError: in one line, if the folder is taken, in use, unreadable, not writable, or of other settings.
+        ValueError: if the folder is taken, in use, unreadable, not writable, or of other settings.
     """
     path = Path(path)
     if not (resume and has_run(path)):
@@ -237,7 +237,7 @@ def locked(path: Path) -> Iterator[None]:
     """Keep other processes off a folder.
 
     Raises:
-        ValueError: in one line, if one is there already.
+        ValueError: if one is there already.
     """
     with (path / LOCK).open("a") as file:
         deadline = time.monotonic() + LOCK_PATIENCE

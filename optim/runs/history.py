@@ -30,6 +30,7 @@ class History:
         seconds: how long each of them took; NaN where that is not known.
         finished: when the last one was finished, ISO 8601; None if that is not known.
         running: whether a process is at work on it.
+        found: the newest checkpoint that fits, its record, and why others do not, as ``checkpoint.load`` returns them.
     """
 
     path: Path
@@ -38,6 +39,7 @@ class History:
     seconds: tuple[float, ...]
     finished: str | None
     running: bool
+    found: tuple[checkpoint.State, checkpoint.Record, dict[str, str]] | None = None
 
     @property
     def state(self) -> str:
@@ -63,7 +65,7 @@ def read_history(folder: Path) -> History:
     """What the run in a folder has done so far.
 
     Raises:
-        ValueError: in one line, if there is no run, or its files do not fit each other.
+        ValueError: if there is no run, or its files do not fit each other.
     """
     config = read_config(folder)
     running = in_use(folder)  # before the files are read: what ends meanwhile is told as running, not as damaged
@@ -74,17 +76,16 @@ def read_history(folder: Path) -> History:
     except (ValueError, TypeError) as error:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     seconds, finished = _read_timing(folder, found[1] if found else None)
-    return History(folder, config, generations, seconds, finished, running)
+    return History(folder, config, generations, seconds, finished, running, found)
 
 
 def read_result(history: History, problem: Problem) -> SearchResult | None:
     """What the search of a run holds after its last complete generation, of the run's own problem; None before one."""
-    found = checkpoint.load(history.path, identity(history.config))
-    if found is None:
+    if history.found is None:
         return None
     settings = dict(history.config["method"])
     method = build_method(settings.pop("name"), problem.space, settings)
-    method.restore(found[0])
+    method.restore(history.found[0])
     return method.result()
 
 
@@ -104,7 +105,7 @@ def runs_below(paths: Iterable[Path]) -> list[Path]:
     """The run folders given, and those in folders given.
 
     Raises:
-        ValueError: in one line, that names a path without any.
+        ValueError: if a path holds none.
     """
     found: list[Path] = []
     for path in paths:

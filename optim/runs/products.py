@@ -26,7 +26,7 @@ class Products:
         """Let ``write`` make the file ``name``, unless it is there, whole, and made of the source as it is now.
 
         Raises:
-            RuntimeError: in one line, if it cannot be written.
+            RuntimeError: if it cannot be written.
         """
         with self._run.writing():
             self._make(name, write)

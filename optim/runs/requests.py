@@ -32,7 +32,7 @@ def judge(problem: Problem, request: Request) -> Evaluation:
     """The judgement that a request wants, computed here.
 
     Raises:
-        ValueError: in one line, if the problem has no relaxation, but one is wanted.
+        ValueError: if the problem has no relaxation, but one is wanted.
     """
     if request.wants == "points":
         return problem.evaluate(request.points)

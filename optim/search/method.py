@@ -1,4 +1,4 @@
-"""What every search method offers, and where its random numbers come from."""
+"""The interface of search methods, and their random numbers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -63,15 +63,16 @@ class Method(Protocol):
 
     @property
     def wants(self) -> Wants:
-        """How the points asked for next shall be judged.
+        """The evaluation mode of the next points.
 
-        ``"points"`` are those of the space. ``"relaxed"`` and ``"gradients"`` are those of its relaxation, for
-        ``RelaxableProblem.evaluate_relaxed`` without and with gradients; only true points are ever the result.
+        ``"points"``: points of the space, for ``Problem.evaluate``. ``"relaxed"`` and ``"gradients"``: points of its
+        relaxation, for ``RelaxableProblem.evaluate_relaxed`` without and with gradients. The result is always a true
+        point.
         """
 
     @property
     def sharpness(self) -> float:
-        """With which relaxed points shall be judged."""
+        """The sharpness with which relaxed points are evaluated, see ``RelaxableProblem.evaluate_relaxed``."""
 
     def ask(self) -> Floats:
         """The points to evaluate next, shape (N, D), inside the space, or its relaxation if ``wants`` says so."""

@@ -96,7 +96,7 @@ class SeparableNES(PopulationSearch):
 
 
 def _utilities(scores: Floats) -> Floats:
-    """Of each point, shape (N,): sum 0; equal scores share what their ranks would get together."""
+    """The utility of each point, shape (N,), with sum 0; equal scores share the utilities of their ranks."""
     ranks = np.arange(1, len(scores) + 1)
     shares = np.maximum(0.0, math.log(len(scores) / 2 + 1) - np.log(ranks))
     utilities = shares / shares.sum() - 1 / len(scores)

@@ -53,7 +53,7 @@ class Adam(StepRule):
         self.arrays = {"mean": np.zeros(shape), "square": np.zeros(shape), "count": np.zeros((climbers, 1))}
 
     def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
-        """Nothing: it needs no curvature."""
+        """Ignore curvature: Adam needs none."""
 
     def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """Mean gradient over its root mean square, both of the past, corrected for their start at zero."""

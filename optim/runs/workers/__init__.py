@@ -44,15 +44,15 @@ def open_workers(
         threads: CPU threads of one worker.
         part: points that a worker judges at once, at most.
         save_failed: saves points, shape (F, D), that killed their workers, with the reason; returns the file.
-        note: told in one line of every death, and of whatever else the user should know.
+        note: told about every death, and of whatever else the user should know.
         progress: called with the fraction of a request that is done.
 
     Yields:
-        A function that judges a request. It raises RuntimeError, in one line, if no worker can be started, or if
+        A function that judges a request. It raises RuntimeError if no worker can be started, or if
         every design of a request kills its worker and none was ever judged: then the fault is not with the designs.
 
     Raises:
-        ValueError: in one line, for settings that are not allowed, a problem that cannot be pickled, a cluster
+        ValueError: for settings that are not allowed, a problem that cannot be pickled, a cluster
             that does not answer, or one with other versions of what results depend on.
     """
     for name, value in {"count": 1 if count is None else count, "threads": threads, "part": part}.items():

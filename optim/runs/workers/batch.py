@@ -56,7 +56,7 @@ class Batch:
 
     @property
     def fraction(self) -> float:
-        """Of the points that is done with."""
+        """The fraction of the points that is finished."""
         finished = sum(len(part) for part in self._judged) + len(self._killers)
         return finished / max(1, len(self._request.points))
 

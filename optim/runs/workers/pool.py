@@ -55,7 +55,7 @@ class Pool(Generic[W]):
         count: how many.
         size: points that one judges at once, at most.
         save_failed: saves designs that kill their workers, and returns where.
-        note: told in one line of every death.
+        note: told about every death.
         progress: told the fraction of a request's points that is done with.
     """
 
@@ -166,7 +166,7 @@ class Pool(Generic[W]):
         """Save what killed its workers; a judgement of other points, of this request or one before.
 
         Raises:
-            RuntimeError: in one line, if there has never been one.
+            RuntimeError: if there has never been one.
         """
         path = self._save_failed(killers, KILLER) if len(killers) else None
         if self._known is None:

@@ -70,7 +70,7 @@ class Processes:
 
     @property
     def cores(self) -> int:
-        """Of this machine."""
+        """CPU cores of this machine."""
         return os.cpu_count() or 1
 
     def start(self) -> ProcessWorker:

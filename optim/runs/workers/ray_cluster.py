@@ -99,7 +99,7 @@ class RayCluster:
         problem: what they judge; one defined in a script or notebook may travel, too.
         threads: of an actor; it takes as many CPUs of the cluster.
         variables: environment variables of an actor.
-        note: told in one line of other CPUs, and of actors that find no place.
+        note: told about other CPUs, and of actors that find no place.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class RayCluster:
 
     @property
     def cores(self) -> int:
-        """Of all machines of the cluster."""
+        """CPU cores of all machines of the cluster."""
         return int(self._ray.cluster_resources().get("CPU", 1))
 
     def start(self) -> RayWorker:
@@ -141,7 +141,7 @@ class RayCluster:
         """Note that some actors have found no place for long.
 
         Raises:
-            RuntimeError: in one line, if none has for very long.
+            RuntimeError: if none has for very long.
         """
         now = time.monotonic()
         workers = [worker for worker in self._workers if not worker.killed]
@@ -162,7 +162,7 @@ class RayCluster:
         """Note another CPU.
 
         Raises:
-            ValueError: in one line, for other versions.
+            ValueError: for other versions.
         """
         here, there, host = versions(), about["versions"], about["host"]
         for name in ("python", *JUDGING):
@@ -179,7 +179,7 @@ class RayCluster:
 
 
 def _essential(name: str, version: str | None) -> str | None:
-    """Of Python, the patch release does not matter."""
+    """The part of a version that must agree; for Python without the patch release."""
     return version.rpartition(".")[0] if name == "python" and version else version
 
 
@@ -197,7 +197,7 @@ def open_cluster(
     """A connection to a cluster, or to one started here for as long; see ``open_workers``.
 
     Raises:
-        ValueError: in one line, if there is no Ray, no such address or no cluster there.
+        ValueError: if there is no Ray, no such address or no cluster there.
     """
     here = address in (None, "local")
     if not here and address != "auto":
@@ -250,7 +250,7 @@ def _reach(address: str) -> None:
     """Try to connect by TCP: Ray itself would try for long.
 
     Raises:
-        ValueError: in one line, if that fails.
+        ValueError: if that fails.
     """
     match = _ADDRESS.fullmatch(address)
     if not match or not 1 <= int(match["port"]) <= 65535:

@@ -54,7 +54,7 @@ def pickled(problem: Problem, dumps: Callable[[Problem], bytes]) -> bytes:
     """The problem as it travels to workers.
 
     Raises:
-        ValueError: in one line, if it cannot.
+        ValueError: if it cannot.
     """
     try:
         return dumps(problem)

@@ -130,7 +130,7 @@ def test_a_page_says_what_the_files_say(morpholab, reported, tmp_path):
         "Terrains flat, hill:15",
         "Free orientation, shape, control",
         "Method hill-climb",
-        "Settings climbers 5",
+        "Settings bounds reflect, climbers 5, streams climbers",
         "Seed 0",
         "4 of 4",
         "25 (0 failed)",

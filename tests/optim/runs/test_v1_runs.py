@@ -120,3 +120,18 @@ def test_states_of_methods_go_on(name):
     method.restore(state)
     assert method.result().score == score
     assert method.ask() == pytest.approx(asked, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.kernels
+def test_settings_that_came_later_do_not_part_groups(tmp_path):
+    """A run of version 1.0 and one of now that differ in their seed only are one group."""
+    from optim.runs.comparison import curves
+
+    config = read_config(DATA / "vehicle")
+    problem = kind_of(DATA / "vehicle", config).problem
+    settings = dict(config["method"]) | {"seed": 5, "window": 200}
+    name = settings.pop("name")
+    with open_run(tmp_path / "now", {**config, "method": {"name": name, **settings}}) as opened:
+        run_search(problem, build_method(name, problem.space, settings), opened, 2)
+    (curve,) = curves([read_history(DATA / "vehicle"), read_history(tmp_path / "now")], "evaluations")
+    assert len(curve.folders) == 2
