@@ -1,0 +1,73 @@
+"""The code on the page about extending: it runs, as a package of a user's that is installed."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plug_in import install
+
+from optim import maximise
+from optim.problem import objectives_of
+from optim.problems.objectives import OBJECTIVES
+from optim.problems.robot import RobotProblem
+from optim.search import METHODS
+from optim.studies.catalogue import STUDIES
+from robots.robot import KINDS
+
+PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()
+CODE = "\n\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
+ENTRIES = re.findall(r'entry-points\."([\w.]+)"\]\n([\w-]+) = "my_lab:(\w+)"', PAGE)
+REGISTRIES = {registry.group: registry for registry in (KINDS, METHODS, OBJECTIVES, STUDIES)}
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """The package of the page, with one distribution for each entry point."""
+    site = tmp_path / "site"
+    for group, name, attribute in ENTRIES:
+        install(site, "lab_" + name.replace("-", "_"), group, {name: f"my_lab:{attribute}"})
+    (site / "my_lab.py").write_text(CODE)
+    monkeypatch.syspath_prepend(site)
+    import my_lab
+
+    yield my_lab
+    for group, name, _ in ENTRIES:
+        REGISTRIES[group]._loaded.pop(name, None)
+    sys.modules.pop("my_lab", None)
+
+
+def test_every_kind_of_extension_is_found_by_its_name(lab):
+    assert {group for group, _, _ in ENTRIES} == set(REGISTRIES)
+    for group, name, attribute in ENTRIES:
+        assert name in REGISTRIES[group] and REGISTRIES[group].find(name) is not None
+        assert hasattr(lab, attribute)
+
+
+def test_the_hopper_is_designed_by_the_new_method_and_objective(lab):
+    robot = KINDS["hopper"].build(None, {})
+    problem = RobotProblem(robot, objective="cautious")
+    assert [(o.name, o.unit) for o in objectives_of(problem)] == [("cautious height", "m^0.5")]
+    found = maximise(problem, method="coordinate", generations=60, population=8, seed=3, progress=lambda _: None)
+    highest = (40.0 / 9.80665 - 1.0) * 0.3
+    assert found.score == pytest.approx(np.sqrt(highest), rel=0.02)
+
+
+def test_the_hoppers_gradient_is_that_of_differences(lab):
+    robot, point, step = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]]), 1e-6
+    slopes = robot.differentiate(point, robot.worlds[0]).gradients["height"][0]
+    for n, slope in enumerate(slopes):
+        moved = point + step * np.eye(2)[n] * np.array([[1.0], [-1.0]])
+        above, below = robot.simulate(moved, robot.worlds[0]).measures["height"]
+        assert slope == pytest.approx((above - below) / (2 * step), rel=1e-6)
+
+
+def test_the_study_writes_what_it_says(lab, tmp_path):
+    STUDIES["hop-heights"].reproduce(tmp_path / "out", "small")
+    assert all((tmp_path / "out" / name).exists() for name in STUDIES["hop-heights"].writes)
+
+
+def test_the_law_computes_and_the_problem_is_maximised(lab):
+    assert lab.spring_force(0.1, 2.0, 5.0) == pytest.approx(0.2 + 5e-3)
+    assert list(lab.best.best.values()) == pytest.approx([0.3, -0.2], abs=1e-3)
