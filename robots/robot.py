@@ -451,6 +451,7 @@ KINDS = _Kinds(
     "robot",
     {
         "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
+        "articulated": "robots.articulated.kind:ArticulatedKind",
     },
 )
 

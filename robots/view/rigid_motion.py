@@ -106,6 +106,42 @@ def rigid_motion(
     )
 
 
+def driven_motion(
+    tree: Tree,
+    frames: Frames | None,
+    sensors: Sequence[str],
+    drives: Sequence[str],
+    robot: int = 0,
+    *,
+    name: str = "rigid robot",
+    lights: ArrayLike = (),
+) -> Motion:
+    """The motion of an articulated robot, with rows for its sensors and for the commands of its drives.
+
+    Args:
+        tree: the robot.
+        frames: of the engine's result.
+        sensors: names of the readings in the frames; one called ``light`` is that of a light.
+        drives: names of the commands.
+        robot: place in the batch.
+        name: of the motion.
+        lights: their places [m], shape (L, 3).
+
+    Raises:
+        ValueError: for results without frames, and frames of other robots.
+    """
+    _check(tree, frames, robot)
+    assert frames is not None
+    rows = []
+    for n, (sensor, values) in enumerate(zip(sensors, frames.readings[:, robot].T, strict=True)):
+        lit = sensor == "light"
+        colour = SUN if lit else HUES[n % len(HUES)]
+        rows.append(_row(sensor, "1/m²" if lit else "", frames, values, colour, switch=not lit, logarithmic=lit))
+    for n, (drive, values) in enumerate(zip(drives, frames.neurons[:, robot].T, strict=True)):
+        rows.append(_row(drive, "", frames, values, HUES[n % len(HUES)]))
+    return rigid_motion(tree, frames, robot, name=name, channels=rows, lights=lights)
+
+
 def quadruped_motion(
     quadruped: Quadruped,
     result: QuadrupedResult,

@@ -1,0 +1,62 @@
+"""Articulated robots as a kind of robot: made of an MJCF or URDF file, judged by how far they come."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robots.robot import Option, Robot, RobotKind, World
+from taichi_sim.base import checks
+from taichi_sim.base.options import checked, number, numbers
+
+SUFFIXES = (".xml", ".mjcf", ".urdf")
+
+
+def _friction(text: str) -> float:
+    if text == "inf":
+        return float("inf")
+    return number(0.0)(text)
+
+
+class ArticulatedKind(RobotKind):
+    """Robots of MJCF and URDF files."""
+
+    name = "articulated"
+    title = "articulated robot"
+    options = (
+        Option("controller", "what commands the drives (default: rhythm)", choices=("rhythm", "network")),
+        Option("duration", "of a trial, in seconds (default: 5)", number(1e-3), "S"),
+        Option("heading", "direction in which distance counts, degrees from x (default: 0)", number(), "DEG"),
+        Option("slowest", "lowest frequency of a rhythm, in Hz (default: 0.5)", number(1e-3), "HZ"),
+        Option("quickest", "highest frequency of a rhythm, in Hz (default: 2)", number(1e-3), "HZ"),
+        Option("light", "place of a light that a network sees, in metres", numbers(3), "X,Y,Z"),
+        Option("friction", "coefficient of friction; inf has gradients (default: the file's)", checked(_friction), "N"),
+        Option("speed", "of position drives without any of their own, 1/s (default: 10)", number(1e-6), "N"),
+        Option("fastest", "rate of drives by torque, rad/s (default: 10)", number(1e-6), "N"),
+    )
+
+    def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
+        """The robot of a file."""
+        from robots.articulated.offered import OfferedArticulated
+        from robots.articulated.robot import load_robot
+
+        if source is None:
+            raise ValueError("robot: an articulated robot is made of a file; give it, such as ant.xml or arm.urdf")
+        return OfferedArticulated(load_robot(source, **options))
+
+    def world(self, text: str) -> World:
+        """The only one there is."""
+        from robots.articulated.offered import GROUND
+
+        checks.choice(self.world_option, text, (GROUND.name,))
+        return GROUND
+
+    def recognises(self, path: Path, form: str | None) -> bool:
+        """Files of MuJoCo and of ROS."""
+        return path.suffix.lower() in SUFFIXES
+
+    def from_description(self, description: Mapping[str, Any]) -> Robot:
+        """The robot of a record."""
+        from robots.articulated.offered import OfferedArticulated
+        from robots.articulated.robot import robot_of_record
+
+        return OfferedArticulated(robot_of_record(description))

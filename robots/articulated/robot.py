@@ -1,0 +1,205 @@
+"""Descriptions of articulated robots: the model of a file, and what commands its drives."""
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import read_text
+from taichi_sim.base.variables import Variable
+from taichi_sim.rigid import Network, Senses, World
+from taichi_sim.rigid.model.assembly import Model
+from taichi_sim.rigid.model.files import parse_model
+
+Controller = Literal["rhythm", "network"]
+PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
+LONGEST = 3600.0  # s
+
+
+@dataclass(frozen=True, eq=False)
+class ArticulatedRobot:
+    """A robot of an MJCF or URDF file, a tree of hinges on flat ground, and what commands its drives.
+
+    A command from -1 to 1 means a drive's whole range: an angle or a rate, as the file says. By a rhythm it is
+
+        amplitude sin(2 pi (frequency t + phase)) + (1 - amplitude) offset,
+
+    with one frequency for all drives. By a network it is tanh(its last value + the sum of weights times sensors).
+
+    Attributes:
+        text: of the file, so that the description needs no other.
+        name: of the robot, for people.
+        controller: ``"rhythm"`` or ``"network"``; it decides which parameters are free.
+        duration: of a trial [s].
+        heading: direction in which distance counts, seen from above, anticlockwise from x [degrees].
+        slowest: lowest frequency of a rhythm [Hz].
+        quickest: highest frequency of a rhythm [Hz].
+        command_rate: how often commands of a rhythm change [Hz].
+        light: place of a light [m], which a network sees from the base's centre; None for no light.
+        friction: coefficient of friction; infinite: viscous slip alone, which has gradients; None: that of the file.
+        angles: of hinges at the start, by their joints' names [rad]; else as in the file.
+        fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
+        speed: of position drives whose own does not follow from the file [1/s], see ``parse_model``.
+        fastest: rate of drives by torque at full command [rad/s].
+        model: what the file describes; made of the text.
+
+    Raises:
+        ValueError: if a value is not allowed, or the text is no model that has drives.
+    """
+
+    text: str
+    name: str = "articulated robot"
+    controller: Controller = "rhythm"
+    duration: float = 5.0
+    heading: float = 0.0
+    slowest: float = 0.5
+    quickest: float = 2.0
+    command_rate: float = 50.0
+    light: tuple[float, float, float] | None = None
+    friction: float | None = None
+    angles: Mapping[str, float] = field(default_factory=dict)
+    fixed: bool = False
+    speed: float = 10.0
+    fastest: float = 10.0
+    model: Model = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        checks.choice("controller", self.controller, get_args(Controller))
+        checks.number("duration", self.duration, 1e-3, LONGEST, "s")
+        checks.number("heading", self.heading, unit="degrees")
+        checks.number("slowest", self.slowest, 1e-3, unit="Hz")
+        checks.number("quickest", self.quickest, 1e-3, unit="Hz")
+        checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
+        if self.quickest <= self.slowest:
+            raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
+        if self.friction is not None and self.friction != math.inf:
+            checks.number("friction", self.friction, 0.0)
+        if self.light is not None:
+            object.__setattr__(self, "light", _place("light", self.light))
+        model = parse_model(self.text, angles=self.angles, fixed=self.fixed, speed=self.speed, fastest=self.fastest)
+        object.__setattr__(self, "model", model)
+        if not self.drives:
+            raise ValueError("model: no hinge of it has a drive; give actuators (MJCF) or limits with effort (URDF)")
+        if self.controller == "network" and not self.senses.count:
+            raise ValueError("controller: a network needs sensors; give touch sensors in the model, or a light")
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Names of the drives, in the order of commands."""
+        return self.model.commands
+
+    @property
+    def senses(self) -> Senses:
+        """Touch sensors of the file, and the light at the base's centre if there is one."""
+        eyes = [] if self.light is None else [(self.model.tree.bodies[0].name, (0.0, 0.0, 0.0))]
+        return Senses(self.model.senses.touch, eyes)
+
+    @property
+    def world(self) -> World:
+        """Time step and gravity of the file; friction as asked for."""
+        own = self.model.world
+        friction = own.friction if self.friction is None else float(self.friction)
+        return World(own.time_step, own.gravity, own.slip, friction, own.error_reduction, own.integration)
+
+    @property
+    def network(self) -> Network:
+        """Neurons that remember their last values, as those of the quadrupeds."""
+        return Network()
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial."""
+        return max(1, round(self.duration / self.world.time_step))
+
+    @property
+    def hold(self) -> int:
+        """Time steps for which a command of a rhythm is kept."""
+        return max(1, round(1 / (self.command_rate * self.world.time_step)))
+
+    @property
+    def direction(self) -> Floats:
+        """The heading as a unit vector, shape (3,)."""
+        angle = math.radians(self.heading)
+        return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+    @property
+    def parameters(self) -> tuple[Variable, ...]:
+        """What is free: the frequency of a rhythm and three numbers of each drive, or the weights of a network."""
+        if self.controller == "network":
+            sensors = [*(f"touch {name}" for name in self.senses.touch), *(["light"] if self.light else [])]
+            names = [f"{sensor} to {drive}" for sensor in sensors for drive in self.drives]
+            return tuple(Variable(name, -1.0, 1.0, step=0.05) for name in names)
+        ranges = {"amplitude": (0.0, 1.0), "phase": (0.0, 1.0), "offset": (-1.0, 1.0)}
+        span = self.quickest - self.slowest
+        found = [Variable("frequency", self.slowest, self.quickest, step=0.1 * span, unit="Hz")]
+        for drive in self.drives:
+            for part, (low, high) in ranges.items():
+                kind: Literal["angle", "continuous"] = "angle" if part == "phase" else "continuous"
+                found.append(Variable(f"{drive}_{part}", low, high, kind, 0.1 * (high - low)))
+        return tuple(found)
+
+    def points(self, given: object) -> Floats:
+        """Points as an array (N, P); the point of one design becomes the first of one.
+
+        Raises:
+            ValueError: for another shape, or numbers that are not finite.
+        """
+        try:
+            points = np.atleast_2d(np.asarray(given, float))
+        except (TypeError, ValueError):
+            points = np.empty((0, 0))
+        wanted = len(self.parameters)
+        if points.ndim != 2 or points.shape[1] != wanted or len(points) == 0 or not np.isfinite(points).all():
+            raise ValueError(f"points: shape {points.shape} is not allowed; give finite numbers, (N, {wanted})")
+        return points
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on, as values that fit JSON; :func:`robot_of_record` gives it back."""
+        found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        light = None if self.light is None else list(self.light)
+        friction = "inf" if self.friction == math.inf else self.friction
+        return {**found, "light": light, "friction": friction, "angles": dict(self.angles)}
+
+
+def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
+    """The robot that ``ArticulatedRobot.describe`` described.
+
+    Raises:
+        ValueError: for values that are not allowed.
+        TypeError: for a damaged record.
+    """
+    friction = math.inf if record.get("friction") == "inf" else record.get("friction")
+    with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
+        warnings.simplefilter("ignore")
+        return ArticulatedRobot(**{**record, "friction": friction})
+
+
+def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:
+    """The robot of an MJCF or URDF file, named after it.
+
+    Args:
+        path: of the file.
+        **settings: fields of :class:`ArticulatedRobot`.
+
+    Raises:
+        ValueError: for a file that cannot be read, or is no such model; it names the file.
+    """
+    text = read_text(path)
+    try:
+        return ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _place(field_name: str, value: object) -> tuple[float, float, float]:
+    if not isinstance(value, list | tuple | np.ndarray) or len(value) != 3:
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give a place x, y, z [m]")
+    x, y, z = (checks.number(field_name, each, unit="m") for each in value)
+    return x, y, z

@@ -1,0 +1,187 @@
+"""Articulated robots at work: how far they come, and the derivatives of that by what is free."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.articulated.robot import PARTS, ArticulatedRobot
+from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
+from taichi_sim.rigid.pose import rotation_matrix
+
+TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
+ROBOTS_AT_ONCE = 1024  # between two calls of progress
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ArticulatedResult:
+    """What N designs of a robot did.
+
+    Attributes:
+        distance: of the centre of mass along the heading, (N,) [m]; NaN of those that diverged.
+        centre: place of the centre of mass at the end, (N, 3) [m].
+        status: ``"ok"`` or ``"diverged"``, (N,).
+        steps: time steps simulated, (N,).
+        runs: everything about the rollouts, with frames if asked for; several where N is large.
+        gradient: derivatives of the distance by the parameters, (N, P), if asked for.
+    """
+
+    distance: Floats
+    centre: Floats
+    status: NDArray[np.str_]
+    steps: Ints
+    runs: tuple[RigidResult, ...]
+    gradient: Floats | None = None
+
+
+def simulate(
+    robot: ArticulatedRobot,
+    points: object,
+    *,
+    record_every: int | None = None,
+    progress: Progress | None = None,
+    **compute: Unpack[ComputeOptions],
+) -> ArticulatedResult:
+    """Let a robot move at N points.
+
+    Args:
+        robot: the robot.
+        points: values of its parameters, (N, P).
+        record_every: time steps between frames; None for none.
+        progress: called with the fraction done.
+        **compute: device, precision and threads, as of :class:`Compute`.
+
+    Raises:
+        ValueError: for what is not allowed.
+    """
+    checked = robot.points(points)
+    engine = _engine(robot, Compute.given(compute))
+    runs = []
+    for first in range(0, len(checked), ROBOTS_AT_ONCE):
+        some = checked[first : first + ROBOTS_AT_ONCE]
+        runs.append(engine.run(robot.steps, **_driven(robot, some), record_every=record_every))  # type: ignore[arg-type]
+        if progress:
+            progress((first + len(some)) / len(checked))
+    return _result(robot, runs)
+
+
+def differentiate(
+    robot: ArticulatedRobot,
+    points: object,
+    *,
+    progress: Progress | None = None,
+    **compute: Unpack[ComputeOptions],
+) -> ArticulatedResult:
+    """As :func:`simulate`, with the derivatives of the distance by the parameters.
+
+    Contacts, stops and limits act as they did, see ``taichi_sim.rigid.gradient``.
+
+    Raises:
+        ValueError: for what is not allowed, Coulomb friction included: it has no derivatives here.
+    """
+    checked = robot.points(points)
+    engine = _engine(robot, Compute.given(compute))
+    tree = robot.model.tree
+    state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
+    at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1)))
+    runs, slopes = [], []
+    for first in range(0, len(checked), at_once):
+        some = checked[first : first + at_once]
+        tape = engine.record(robot.steps, **_driven(robot, some))  # type: ignore[arg-type]
+        of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
+        found = tape.pull_back(position=of_position, orientation=of_orientation, angles=of_angles)
+        given = found.weights if robot.controller == "network" else rhythm_slopes(robot, some, found.commands)
+        runs.append(tape.result)
+        slopes.append(given.reshape(len(some), -1))
+        if progress:
+            progress((first + len(some)) / len(checked))
+    return _result(robot, runs, np.concatenate(slopes))
+
+
+def _engine(robot: ArticulatedRobot, compute: Compute) -> RigidEngine:
+    return RigidEngine(robot.model.tree, robot.world, robot.senses, robot.network, **compute.options)
+
+
+def _driven(robot: ArticulatedRobot, points: Floats) -> dict[str, object]:
+    """What drives the robot at some points, as arguments of the engine."""
+    light = {} if robot.light is None else {"lights": np.array([robot.light])}
+    if robot.controller == "network":
+        return {"weights": points.reshape(len(points), robot.senses.count, len(robot.drives)), **light}
+    return {"commands": rhythm(robot, points), "hold": robot.hold, **light}
+
+
+def rhythm(robot: ArticulatedRobot, points: Floats) -> Floats:
+    """Commands over time, (N, K, M), of rhythms."""
+    amplitude, offset, turns, _ = _parts(robot, points)
+    return amplitude * np.sin(2 * np.pi * turns) + (1 - amplitude) * offset
+
+
+def rhythm_slopes(robot: ArticulatedRobot, points: Floats, of_commands: Floats) -> Floats:
+    """Derivatives of a cost by the parameters of rhythms, (N, P), from those by the commands, (N, K, M)."""
+    amplitude, offset, turns, times = _parts(robot, points)
+    of_turns = of_commands * amplitude * 2 * np.pi * np.cos(2 * np.pi * turns)
+    by = {
+        "amplitude": (of_commands * (np.sin(2 * np.pi * turns) - offset)).sum(1),
+        "phase": of_turns.sum(1),
+        "offset": (of_commands * (1 - amplitude)).sum(1),
+    }
+    each = np.stack([by[part] for part in PARTS], axis=-1).reshape(len(points), -1)
+    return np.column_stack([(of_turns * times).sum((1, 2)), each])
+
+
+def _parts(robot: ArticulatedRobot, points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Amplitudes and offsets, (N, 1, M), where in the cycle drives are, (N, K, M), and when, (K, 1) [s]."""
+    count = -(-robot.steps // robot.hold)
+    times: Floats = np.arange(count, dtype=float)[:, None] * (robot.hold * robot.world.time_step)
+    values = points[:, 1:].reshape(len(points), 1, len(robot.drives), len(PARTS))
+    amplitude, phase, offset = np.moveaxis(values, -1, 0)
+    turns: Floats = points[:, :1, None] * times + phase
+    return amplitude, offset, turns, times
+
+
+def centres(tree: Tree, position: Floats, orientation: Floats, angles: Floats) -> Floats:
+    """Centres of mass, (..., 3) [m], at poses as of ``taichi_sim.rigid.poses``."""
+    masses = np.array([body.mass for body, _ in tree.ordered])
+    return np.asarray(masses @ poses(tree, position, orientation, angles)[0] / masses.sum())
+
+
+def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[Floats, Floats, Floats]:
+    """Derivatives of the centre of mass along a direction by the base's place, its orientation and the angles."""
+    masses = np.array([body.mass for body, _ in tree.ordered])
+    places, turns = poses(tree, result.position, result.orientation, result.angles)
+    shares = masses / masses.sum()
+    base = rotation_matrix(result.orientation)
+    arm = np.einsum("nji,nj->ni", base, shares @ places - result.position)  # in the axes of the base
+    of_orientation = np.empty_like(result.orientation)
+    for part, step in enumerate(np.eye(4)):  # entries of the matrix are of second degree: these differences are exact
+        slope = (rotation_matrix(result.orientation + step) - rotation_matrix(result.orientation - step)) / 2
+        of_orientation[:, part] = np.einsum("i,nij,nj->n", direction, slope, arm)
+    carried = np.zeros((len(tree.bodies), len(tree.bodies)), bool)  # whether a body hangs on another one, or is it
+    for n, parent in enumerate(tree.parents):
+        carried[n] = carried[parent] if n else False
+        carried[n, n] = True
+    of_angles = np.empty_like(result.angles)
+    for number, n in enumerate(tree.hinged):
+        hinge, body, parent = tree.hinges[number], tree.ordered[n][0], tree.parents[n]
+        axis = rotation_matrix(turns[:, parent]) @ (np.array(hinge.axis, float) / np.linalg.norm(hinge.axis))
+        to_anchor = np.array(hinge.anchor, float) - np.array(body.position, float)
+        anchor = places[:, n] + rotation_matrix(turns[:, n]) @ to_anchor
+        hanging = shares * carried[:, n]
+        lever = hanging @ places - hanging.sum() * anchor
+        of_angles[:, number] = np.cross(axis, lever) @ direction
+    return np.tile(direction, (len(places), 1)), of_orientation, of_angles
+
+
+def _result(robot: ArticulatedRobot, runs: list[RigidResult], gradient: Floats | None = None) -> ArticulatedResult:
+    tree, still = robot.model.tree, np.array([[1.0, 0.0, 0.0, 0.0]])
+    begin = np.array([tree.ordered[0][0].position], float)
+    start = centres(tree, begin, still, np.zeros((1, len(tree.hinges))))
+    centre = np.concatenate([centres(tree, run.position, run.orientation, run.angles) for run in runs])
+    status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
+    return ArticulatedResult((centre - start) @ robot.direction, centre, status, steps, tuple(runs), gradient)

@@ -1,0 +1,215 @@
+"""Articulated robots of files: against the engine itself, central differences, and their own files."""
+
+import json
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
+from robots.articulated.simulation import centre_slopes, centres, rhythm
+from robots.robot import KINDS, Place, find_robot, load_design, make_robot
+from taichi_sim.rigid import RigidEngine
+
+CRAWLER = """
+<mujoco><option timestep="0.01"/>
+<worldbody><geom type="plane" size="1 1 1"/>
+<body name="trunk" pos="0 0 0.1"><freejoint/><geom type="box" size="0.15 0.1 0.03" mass="1"/><site name="belly"/>
+<body name="front" pos="0.15 0 0"><joint name="shoulder" axis="0 1 0" range="-60 60"/>
+<geom type="capsule" fromto="0 0 0 0.1 0 -0.06" size="0.03" mass="0.3"/><site name="toe"/></body>
+<body name="rear" pos="-0.15 0 0"><joint name="hip" axis="0.2 1 0" range="-60 60"/>
+<geom type="capsule" fromto="0 0 0 -0.1 0 -0.06" size="0.03" mass="0.3"/></body>
+</body></worldbody>
+<actuator><position name="a" joint="shoulder" kp="30" ctrlrange="-0.8 0.8" forcerange="-8 8"/>
+<position name="b" joint="hip" kp="30" ctrlrange="-0.8 0.8" forcerange="-8 8"/></actuator>
+<sensor><touch site="toe"/><touch site="belly"/></sensor></mujoco>
+"""
+URDF = """
+<robot name="cart"><link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="0.3 0 0"/>
+<axis xyz="0 1 0"/><limit effort="2" velocity="4"/></joint></robot>
+"""
+QUICK = {"duration": 0.4, "friction": math.inf}
+HERE = {"precision": "f64", "threads": 1}
+pytestmark = pytest.mark.filterwarnings("ignore:model. ignored")
+
+
+def crawler(**settings) -> ArticulatedRobot:
+    return ArticulatedRobot(CRAWLER, **{**QUICK, **settings})
+
+
+def some_points(robot, count: int, seed: int = 0) -> np.ndarray:
+    low, high = np.array([(p.low, p.high) for p in robot.parameters]).T
+    return low + (high - low) * np.random.default_rng(seed).uniform(0.2, 0.8, (count, len(low)))
+
+
+def test_what_is_free_follows_from_the_model():
+    assert [p.name for p in crawler().parameters] == [
+        "frequency",
+        *(f"{drive}_{part}" for drive in "ab" for part in ("amplitude", "phase", "offset")),
+    ]
+    seeing = crawler(controller="network", light=(2.0, 0.0, 0.3))
+    sensors = ("touch front", "touch trunk", "light")
+    assert [p.name for p in seeing.parameters] == [f"{s} to {drive}" for s in sensors for drive in "ab"]
+    assert ArticulatedRobot(URDF).drives == ("axle",)
+
+
+def test_a_rhythm_stays_within_what_drives_take_and_repeats():
+    robot = crawler(duration=2.0, command_rate=100.0)
+    points = some_points(robot, 5)
+    points[:, 0] = 2.0
+    commands = rhythm(robot, points)
+    assert commands.shape == (5, 200, 2) and np.abs(commands).max() <= 1
+    assert np.allclose(commands[:, :50], commands[:, 50:100], atol=1e-12)
+    amplitude, phase, offset = points[3, 4:7]
+    assert commands[3, 7, 1] == pytest.approx(
+        amplitude * math.sin(2 * math.pi * (2 * 0.07 + phase)) + (1 - amplitude) * offset
+    )
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("controller", ["rhythm", "network"])
+def test_it_does_what_the_engine_does(controller):
+    robot = crawler(controller=controller, light=(3.0, 1.0, 0.2), heading=30.0, friction=None)
+    points = some_points(robot, 3)
+    found = simulate(robot, points, record_every=10, **HERE)
+    engine = RigidEngine(robot.model.tree, robot.model.world, robot.senses, robot.network, **HERE)
+    if controller == "network":
+        driven = {"weights": points.reshape(3, 3, 2)}
+    else:
+        driven = {"commands": rhythm(robot, points), "hold": 2}
+    done = engine.run(40, **driven, lights=np.array([[3.0, 1.0, 0.2]]), record_every=10)
+    assert np.array_equal(found.runs[0].position, done.position) and robot.model.world.friction == 1.0
+    assert found.runs[0].frames.times.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    start = centres(robot.model.tree, *(a[0, :1] for a in vars_of(done.frames)))
+    moved = centres(robot.model.tree, done.position, done.orientation, done.angles) - start
+    along = [math.cos(math.radians(30)), math.sin(math.radians(30)), 0]
+    assert found.distance == pytest.approx(moved @ along, abs=1e-12) and set(found.status) == {"ok"}
+    assert set(found.steps) == {40}
+
+
+def vars_of(frames):
+    return frames.position, frames.orientation, frames.angles
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("controller", ["rhythm", "network"])
+def test_derivatives_are_central_differences(controller):
+    robot = crawler(controller=controller, light=(3.0, 1.0, 0.2), heading=20.0, duration=0.2)
+    points, shift = some_points(robot, 2, seed=3), 1e-6
+    found = differentiate(robot, points, **HERE)
+    assert np.array_equal(found.distance, simulate(robot, points, **HERE).distance)
+    for n in range(points.shape[1]):
+        moved = shift * np.eye(points.shape[1])[n]
+        ends = [simulate(robot, points + sign * moved, **HERE).distance for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * shift)
+        assert found.gradient[:, n] == pytest.approx(difference, rel=1e-4, abs=1e-8)
+
+
+@pytest.mark.kernels
+def test_derivatives_do_not_depend_on_how_many_are_taken_at_once(monkeypatch):
+    robot = crawler(duration=0.1)
+    points = some_points(robot, 3)
+    whole = differentiate(robot, points, **HERE)
+    monkeypatch.setattr("robots.articulated.simulation.TAPE_BYTES", 1)
+    done = []
+    assert np.array_equal(differentiate(robot, points, progress=done.append, **HERE).gradient, whole.gradient)
+    assert done == pytest.approx([1 / 3, 2 / 3, 1.0])
+
+
+def test_the_slopes_of_the_centre_of_mass_are_central_differences():
+    tree, rng, shift = crawler().model.tree, np.random.default_rng(5), 1e-6
+    q = rng.normal(size=(2, 4))
+
+    class Pose:
+        position, orientation = rng.normal(size=(2, 3)), q / np.linalg.norm(q, axis=1, keepdims=True)
+        angles = rng.uniform(-1, 1, (2, 2))
+
+    way = np.array([0.6, 0.0, 0.8])
+    slopes = centre_slopes(tree, Pose, way)
+    for name, found in zip(("position", "orientation", "angles"), slopes, strict=True):
+        for n in range(found.shape[1]):
+            ends = []
+            for sign in (1, -1):
+                values = {each: getattr(Pose, each).copy() for each in ("position", "orientation", "angles")}
+                values[name][:, n] += sign * shift
+                ends.append(centres(tree, **values) @ way)
+            if name != "orientation":
+                assert found[:, n] == pytest.approx((ends[0] - ends[1]) / (2 * shift), abs=1e-8)
+    turn = 1e-6 * np.array([0.3, -0.5, 0.2])  # an orientation moves on its sphere
+    w, x, y, z = Pose.orientation.T
+    a, b, c = turn
+    change = np.stack(
+        [-(a * x + b * y + c * z), a * w + b * z - c * y, b * w + c * x - a * z, c * w + a * y - b * x], 1
+    )
+    ends = [centres(tree, Pose.position, Pose.orientation + s * change / 2, Pose.angles) @ way for s in (1, -1)]
+    assert (slopes[1] * change / 2).sum(1) == pytest.approx((ends[0] - ends[1]) / 2, rel=1e-6, abs=1e-13)
+
+
+def test_a_design_is_one_file_without_the_model(tmp_path):
+    path = tmp_path / "crawler.xml"
+    path.write_text(CRAWLER)
+    kind, source = find_robot(str(path))
+    robot = make_robot(kind, source, {"duration": 0.4, "friction": math.inf, "light": (3.0, 1.0, 0.2)})
+    assert kind is KINDS["articulated"] and robot.name == "crawler"
+    point = some_points(robot, 1)[0]
+    robot.save(point, tmp_path / "design.json")
+    path.unlink()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # what is ignored was told before
+        design = load_design(tmp_path / "design.json")
+    assert design.robot.describe() == robot.describe() and np.array_equal(design.point, point)
+    design.save((), tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "design.json").read_bytes()
+    assert find_robot(str(tmp_path / "design.json"))[0] is kind
+    assert str(tmp_path) not in (tmp_path / "design.json").read_text()
+
+
+@pytest.mark.kernels
+def test_it_offers_what_every_robot_offers(tmp_path):
+    robot = KINDS["articulated"].from_description(crawler().describe())
+    assert json.loads(json.dumps(robot.describe())) == robot.describe()
+    world = robot.worlds[0]
+    assert KINDS["articulated"].world_of(KINDS["articulated"].world_record(world)) == Place("ground")
+    points = some_points(robot, 2)
+    outcome = robot.differentiate(points, world)
+    assert outcome.measures["speed"] == pytest.approx(outcome.measures["distance"] / 0.4)
+    assert outcome.gradients["speed"] == pytest.approx(outcome.gradients["distance"] / 0.4)
+    replay = robot.design(points[1]).replay((), world, frames=9)
+    assert replay.outcome.measures["distance"][0] == outcome.measures["distance"][1]
+    assert [channel.name for channel in replay.motion.channels][:4] == ["front on ground", "trunk on ground", "a", "b"]
+    said, longer = robot.at_horizon(2)
+    assert said == "2 seconds" and longer.robot.steps == 200
+    assert robot.facts()[0] == ("Robot", "articulated robot: 3 bodies on 2 hinges, 1.6 kg")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ArticulatedRobot("<a/>"), "model: <a> is unknown; give a file of <mujoco>"),
+        (lambda: crawler(controller="cat"), "controller: 'cat' is unknown; choose one of rhythm, network"),
+        (lambda: crawler(duration=-1), "duration: -1 is not allowed"),
+        (lambda: crawler(slowest=3.0), "quickest: 2 Hz is not allowed; give more than slowest, 3"),
+        (lambda: crawler(friction=-1), "friction: -1 is not allowed"),
+        (lambda: crawler(light=(1, 2)), "light: (1, 2) is not allowed; give a place x, y, z [m]"),
+        (lambda: crawler(angles={"knee": 1.0}), "angles: there is no hinge 'knee'"),
+        (lambda: ArticulatedRobot(CRAWLER.split("<actuator>")[0] + "</mujoco>"), "model: no hinge of it has a drive"),
+        (lambda: ArticulatedRobot(URDF, controller="network"), "controller: a network needs sensors"),
+        (
+            lambda: simulate(crawler(), np.zeros((2, 3))),
+            "points: shape (2, 3) is not allowed; give finite",
+        ),
+        (lambda: simulate(crawler(), [[math.nan] * 7]), "points: shape (1, 7) is not allowed; give finite numbers"),
+        (lambda: differentiate(crawler(friction=0.5), [[0.5] * 7]), "friction: 0.5 has no derivatives; give infinity"),
+        (lambda: load_robot("none.xml"), "none.xml: "),
+        (lambda: KINDS["articulated"].build(None, {}), "robot: an articulated robot is made of a file"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(make, message):
+    with pytest.raises(ValueError) as raised:
+        make()
+    assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
