@@ -29,7 +29,7 @@ test: $(venv)/dev
 	$(test)
 
 test-fast: $(venv)/dev
-	$(test) -m "not slow and not kernels and not processes"
+	$(test) -m "not slow and not kernels and not long"
 
 coverage: $(venv)/dev
 	$(test) --cov --cov-report=term-missing

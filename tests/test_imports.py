@@ -129,6 +129,7 @@ def test_help_of_every_command_imports_nothing_heavy():
     assert out.splitlines()[-1] == "heavy: []"
 
 
+@pytest.mark.long
 def test_importing_everything_starts_no_taichi_and_prints_nothing():
     names = sorted(name for name in MODULES if not name.endswith("__main__"))
     out = run(

@@ -47,6 +47,7 @@ def site(wheel):
     return folder
 
 
+@pytest.mark.long
 def test_the_wheel_holds_the_packages_and_nothing_else(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     contents = {name for name in names if ".dist-info/" not in name}
@@ -57,6 +58,7 @@ def test_the_wheel_holds_the_packages_and_nothing_else(wheel):
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 
 
+@pytest.mark.long
 def test_the_installed_wheel_runs_outside_the_source_tree(site, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(site)}
     usage = run(site / "bin" / "morpholab", "--help", cwd=tmp_path, env=environment)

@@ -12,6 +12,8 @@ import pytest
 from optim.commands import options
 from taichi_sim.base import files
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[1]
 
 # Small kernels in both precisions, so that threads restart Taichi under each other.

@@ -129,6 +129,7 @@ def test_status_compare_and_report_need_no_file(rocket, morpholab):
     assert code == 2 and "are judged differently (sha256" in error
 
 
+@pytest.mark.long
 def test_a_killed_run_of_a_class_with_two_objectives_goes_on(valley, morpholab):
     search = "codesign --problem lab/valley.py --method borg --population 8 --seed 1 --quiet --generations 12"
     assert morpholab(f"{search} --out whole")[0] == 0

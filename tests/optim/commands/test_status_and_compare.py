@@ -95,6 +95,7 @@ def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):
     assert document["at"] == 20 and document["groups"][0]["mean"] == pytest.approx(np.mean(scores[3]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -17,6 +17,8 @@ from optim.studies.beyond.gait_hunt import study as hunting
 from robots.inflatable import gaits
 from taichi_sim.base import compute
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def nine_cores(monkeypatch):

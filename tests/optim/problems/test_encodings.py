@@ -77,6 +77,7 @@ def test_patterns_can_say_the_published_gaits(gait, genome):
     assert problem.space.size == 2 + 6 * 8 + 7 + 6 and problem.design(point) == gait
 
 
+@pytest.mark.long
 @settings(max_examples=60)
 @given(st.integers(1, 12), st.integers(0, 10**6))
 def test_a_wave_runs_around_the_robot(columns, seed):
@@ -90,6 +91,7 @@ def test_a_wave_runs_around_the_robot(columns, seed):
     assert gait.grip.ravel().tolist() == [p for name, p in zip(names, point, strict=True) if name.startswith("foot")]
 
 
+@pytest.mark.long
 @settings(max_examples=40)
 @given(st.integers(1, 12), st.integers(0, 10**6))
 def test_a_wave_can_be_the_start_of_a_search(columns, seed):

@@ -231,6 +231,7 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
     assert "The elites" in page.text and "elites by orientation and pressure" in str(page.all("svg"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -40,6 +40,7 @@ def mutate(folder, rng):
     return f"{path.name} {how} at {place} bit {bit}, {other.name}"
 
 
+@pytest.mark.long
 def test_no_damage_ends_in_a_traceback_or_a_wrong_number(morpholab, tmp_path):
     assert morpholab(f"{LINE} --generations 5 --out whole")[0] == 0
     assert morpholab(f"{LINE} --generations 3 --out short")[0] == 0

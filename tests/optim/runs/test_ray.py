@@ -14,6 +14,8 @@ from worker_problems import Bowl, sample
 from optim.runs.requests import Request, judge
 from optim.runs.workers import ray_cluster
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("ray", reason="needs the extra ray")
 
 REAL_VERSIONS = ray_cluster.versions()

@@ -196,6 +196,7 @@ class Killed(BaseException):
     """Stands for a kill: nothing in the project may catch it."""
 
 
+@pytest.mark.long
 def test_a_kill_at_any_write_loses_nothing(tmp_path, whole, monkeypatch):
     """Every call that touches the disk fails in turn, once before it has done its work and once after."""
     countdown = 0
@@ -246,6 +247,7 @@ def child(folder):
     run(Path(folder), generations=40, resume=True, problem=Sphere(seconds=0.01))
 
 
+@pytest.mark.long
 def test_kill_9_at_random_moments(tmp_path):
     child(tmp_path / "whole")
     moments = random.Random(1)

@@ -17,6 +17,8 @@ from optim.runs.requests import Request, failures, join, judge
 from optim.runs.workers import open_workers
 from optim.runs.workers.batch import Batch
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def workers(tmp_path):

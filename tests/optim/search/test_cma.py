@@ -28,6 +28,7 @@ def everything(points):
 
 
 # Generations of 60 points to a gap of 1e-8 were at most 80, 100 and 240 with these seeds.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("space", "judge", "generations"),
     [(mixed_space(10), sphere, 100), (mixed_space(10), valley, 130), (continuous_space(10), rosenbrock, 280)],
@@ -41,6 +42,7 @@ def test_converges(space, judge, generations, seed):
     assert method.result().numbers["restarts"] == 0 and 0 < method.result().numbers["sigma"] < 0.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_optimum_in_a_corner_is_reached(seed):
     corner = np.array([-5.0, 5.0] * 5)
@@ -48,6 +50,7 @@ def test_an_optimum_in_a_corner_is_reached(seed):
     assert run_up_to(CMAESWithMargin(continuous_space(10), seed=seed), judge, 180).result().score > -1e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_angles_wrap_round_and_all_kinds_go_together(seed):
     result = run_up_to(CMAESWithMargin(EVERYTHING, population=20, seed=seed), everything, 80).result()

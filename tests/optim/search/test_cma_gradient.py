@@ -76,6 +76,7 @@ def state_equal(a, b):
 
 
 # To a gap of 1e-6: 12 930 evaluations on Rosenbrock's; 9225 and 9290 on the ellipsoid, alone 17 400 and 19 500.
+@pytest.mark.long
 def test_rosenbrock_in_forty_variables_needs_less_than_half():
     led = CMAGradient(continuous_space(40))
     assert cost_to(led, rosenbrock, rosenbrock_slope, -1e-6, 18_000)[1] > -1e-6
@@ -83,6 +84,7 @@ def test_rosenbrock_in_forty_variables_needs_less_than_half():
     assert cost_to(alone, rosenbrock, None, -1e-6, 36_000)[1] < -1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1])
 def test_an_ellipsoid_needs_less(seed):
     problem = Ellipsoid(20)
@@ -92,6 +94,7 @@ def test_an_ellipsoid_needs_less(seed):
     assert cost_to(alone, problem.judge, None, -1e-6, int(1.4 * cost))[1] < -1e-6
 
 
+@pytest.mark.long
 def test_numbers_bits_and_an_integer_together_come_closer_at_first():
     """Gaps after 5000 evaluations: 1 to 21, without gradients 16 to 112; after 10 000 there is no difference."""
     problem = Mixed()
@@ -171,6 +174,7 @@ def test_wrong_gradients_cost_little():
     assert cost_to(method, sphere, lambda p: -sphere_slope(p), -1e-8, 4000)[1] > -1e-8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("broken", [np.nan, np.inf, 1e300])
 def test_broken_gradients_are_left_out(broken):
     def slope(points):

@@ -24,6 +24,7 @@ def scores(space, judge, generations, **settings):
     return [run(DifferentialEvolution(space, seed=s, **settings), judge, generations).result().score for s in range(5)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("strategy", "gap"),
     [("current-to-pbest/1/bin", 1e-8), ("best/1/bin", 1e-6), ("rand/1/bin", 1e-4), ("rand/2/bin", 0.02)],
@@ -32,6 +33,7 @@ def test_a_mixed_sphere_in_6000_evaluations(strategy, gap):
     assert min(scores(mixed_space(10), sphere, 100, strategy=strategy)) > -gap
 
 
+@pytest.mark.long
 def test_a_mixed_rosenbrock_in_24000_evaluations():
     """The worst of five is in the valley, next to a local optimum at -5.25; most cross it with rare crossover."""
     assert min(scores(mixed_space(10), rosenbrock, 400)) > -5.3

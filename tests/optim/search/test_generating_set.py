@@ -52,11 +52,13 @@ def plateau(points):
 
 
 # Medians of the five seeds were -1e-12 and -7e-19, -5e-5 and -1e-2 (rotated and not), 0 and 0.
+@pytest.mark.long
 def test_a_sphere_in_3000_evaluations_whether_mixed_or_not():
     assert median_score(continuous_space(10), sphere, 3000) > -1e-9
     assert median_score(mixed_space(10), sphere, 3000) > -1e-15
 
 
+@pytest.mark.long
 def test_a_valley_is_followed_along_turning_directions():
     assert median_score(PLANE, rosenbrock, 3000, directions="rotated") > -1e-3
     assert median_score(PLANE, rosenbrock, 3000) < -1e-3  # the valley is not along an axis

@@ -29,6 +29,7 @@ def test_a_mixed_sphere_in_6000_evaluations(settings, gap):
     assert min(scores(mixed_space(10), sphere, 100, **settings)) > -gap
 
 
+@pytest.mark.long
 def test_a_mixed_rosenbrock_in_24000_evaluations():
     """There are local optima at -5.25 and below, where most runs end; random points are worse than -10,000."""
     found = scores(mixed_space(10), rosenbrock, 400)

@@ -25,6 +25,7 @@ def corner(points):
 
 
 # Generations of 60 points to a gap of 1e-8 were at most 126, 137, 439 and 270 with these seeds.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("space", "judge", "generations"),
     [
@@ -43,6 +44,7 @@ def test_converges(space, judge, generations, mirrored, seed):
     assert 0 < method.result().numbers["sigma"] < 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_narrow_valley_is_entered_though_not_followed_to_its_end(seed):
     method = run_up_to(SeparableNES(continuous_space(10), seed=seed), rosenbrock, 1500)

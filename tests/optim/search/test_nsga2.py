@@ -26,6 +26,7 @@ from optim.space import Space, Variable
 from taichi_sim.base.checks import install_extra
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["zdt1", "dtlz2"])
 def test_fronts_are_as_good_as_those_of_pymoo(name):
     space, judge = problem(name)

@@ -54,6 +54,7 @@ def same(a, b):
     return all(np.array_equal(a.state()[key], b.state()[key], equal_nan=True) for key in a.state())
 
 
+@pytest.mark.long
 @methods
 def test_converges_on_a_sphere(name):
     result = run(build(name, 20, seed=3), 151).result()
@@ -79,6 +80,7 @@ def test_continues_exactly_from_its_state(name):
         assert rest.result().score == whole.result().score
 
 
+@pytest.mark.long
 @methods
 def test_failures_never_win(name):
     def judge(points):  # everything on the left has failed

@@ -129,6 +129,7 @@ def test_on_flat_ground_the_heading_changes_no_way():
     assert left[0] == pytest.approx(found.displacement[0, 1]) and left[2] == pytest.approx(-found.displacement[2, 0])
 
 
+@pytest.mark.long
 def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
     facing, finish, firm = program.run()
@@ -155,6 +156,7 @@ def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     assert len(near) == len(set(near)) == 5
 
 
+@pytest.mark.long
 def test_leads_go_by_the_mean_of_a_slope_and_the_steepest_one_from_the_others_best(slopes, tmp_path):
     program = Program(tmp_path / "run", PLAN, 0, 15.0)
     program.run()
@@ -194,6 +196,7 @@ def test_a_seed_with_which_every_gait_fails_ends_as_such(slopes, tmp_path, monke
     assert not list((tmp_path / "lost/gaits").iterdir())
 
 
+@pytest.mark.long
 def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
     seen = []
     climb.study(tmp_path / "whole", FEW, seen.append)
@@ -218,6 +221,7 @@ def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
     assert known == {name: (tmp_path / "whole" / name).read_bytes() for name in known}
 
 
+@pytest.mark.long
 def test_a_program_that_was_killed_goes_on_to_the_same_gait(slopes, tmp_path, monkeypatch):
     climb.study(tmp_path / "whole", FEW)
     whole = slopes.calls

@@ -189,6 +189,7 @@ def test_a_generation_that_was_cut_off_is_not_paid_twice(hill, tmp_path):
     assert 123.0 not in read_spent(tmp_path / "run")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [None, "", "{}", "[1]", '["a"]', "[-1, 2, 3]"])
 def test_a_run_that_does_not_know_what_it_has_spent_is_refused(hill, tmp_path, text):
     """It would go on for its whole budget again."""
@@ -243,6 +244,7 @@ def quick(monkeypatch):
     return hunting.Hunt(4, (0, 1), finalists=2, runs=2)
 
 
+@pytest.mark.long
 def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
     settings, seen = quick(monkeypatch), []
     hunting.study(tmp_path / "hunt", settings, seen.append)
@@ -366,6 +368,7 @@ def test_finalists_under_other_conditions_are_judged_anew(hill, tmp_path):
     assert calls[0] == calls[1] < calls[2] < calls[3]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])
 def test_damaged_finalists_are_judged_again(hill, tmp_path, monkeypatch, text):
     settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",), seeds=(0,))

@@ -51,6 +51,7 @@ def test_the_experiments_are_the_published_ones():
     assert all("start" not in settings.method(e) for e in EXPERIMENTS[:-1])
 
 
+@pytest.mark.long
 def test_a_study_writes_its_table_curves_and_runs(studied):
     folder, summary = studied
     for name in ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json"):
@@ -80,6 +81,7 @@ def test_the_best_designs_are_simulated_again_and_on_the_other_terrain(studied, 
     assert {call.precision for call in noisy} == {"f64"} and len(noisy) == 1 + len(EXPERIMENTS)
 
 
+@pytest.mark.long
 def test_a_study_goes_on_after_any_interruption_to_the_same_bytes(studied, simulator, tmp_path):
     folder, _ = studied
     (tmp_path / "b").mkdir()
@@ -109,6 +111,7 @@ def test_experiments_take_turns(simulator, tmp_path):
     assert "| control | 3 x 0 | 6 |" in (tmp_path / "a/table.md").read_text()  # that of the starts is there
 
 
+@pytest.mark.long
 def test_more_generations_go_on_in_the_same_folder_but_not_fewer(studied):
     folder, _ = studied
     more = ShapeChange(climbers=3, generations=2, copies=2, others=2)
@@ -119,6 +122,7 @@ def test_more_generations_go_on_in_the_same_folder_but_not_fewer(studied):
         shape_change.study(folder, ShapeChange(climbers=4, generations=2))
 
 
+@pytest.mark.long
 def test_while_searches_go_on_the_table_keeps_what_was_played_of_their_designs(studied, simulator):
     folder, before = studied
     simulator.calls.clear()
@@ -139,6 +143,7 @@ def test_all_that_is_played_is_the_robot_and_the_gait_of_the_settings(simulator,
     assert {design.schedule.repeats for call in simulator.calls for design in call.designs} == {1}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["shape-change", "friction-sweeps", "slope-sweep", "hand-gait-sensitivity", "soft-robot-metrics"]
 )

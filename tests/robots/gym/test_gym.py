@@ -128,6 +128,7 @@ def test_the_vehicle_stops_at_the_light():
     assert info["distance"] < 0.075 and gained == pytest.approx(0.3 - info["distance"])
 
 
+@pytest.mark.long
 def test_hill_climbing_learns_to_reach_the_light_from_everywhere(capsys):
     """The example in the documentation."""
     text = (Path(__file__).parents[3] / "docs" / "gym.md").read_text()

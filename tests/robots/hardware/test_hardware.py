@@ -66,6 +66,7 @@ def able_rigs(draw):
     return PneumaticRig("any", 100.0, -100.0, tuple(channels), draw(seconds), line_map)
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(designs, able_rigs(), st.sampled_from(["kpa", "psi"]), st.sampled_from([None, 7.0, 20.0]), st.integers(0, 9))
 def test_any_schedule_survives_its_csv_and_its_rows_on_any_able_rig(tmp_path_factory, design, rig, units, rate, seed):

@@ -56,6 +56,7 @@ class Replay:
             z, p, first = target, q, False
 
 
+@pytest.mark.long
 @given(st.integers(0, 10**6), st.booleans())
 @settings(max_examples=6)
 def test_columns_do_what_the_page_says(seed, shapes):

@@ -267,6 +267,7 @@ def test_the_help_of_samples_tells_every_default(morpholab, simulator, tmp_path)
     assert morpholab(f"codesign {line} --generations 1 --out a")[0] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", ["", "--rule l-bfgs", "--gradient smoothed --samples 2", "--free orientation"])
 def test_interrupted_gradient_searches_continue_exactly(morpholab, simulator, tmp_path, options):
     line = f"codesign --terrain flat --seed 7 --method gradient {SHORT} {options}"

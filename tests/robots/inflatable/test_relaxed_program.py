@@ -93,6 +93,7 @@ def full_stroke_gaits(draw):
     return GaitSchedule(bits)
 
 
+@pytest.mark.long
 @given(
     full_stroke_gaits(),
     st.floats(0, 15e3),
@@ -168,6 +169,7 @@ def test_half_a_bladder_has_half_the_growth_and_half_the_weight_and_half_a_grip_
         assert friction[[begin, settle, settle + 1]] == pytest.approx([(2.0 + 1e-4) / 2, (2.0 + 1e-4) / 2, 2.0])
 
 
+@pytest.mark.long
 @given(st.integers(0, 2000), st.sampled_from([True, False]))
 def test_the_program_is_continuous_where_arrivals_change_their_step(seed, core):
     """Up to 1e-9 away on either side of the levels from which a bladder needs whole steps."""
@@ -183,6 +185,7 @@ def test_the_program_is_continuous_where_arrivals_change_their_step(seed, core):
     assert np.abs(run(1e-9) - run(-1e-9)).max() < 1e-9 * 20 * (full - empty) / QUICK.inflation_rate
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("core", [False, True])
 @pytest.mark.parametrize("weight", ["published", "physical"])
 @pytest.mark.parametrize("ramp_steps", [None, 100])

@@ -215,6 +215,7 @@ def test_colours_of_the_paper_are_matplotlibs():
     assert tuple(scene.PAPER) == to_rgb("white")
 
 
+@pytest.mark.long
 def test_simulating_needs_no_matplotlib_and_pictures_neither_pyplot_nor_torch():
     program = (
         "import sys, robots.inflatable, robots.view.shape\n"
