@@ -1,18 +1,18 @@
-"""Numbers as people say them."""
+"""Counts, sizes and durations in words."""
 
 
 def counted(count: int, one: str, several: str = "") -> str:
-    """How many there are, such as ``1 body`` or ``2 bodies``; ``several`` is the plural, by default ``one`` and s."""
+    """A count and its noun, such as ``1 body`` or ``2 bodies``; ``several`` is the plural (default: with an s)."""
     return f"{count} {one if count == 1 else several or one + 's'}"
 
 
 def spoken_size(size: int) -> str:
-    """The bytes of a file, such as ``34 kB`` or ``6.7 MB``."""
+    """A number of bytes, such as ``34 kB`` or ``6.7 MB``."""
     return f"{size / 1e6:.1f} MB" if size >= 999_500 else f"{max(size / 1e3, 1):.0f} kB"
 
 
 def spoken_duration(seconds: float) -> str:
-    """A time to be read by people, such as ``3 min``."""
+    """A duration, such as ``3 min``."""
     for unit, length in (("d", 86400), ("h", 3600), ("min", 60)):
         if seconds >= 1.5 * length:
             amount = seconds / length

@@ -63,6 +63,7 @@ def run(*command, environment=None, **options):
     return process
 
 
+@pytest.mark.kernels
 def test_threads_and_forks_without_a_cache_and_a_home(tmp_path):
     """Compiles two small kernels."""
     (tmp_path / "file").touch()

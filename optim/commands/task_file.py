@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from optim.hints import nearest
+from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import why_unread
 
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from optim.hints import nearest
 from optim.problems.inflatable.problem import GaitProblem
 from optim.search import METHODS, build_method, default_settings
 from robots.calibration import Properties, load_calibration, robot_of
@@ -16,7 +15,7 @@ from robots.inflatable.cores import common_pressure, kilopascals
 from robots.inflatable.gaits import GaitDesign
 from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.world import Terrain
-from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.checks import choice, nearest, number, whole_number
 from taichi_sim.base.files import why_unread
 
 BY_HAND = {"inching": INCHING, "rolling": ROLLING}

@@ -1,7 +1,7 @@
-"""Checkpoints: the state of a search, and checksums of the files that go with it.
+"""Checkpoints of runs: the state of a search, and checksums of the files beside it.
 
-A checkpoint fits its folder if the settings are those it was made with, and the log begins with the very lines it
-knew. The newest that is whole and fits is where a run goes on.
+A checkpoint fits its folder if it was made with the same settings and the log begins with the lines that it knew. A
+run continues from the newest undamaged checkpoint that fits.
 """
 
 import json
@@ -25,14 +25,14 @@ _RECORD = "run/record"  # entry of a checkpoint beside the method's own
 
 @dataclass(frozen=True)
 class Record:
-    """What a checkpoint knows of its run.
+    """What a checkpoint knows about its run.
 
     Attributes:
-        lines: of the log.
-        log: checksum of these.
+        lines: number of lines of the log.
+        log: checksum of these lines.
         timing: checksum of ``timing.jsonl``.
         environment: checksum of ``environment.json``.
-        settings: checksum of the settings, see ``config.identity``.
+        settings: checksum of the settings, made by ``config.identity``.
     """
 
     lines: int
@@ -43,7 +43,7 @@ class Record:
 
 
 def save(folder: Path, state: Mapping[str, NDArray[Any]], record: Record) -> None:
-    """Write a checkpoint; the last one becomes the previous one."""
+    """Write a checkpoint; keep the one before as ``checkpoint.previous.npz``."""
     own = {_RECORD: np.frombuffer(json.dumps(asdict(record)).encode(), np.uint8)}
     with files.replacing(folder / CHECKPOINT) as aside:
         aside.write_bytes(files.pack({**state, **own}))
@@ -52,7 +52,10 @@ def save(folder: Path, state: Mapping[str, NDArray[Any]], record: Record) -> Non
 
 
 def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | None:
-    """The newest checkpoint that fits, and why others did not, by file name; None if there has not been any.
+    """Read the newest checkpoint that fits.
+
+    Returns:
+        State, record, and why newer checkpoints do not fit, by file name; None if there has not been a checkpoint.
 
     Raises:
         ValueError: if there are checkpoints, or lines of the log, but no checkpoint fits.
@@ -72,7 +75,7 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
                 return state, record, reasons
             reasons[name] = reason
     if set(reasons.values()) == {"missing"}:
-        if len(lines) <= 1:  # one may have come just before the first checkpoint
+        if len(lines) <= 1:  # a kill may have come between the first line and the first checkpoint
             return None
         raise ValueError(f"{folder}: {LOG} has {len(lines)} lines, but no checkpoint is left; cannot resume")
     found = " and ".join(f"{name} ({reason})" for name, reason in reasons.items())

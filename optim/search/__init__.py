@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from optim.hints import nearest
 from optim.search.method import Method, SearchResult
 from optim.space import Space
 from taichi_sim.base import checks
+from taichi_sim.base.checks import nearest
 from taichi_sim.base.lazy import exported
 from taichi_sim.base.registry import Registry
 

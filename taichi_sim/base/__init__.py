@@ -1,1 +1,1 @@
-"""Ground that everything may use: checks of input, atomic files, folders of results, safe XML."""
+"""What every package may use: checks of input, atomic files, array types, registries, options, safe XML."""

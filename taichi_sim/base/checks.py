@@ -1,8 +1,9 @@
 """Checks of values that come from outside. A refusal is a ValueError of one line: field, value, what is allowed."""
 
 import contextlib
+import difflib
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,12 @@ def choice(field: str, value: object, names: Collection[str]) -> str:
     if isinstance(value, str) and value in names:
         return value
     raise ValueError(f"{field}: {_shown(value)} is unknown; choose one of {', '.join(names)}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown name: ``; did you mean ...?`` if a known one is close, else nothing."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def install_extra(name: str) -> str:

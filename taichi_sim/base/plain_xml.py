@@ -1,22 +1,21 @@
-"""XML without document types: those can make a small file endless."""
+"""Parse XML without document types, which could make a small file expand without end."""
 
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 LARGEST = 50_000_000  # characters
-DEEPEST = 200  # elements in each other: copies of trees and what else walks along them recurse
+DEEPEST = 200  # levels of elements; functions that walk along them recurse
 
 
 def parse_xml(text: str, field: str = "model") -> ElementTree.Element:
-    """The root of an XML text.
+    """Parse an XML text and return its root.
 
     Args:
-        text: of the file.
-        field: what messages call it.
+        text: the content of a file.
+        field: its name in messages.
 
     Raises:
-        ValueError: in one line, for a text that is too long or too deep, no XML, or has a document type (and so
-            entities of its own); all of it is found before anything is built or expanded.
+        ValueError: if the text is too long, too deep, no XML, or has a document type; nothing is expanded before.
     """
 
     def refuse(*_: object) -> None:

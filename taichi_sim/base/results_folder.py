@@ -1,4 +1,4 @@
-"""Folders that take the results of long work as they come."""
+"""Folders that keep the results of long work part by part, so that it can be continued."""
 
 import hashlib
 import io
@@ -19,22 +19,22 @@ from taichi_sim.base.files import ASIDE, make_folder, read_text, write_bytes, wr
 
 
 class ResultsFolder:
-    """Settings as JSON, and results as compressed files of arrays, each whole or not there.
+    """A folder with settings as JSON and results as compressed files of arrays, each written atomically.
 
-    Work of the same settings that finds its folder goes on from there, whatever part of it is there; killed at any
-    moment, it loses what it has not yet added.
+    Work with the same settings continues with the parts that are there. If it is killed, it loses only the part that
+    it has not yet added.
     """
 
     def __init__(self, path: Path, kind: str, settings: Mapping[str, Any]) -> None:
-        """Make the folder, or check that it is of the same settings.
+        """Make the folder, or check that it has the same settings.
 
         Args:
-            path: of the folder, which may be new, empty, or of the same work.
-            kind: what the work is, such as ``"sweep"``; also the name of the file of settings.
-            settings: all that results depend on; fits JSON.
+            path: the folder, which may be new, empty, or of the same work.
+            kind: what the work is, such as ``"sweep"``; also the name of the settings file.
+            settings: everything on which results depend; fits JSON.
 
         Raises:
-            ValueError: in one line, for a folder of other settings, or of anything else, or that cannot be made.
+            ValueError: if the folder has other settings or other files, or cannot be made.
         """
         self.path = path
         text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
@@ -52,13 +52,13 @@ class ResultsFolder:
         write_text(file, text)
 
     def add(self, name: str, of: bytes, **arrays: NDArray[Any]) -> None:
-        """Write a file of arrays, named by what they are of."""
+        """Write a file of arrays; a digest of ``of`` ends its name."""
         content = io.BytesIO()
         np.savez_compressed(content, allow_pickle=False, **arrays)
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
 
     def load(self, name: str) -> Iterator[Arrays]:
-        """The arrays of every file of that name; what is damaged is as good as missing, with a warning."""
+        """Load the arrays of every file of that name; damaged files are skipped with a warning."""
         for path in sorted(self.path.glob(f"{name}-*.npz")):
             try:
                 with np.load(path) as file:  # checks its own checksums, and refuses pickles
@@ -68,10 +68,10 @@ class ResultsFolder:
 
 
 def read_settings(path: Path, kind: str) -> dict[str, Any]:
-    """The settings of the work whose results a folder holds.
+    """Read the settings of the work whose results a folder holds.
 
     Raises:
-        ValueError: in one line, if it holds none.
+        ValueError: if it holds none.
     """
     try:
         record = json.loads(read_text(path / f"{kind}.json"))
@@ -83,7 +83,7 @@ def read_settings(path: Path, kind: str) -> dict[str, Any]:
 
 
 def _difference(before: str, now: str) -> str:
-    """The first setting that differs, in brackets."""
+    """The first setting that differs, in brackets, for a message."""
     try:
         old, new = json.loads(before), json.loads(now)
         name = next(name for name in [*new, *old] if old.get(name) != new.get(name))

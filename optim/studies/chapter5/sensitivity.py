@@ -16,7 +16,6 @@ import numpy as np
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Budget, Progress, cached_in_turn, write_summary
 from optim.experiments.study import Study
-from optim.hints import nearest
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
 from robots.inflatable.actuation import nominal_steps
@@ -24,6 +23,7 @@ from robots.inflatable.robot import ACTUATION, INCHING, PUBLISHED, ROLLING
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import nearest
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "hand-gait-sensitivity"

@@ -22,7 +22,6 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Budget, Progress, check_folder, check_tables, part_of, tables_alone, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import read_records, write_records
-from optim.hints import nearest
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
@@ -33,6 +32,7 @@ from robots.inflatable.robot import NAMED_GEOMETRIES
 from robots.inflatable.robustness import LEAST_HARD_SPEED
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import write_text
 
 Record = Mapping[str, Any]
