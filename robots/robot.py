@@ -36,7 +36,18 @@ DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
 HERE = Compute()
 FRAMES = 1000  # of a motion, at most
 Progress = Callable[[float], None]
-Facts = list[tuple[str, str]]  # rows of a report: what, and its value
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its unit, in a row of a report."""
+
+    value: float
+    unit: str = ""
+    digits: int = 4
+
+
+Facts = Sequence[tuple[str, "str | Quantity"]]  # rows of a report: what, and its value
 
 
 @dataclass(frozen=True)
@@ -74,6 +85,10 @@ class World(Protocol):
     def spoken(self) -> str:
         """What it is after the name of a robot, such as ``up a slope of 15°``; may be empty."""
 
+    @property
+    def where(self) -> str:
+        """What it is after the name of a motion, such as ``on hill:15``; may be empty."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -81,6 +96,7 @@ class Place:
 
     name: str = "world"
     spoken: str = ""
+    where: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +149,11 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A trial that can be shown: what came of it, and how the robot moved."""
+    """A trial that can be shown: what came of it, how the robot moved, and the title of its picture."""
 
     outcome: Outcome
     motion: "Motion"
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -178,7 +195,7 @@ class Robot(ABC):
     measures: tuple[Measure, ...]
     worlds: tuple[World, ...] = (Place(),)
     exportable = False  # whether :meth:`table` makes a table for hardware
-    pictured = False  # whether searches draw pictures of the best design
+    pictured = False  # whether searches draw the best design by :meth:`save_picture`
     curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
     horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
 
@@ -283,8 +300,8 @@ class Robot(ABC):
         points = self.points(points)
         return {p.name: [f"{value:.4g}" for value in points[:, n]] for n, p in enumerate(self.parameters)}
 
-    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = ()) -> list[Picture]:
-        """Pictures of one design, for a report; ``replays`` has its trials, if it was tried again."""
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
+        """Pictures of one design, for a report; ``replays`` has its trials in all worlds, if it was tried again."""
         return []
 
     def document(self) -> dict[str, Any]:
@@ -313,11 +330,20 @@ class Robot(ABC):
         """
         raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
 
-    def save_picture(self, world: World, path: Path) -> None:
-        """Draw a robot of which nothing is free as it moves, to a PNG, SVG or PDF file."""
-        from robots.view.picture import save_picture
+    def rig_report(self, rig: Any) -> tuple[Any, float]:
+        """What a robot, of which nothing is free, asks of a rig, and the time that it takes in the simulation [s].
 
-        save_picture(self.replay((), world, compute=Compute(precision="f32")).motion, path)
+        Raises:
+            ValueError: if no hardware plays it.
+        """
+        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+
+    def save_picture(self, world: World, path: Path) -> None:
+        """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.
+
+        ``robots.view.picture.save_robot_picture`` draws robots of all kinds.
+        """
+        raise NotImplementedError
 
     def at_horizon(self, length: int) -> tuple[str, "Robot"]:
         """The robot in trials of another length, in a unit of its kind, and what that length is called.
@@ -366,9 +392,9 @@ class FixedRobot(Robot):
         """Rows for a report about the design."""
         return self.robot.facts_of(self.point)
 
-    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = ()) -> list[Picture]:
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
         """Pictures of the design."""
-        return self.robot.pictures(self.point, replays)
+        return self.robot.pictures(self.point, replays, compute)
 
     def document(self) -> dict[str, Any]:
         """The values that are fixed, by name."""
@@ -450,8 +476,11 @@ KINDS = _Kinds(
     "morpholab.robots",
     "robot",
     {
+        "inflatable": "robots.inflatable.kind:InflatableKind",
         "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
         "articulated": "robots.articulated.kind:ArticulatedKind",
+        "vehicle": "robots.braitenberg.kind:VehicleKind",
+        "walker": "robots.lattice_robot.walker_kind:WalkerKind",
     },
 )
 

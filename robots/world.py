@@ -147,6 +147,53 @@ class TerrainKind(RobotKind):
         return Terrain(**record)
 
 
+@dataclass(frozen=True)
+class Environment:
+    """One of the numbered environments of a task: where a robot starts, or where the light is.
+
+    Attributes:
+        number: counted from 1.
+    """
+
+    number: int
+
+    @property
+    def name(self) -> str:
+        """The number."""
+        return str(self.number)
+
+    @property
+    def spoken(self) -> str:
+        """Such as ``environment 1``."""
+        return f"environment {self.number}"
+
+    @property
+    def where(self) -> str:
+        """Nothing: names of motions do without."""
+        return ""
+
+    @classmethod
+    def parse(cls, text: str, count: int = 4) -> "Environment":
+        """The environment of a number up to ``count``.
+
+        Raises:
+            ValueError: for anything else.
+        """
+        if not text.isdecimal() or not 1 <= int(text) <= count:
+            raise ValueError(f"environment: {text!r} is not allowed; give a whole number from 1 to {count}")
+        return cls(int(text))
+
+
+class EnvironmentKind(RobotKind):
+    """A kind of robot whose worlds are four numbered environments."""
+
+    world_option = "environment"
+
+    def world(self, text: str) -> World:
+        """The environment of a number."""
+        return Environment.parse(text)
+
+
 def terrain_of(world: World) -> Terrain:
     """A world that must be a terrain.
 

@@ -19,16 +19,7 @@ HEAVY = ("taichi", "torch", "scipy", "matplotlib", "trimesh", "rich", "cmaes", "
 MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in FILES}
 
 # Imports that close a circle.
-CIRCLES = {
-    ("optim.report.kinds", "optim.report.file_run"),
-    ("optim.report.kinds", "optim.report.gait_run"),
-    ("optim.report.kinds", "optim.report.robot_run"),
-    ("optim.report.kinds", "optim.report.vehicle_run"),
-    ("optim.report.kinds", "optim.report.walker_run"),
-    ("robots.lattice_robot.record", "robots.lattice_robot.kind"),
-    ("robots.lattice_robot.sources", "robots.lattice_robot.kind"),
-    ("robots.robot", "robots.view.picture"),
-}
+CIRCLES: set[tuple[str, str]] = set()
 
 # Functions with more parameters than a reader can hold, and how many they have.
 MOST, MOST_IN_KERNELS = 10, 20

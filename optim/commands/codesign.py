@@ -237,7 +237,7 @@ def run(args: argparse.Namespace) -> Report:
             print(planned.note, file=sys.stderr)
         if isinstance(problem, GaitProblem):
             with folder.writing():
-                problem.save_rig(folder.path)
+                problem.prepare(folder.path)
         search = _Search(planned, folder, args)
         try:
             last = search.run(method)

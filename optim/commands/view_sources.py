@@ -80,10 +80,10 @@ def _kind(source: str) -> str:
             raise ValueError(f"source: {path} is a run of a {kind}, which has no view")
         return kind
     if path.is_file():
-        from robots.lattice_robot.kind import FORMAT, VOXEL_SUFFIXES
-        from robots.lattice_robot.walker_body import DESIGN_FORMAT
+        from robots.lattice_robot.formats import ROBOT_FORMAT, VOXEL_SUFFIXES
+        from robots.lattice_robot.formats import WALKER_FORMAT as DESIGN_FORMAT
 
-        if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{FORMAT}"' in read_text(path):
+        if path.name.lower().endswith((".py", *VOXEL_SUFFIXES)) or f'"{ROBOT_FORMAT}"' in read_text(path):
             return ROBOT
         return WALKER if f'"{DESIGN_FORMAT}"' in read_text(path) else GAIT
     known = ", ".join((*options.GAITS, *RIGID))
@@ -174,23 +174,14 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
 
 
 def _walker(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
-    from robots.lattice_robot import walker
-    from robots.view.soft_motion import walker_motion
+    from robots.lattice_robot.walker import WalkerActuation
+    from robots.lattice_robot.walker_offered import Walker
+    from taichi_sim.base.compute import Compute
 
-    drive, terrain = run.actuation if run else walker.WalkerActuation(), _terrain(args, run.terrain if run else None)
-    if design.fault:
-        raise ValueError(f"source: {name} is no robot: {design.fault}")
-    seconds = (drive.cycles + 1) / drive.frequency
-    steps = seconds / drive.time_step(walker.WalkerTissue().on(terrain).time_step)
-    result = walker.simulate(
-        design,
-        terrain,
-        actuation=drive,
-        **_where(args),
-        progress=progress,
-        record_every=record_every(steps, args.frames),
-    )
-    return walker_motion(result, design, terrain, actuation=drive, name=f"{name} {terrain.where}")
+    drive, terrain = run.actuation if run else WalkerActuation(), _terrain(args, run.terrain if run else None)
+    name = f"{name} {terrain.where}"
+    shown = {"frames": args.frames, "name": name, "compute": Compute(**_where(args)), "progress": progress}
+    return Walker(design, drive).replay((), terrain, **shown).motion
 
 
 def _lattice_robot(robot: Any, name: str, args: argparse.Namespace, own: Terrain | None, progress: Progress) -> Motion:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from robots.view.scene import CHART_COLOURS
 from taichi_sim.base.files import replacing, write_bytes
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMN, PAGE = 3.5, 7.2  # in, widths of a column and of a page
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#F0E442", "#000000")
+COLOURS = CHART_COLOURS
 PICTURES = (".png", ".svg", ".pdf")
 STYLE: Any = MappingProxyType(
     {

@@ -13,7 +13,7 @@ from optim.pipeline.crossing import Crossing
 from optim.pipeline.machine import State, change_name, machine_document, write_machine
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import PipelineTask
-from optim.problems.inflatable.problem import RIG_FILE
+from optim.problems.inflatable.told import RIG_FILE
 from robots.calibration import save_properties
 from robots.hardware import export_csv
 from robots.inflatable.gaits import GaitDesign, save_gait

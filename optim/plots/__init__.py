@@ -2,7 +2,7 @@
 
 from optim.plots.curves import draw_band, draw_best, draw_curves, draw_run, draw_share_solved, save_curves
 from optim.plots.fronts import add_bar, draw_elites, draw_front, draw_points
-from optim.plots.vehicles import OVERLAP_COLOURS, add_overlap_bar, draw_overlap, draw_paths
+from robots.view.vehicle_charts import OVERLAP_COLOURS, add_overlap_bar, draw_overlap, draw_paths
 
 __all__ = [
     "OVERLAP_COLOURS",

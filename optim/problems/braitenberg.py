@@ -4,8 +4,7 @@ Source: dissertation, chapter 4: the loss is the sum over the environments of th
 these distances are objectives of their own.
 """
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -15,22 +14,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import VEHICLE, Evaluation, check_kind
-from optim.space import Space, Variable
+from optim.problems.robot import RobotDesigning
+from optim.space import Space
+from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
-from robots.braitenberg.body import HALF_SIDE
-from robots.braitenberg.experiment import batch_of
+from robots.braitenberg.body import CONTROLLERS
+from robots.braitenberg.offered import VehicleRobot
+from robots.robot import Facts, Robot, World
 from taichi_sim.base.arrays import Bools, Floats
-from taichi_sim.base.checks import whole_number
-from taichi_sim.base.files import write_text
-from taichi_sim.vehicle import differentiate, rollout
+from taichi_sim.base.checks import choice
+from taichi_sim.vehicle import VehicleBatch, differentiate, rollout
 
-CONTROLLERS = ("contralateral", "full")
 OBJECTIVES = ("total", "environments")
-STEP = 0.1  # of ranges, standard deviation of a mutation
 
 
 @dataclass(frozen=True, eq=False)
-class VehicleProblem:
+class VehicleProblem(RobotDesigning):
     """Objectives: minus the smallest distances from the light [m], their sum or one for each environment.
 
     Variables: x and y of each sensor, ``l1x``, ``l1y``, ... [m], unless the body is fixed; then the weights, ``w1`` and
@@ -62,24 +61,31 @@ class VehicleProblem:
     threads: int | None = None
     progress: Callable[[float], None] | None = None
 
+    robot_kind = "vehicle"
+
     def __post_init__(self) -> None:
-        for name, allowed in {"controller": CONTROLLERS, "objectives": OBJECTIVES}.items():
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name}: {getattr(self, name)!r} is unknown; choose one of {', '.join(allowed)}")
-        if self.body is not None:
-            object.__setattr__(self, "sensors", len(self.body.sensors))
-        object.__setattr__(self, "sensors", whole_number("sensors", self.sensors, 1))
-        if self.sensors != 2 and self.controller == "contralateral":
-            raise ValueError(f"sensors: {self.sensors} is not allowed with a contralateral controller; give 2")
+        choice("controller", self.controller, CONTROLLERS)
+        choice("objectives", self.objectives, OBJECTIVES)
+        object.__setattr__(self, "sensors", self.offered.sensors)
         if self.clip is not None and not 0 < self.clip < np.inf:
             raise ValueError(f"clip: {self.clip} is not allowed; give a finite number above 0, or none")
+
+    @cached_property
+    def offered(self) -> VehicleRobot:
+        """The vehicle, as any kind of robot is seen."""
+        return VehicleRobot(self.body, self.controller, self.sensors, self.task)
+
+    @property
+    def tried_in(self) -> tuple[World, ...]:
+        """The environments of the task."""
+        return self.offered.worlds
 
     @property
     def objective_names(self) -> tuple[str, ...]:
         """One, or one for each environment."""
         if self.objectives == "total":
             return ("total",)
-        return tuple(f"environment_{e}" for e in range(1, len(self.task.starts) + 1))
+        return tuple(f"environment_{world.name}" for world in self.tried_in)
 
     @property
     def objective_units(self) -> tuple[str, ...]:
@@ -89,39 +95,51 @@ class VehicleProblem:
     @cached_property
     def space(self) -> Space:
         """Sites, if they are free, and weights."""
-        sites = [] if self.body else [f"l{j}{axis}" for j in range(1, self.sensors + 1) for axis in "xy"]
-        if self.controller == "contralateral":
-            weights = ["w1", "w2"]
-        else:
-            weights = [f"w{motor}{j}" for motor in (1, 2) for j in range(1, self.sensors + 1)]
-        return Space(
-            tuple(Variable(name, -HALF_SIDE, HALF_SIDE, step=2 * HALF_SIDE * STEP) for name in sites)
-            + tuple(Variable(name, -1.0, 1.0, step=2 * STEP) for name in weights)
-        )
+        return Space(self.offered.parameters)
 
     def split(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Sites, shape (N, S, 2), and controllers, shape (N, 1, 2, S), of points, shape (N, D)."""
-        points = self.space.validate(np.atleast_2d(points))
-        count = len(points)
-        if self.body is None:
-            sites = points[:, : 2 * self.sensors].reshape(count, -1, 2)
-        else:
-            sites = np.broadcast_to(self.body.sensors, (count, self.sensors, 2))
-        weights = points[:, self.space.size - self._weights :]
-        if self.controller == "contralateral":
-            return sites, (weights[:, :, None] * np.eye(2))[:, None]
-        return sites, weights.reshape(count, 1, 2, self.sensors)
+        return self.offered.split(self.space.validate(np.atleast_2d(points)))
+
+    def robot_of(self, point: ArrayLike) -> Robot:
+        """The vehicle of a point, shape (D,)."""
+        return self.offered.design(self.space.validate(point))
 
     @property
-    def _weights(self) -> int:
-        return 2 if self.controller == "contralateral" else 2 * self.sensors
+    def subject(self) -> str:
+        """What is designed, in how many environments."""
+        return f"Braitenberg vehicle in {counted(len(self.task.starts), 'environment')}"
+
+    def facts(self) -> Facts:
+        """Body, controller, task, and the simulation."""
+        total = self.objectives == "total"
+        aim = "the score is minus their sum" if total else "each is an objective, the score minus their mean"
+        return [
+            *self.offered.facts(),
+            ("Objective", f"the smallest distances from the light [m]; {aim}"),
+            ("Free", "weights" if self.body else "places of the sensors and weights"),
+            ("Simulation", f"{self.precision} on {self.device}"),
+        ]
+
+    def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
+        """The weights."""
+        return self.offered.columns(points)
+
+    @property
+    def curves(self) -> Mapping[str, str]:
+        """In how many environments the best vehicle reaches the light."""
+        return {"solved": "environments solved"}
+
+    def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
+        """Nothing: the log has what the environments add up to."""
+        return [{} for _ in self.tried_in]
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Roll out all points, shape (N, D).
 
         Details: ``solved``, in how many environments the light is reached, shape (N,).
         """
-        done = rollout(self._batch(points), self.task, until="closest", **self._where, progress=self.progress)
+        done = rollout(self._batch(points), self.task, until="closest", **self.compute.options, progress=self.progress)
         return self._judged(done.closest[:, 0], done.diverged[:, 0])
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
@@ -130,13 +148,8 @@ class VehicleProblem:
             return self.evaluate(points)
         if self.objectives != "total":
             raise ValueError(f"objectives: {self.objectives!r} have no single gradient; choose total")
-        found = differentiate(self._batch(points), self.task, **self._where, progress=self.progress)
-        by_weights = found.of_closest.controllers[:, 0]
-        if self.controller == "contralateral":
-            by_weights = np.diagonal(by_weights, axis1=-2, axis2=-1)
-        by = [] if self.body else [found.of_closest.sites[:, 0]]
-        closest = found.closest[:, 0]
-        slopes = np.concatenate([x.reshape(*closest.shape, -1) for x in (*by, by_weights)], axis=-1)
+        found = differentiate(self._batch(points), self.task, **self.compute.options, progress=self.progress)
+        closest, slopes = found.closest[:, 0], self.offered.slopes(found)
         if self.clip is not None:
             with np.errstate(over="ignore"):  # what is too steep for its square becomes flat
                 length = np.linalg.norm(slopes, axis=-1, keepdims=True)
@@ -150,19 +163,12 @@ class VehicleProblem:
         objectives = -closest if self.objectives == "environments" else -closest.sum(axis=1)
         return Evaluation(objectives, status, {"solved": reached.sum(axis=1)}, gradients)
 
-    def _batch(self, points: ArrayLike) -> Any:
-        sites, controllers = self.split(points)
-        return batch_of([VehicleBody(tuple(map(tuple, s))) for s in sites.tolist()], controllers)
-
-    @property
-    def _where(self) -> dict[str, Any]:
-        return {"precision": self.precision, "device": self.device, "threads": self.threads}
+    def _batch(self, points: ArrayLike) -> VehicleBatch:
+        return self.offered.batch(self.space.validate(np.atleast_2d(points)))
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write body and controller of a point as JSON."""
-        sites, controllers = self.split(point)
-        design = {"sensors": sites[0].tolist(), "controller": controllers[0, 0].tolist()}
-        write_text(path, json.dumps({"format": "morpholab-vehicle-1", **design}, indent=2) + "\n")
+        self.offered.save(self.space.validate(point), path)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""

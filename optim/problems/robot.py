@@ -2,7 +2,7 @@
 
 import json
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,8 +19,8 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
 
-class JudgedRobot(Problem):
-    """A robot, judged by what it does in some worlds. Subclasses say which, and how to describe that.
+class RobotDesigning(Problem):
+    """A problem whose points are robots: what commands and reports ask of it, beside its judgement.
 
     Attributes:
         precision: ``"f32"`` or ``"f64"``.
@@ -29,12 +29,83 @@ class JudgedRobot(Problem):
         progress: called now and then during an evaluation with the fraction done; not part of it either.
     """
 
-    objective: str = "mean"
-    measure: str = ""
     precision: str
     device: str
     threads: int | None
     progress: Callable[[float], None] | None
+    exportable = False  # whether hardware plays robots of this kind
+    robot_kind: str
+
+    @property
+    @abstractmethod
+    def tried_in(self) -> tuple[World, ...]:
+        """The worlds in which robots are tried."""
+
+    @abstractmethod
+    def robot_of(self, point: ArrayLike) -> Robot:
+        """The robot of a point, shape (D,), with nothing free."""
+
+    @property
+    def compute(self) -> Compute:
+        """Where and how trials are computed."""
+        return Compute(self.device, self.precision, self.threads)
+
+    @property
+    @abstractmethod
+    def subject(self) -> str:
+        """What is designed and where, in a few words."""
+
+    @abstractmethod
+    def facts(self) -> Facts:
+        """Rows for a report: the robot, its worlds, the objective and the simulation."""
+
+    def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
+        """What a table of several points, shape (C, D), tells of each beside its objectives: values by name."""
+        return {name: [f"{value:.4g}" for value in points[:, n]] for n, name in enumerate(self.space.names)}
+
+    @property
+    def curves(self) -> Mapping[str, str]:
+        """Details whose course in a search is worth a curve, and what they are called."""
+        return {}
+
+    def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
+        """What the log says of the best point in each world: measures by name.
+
+        Args:
+            point: shape (D,).
+            best: its score.
+            details: of its evaluation.
+        """
+        single = len(self.tried_in) == 1
+        found = []
+        for world in self.tried_in:
+            measures: dict[str, float] = {}
+            for measure in self.robot_of(point).measures:
+                name = measure.name if single else f"{measure.name}_{world.name}"
+                value = best if single and (measure.name,) == self.objective_names else details.get(name)
+                if isinstance(value, int | float):
+                    measures[measure.name] = value
+            found.append(measures)
+        return found
+
+    def command_options(self, folder: Path) -> dict[str, Any]:
+        """Options, by name, with which a command makes the robot of a design that the run in a folder saved."""
+        return {}
+
+    def prepare(self, folder: Path) -> None:
+        """Write what a new run folder needs beside the run itself."""
+
+
+def worlds_spoken(worlds: Sequence[World]) -> str:
+    """Where a robot is, after its name."""
+    return " and ".join(world.spoken for world in worlds if world.spoken)
+
+
+class JudgedRobot(RobotDesigning):
+    """A robot of any kind, judged by an objective. Subclasses say which robot, and how to describe that."""
+
+    objective: str = "mean"
+    measure: str = ""
 
     @property
     @abstractmethod
@@ -42,9 +113,9 @@ class JudgedRobot(Problem):
         """The robot, with what is free of it."""
 
     @property
-    @abstractmethod
-    def tried_in(self) -> tuple[World, ...]:
-        """The worlds in which it is tried."""
+    def robot_kind(self) -> str:  # type: ignore[override]
+        """Name of its kind."""
+        return self.offered.kind
 
     @cached_property
     def space(self) -> Space:
@@ -78,11 +149,6 @@ class JudgedRobot(Problem):
     def objective_units(self) -> tuple[str, ...]:
         """Their units."""
         return tuple(objective.unit for objective in self._objectives)
-
-    @property
-    def compute(self) -> Compute:
-        """Where and how trials are computed."""
-        return Compute(self.device, self.precision, self.threads)
 
     def design(self, point: ArrayLike) -> Any:
         """The robot of a point, shape (D,), with nothing free."""
@@ -138,6 +204,22 @@ class JudgedRobot(Problem):
         """Write the design of a point, for ``robots.robot.load_design`` or the kind's own reader."""
         self.offered.save(self.space.validate(point), path)
 
+    @property
+    def subject(self) -> str:
+        """What is designed and where."""
+        return ", ".join(filter(None, (self.offered.name, worlds_spoken(self.tried_in))))
+
+    @property
+    def curves(self) -> Mapping[str, str]:
+        """The measure in each of several worlds, and what else the robot names."""
+        several = self.tried_in if len(self.tried_in) > 1 else ()
+        name = self.judged_by.name
+        return {f"{name}_{world.name}": world.spoken or world.name for world in several} or self.offered.curves
+
+    def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
+        """What the robot tells of several points."""
+        return self.offered.columns(points)
+
     def facts(self) -> Facts:
         """Rows for a report: the robot, its worlds, the objective and the simulation."""
         (first, *_), several = self._objectives, len(self.tried_in) > 1
@@ -146,7 +228,10 @@ class JudgedRobot(Problem):
         told = spoken + (over.get(self.objective, "") if several else "") + (f" ({first.unit})" if first.unit else "")
         return [
             *self.offered.facts(),
-            ("Worlds", ", ".join(world.name for world in self.tried_in)),
+            (
+                f"{KINDS[self.offered.kind].world_option.capitalize()}s",
+                ", ".join(world.name for world in self.tried_in),
+            ),
             ("Objective", told),
             ("Free", ", ".join(self.space.names)),
             ("Simulation", f"{self.precision} on {self.device}"),

@@ -10,9 +10,10 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from optim.problem import FILE, Evaluation, Problem, check_kind
+from optim.problem import FILE, Evaluation, Problem, check_kind, objectives_of
 from optim.problems.function import problem_of, problem_table
 from optim.space import Space, Variable
+from optim.wording import counted
 from taichi_sim.base.files import sha256, why_unread
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
@@ -110,6 +111,20 @@ class RecordedProblem(Problem):
     def objective_units(self) -> tuple[str, ...]:
         """Units of the objectives."""
         return self._units
+
+    @property
+    def subject(self) -> str:
+        """Which file."""
+        return f"problem of {self.file}"
+
+    def facts(self) -> list[tuple[str, str]]:
+        """The file and the objectives, for a report."""
+        objectives = ", ".join(objective.label for objective in objectives_of(self))
+        return [
+            ("Problem", f"{self.file}, SHA-256 {self.checksum[:12]}"),
+            ("Objectives" if len(self._names) > 1 else "Objective", f"{objectives}, maximised"),
+            ("Free", counted(self.space.size, "variable")),
+        ]
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Refuse: only the file can evaluate."""

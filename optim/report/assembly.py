@@ -7,11 +7,10 @@ from typing import Any
 
 from optim.report.compared import comparison_sections
 from optim.report.condition import state_of
-from optim.report.gait_run import GaitRun
-from optim.report.kinds import Progress, Replay
 from optim.report.markup import Html, Section, paragraph, picture
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun
+from optim.report.robot_run import Progress
 from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below
 from optim.wording import spoken_size
@@ -78,8 +77,8 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
             return Built(page_of(title, lead, sections, FOOT), document)
     histories = [read_history(folder) for folder in _runs(paths)]
     runs = [OneRun.of(history) for history in histories]
-    if settings.rig and not isinstance(runs[0].kind, GaitRun):
-        raise ValueError(f"rig: it plays gaits of the inflatable robot; {runs[0].history.path} has none, leave it out")
+    if settings.rig and not runs[0].kind.plays_on_rigs:
+        raise ValueError(f"rig: no rig plays designs of {runs[0].history.path}; leave it out")
     if len(runs) == 1:
         return _page(runs[0], runs[0].title, runs[0].lead, [], {}, settings, progress)
     check_comparable(histories)
@@ -87,7 +86,7 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
     best = max(
         runs, key=lambda run: (run.history.generations[-1].best is not None, run.history.generations[-1].best or 0)
     )
-    title = f"{len(runs)} runs: {best.kind.task}"
+    title = f"{len(runs)} runs: {best.kind.title}"
     lead = [paragraph(f"The best design is that of {best.history.path}, and the numbers here are that run's.", "lead")]
     return _page(best, title, [*lead, *best.lead[1:]], sections, {"comparison": document}, settings, progress)
 
@@ -112,13 +111,13 @@ def _page(
 ) -> Built:
     """The page of a run, after sections of several."""
     last, problem = run.history.generations[-1], run.kind.problem
-    replay = Replay()
+    replays = []
     if settings.player and last.best_point is not None:
-        replay = run.kind.replay(problem.space.from_dict(last.best_point), settings.frames, progress)
-    best = run.best(replay, settings.rig)
-    shown, notes = list(replay.motions[:MOST_MOTIONS]), []
-    if len(shown) < len(replay.motions):
-        notes.append(f"the player shows {MOST_MOTIONS} of {len(replay.motions)} motions")
+        replays = run.kind.replays(problem.space.from_dict(last.best_point), settings.frames, progress)
+    best = run.best(replays, settings.rig)
+    shown, notes = [replay.motion for replay in replays[:MOST_MOTIONS]], []
+    if len(shown) < len(replays):
+        notes.append(f"the player shows {MOST_MOTIONS} of {len(replays)} motions")
     while True:
         player = _player(shown) if shown else None
         text = page_of(

@@ -7,15 +7,15 @@ import numpy as np
 from optim.plots.fronts import add_bar, draw_elites, draw_front
 from optim.problem import Objective, objectives_of
 from optim.report.charts import chart
-from optim.report.kinds import RunKind
 from optim.report.markup import Html, Section, number, paragraph, picture, table
+from optim.report.robot_run import RunSubject
 from optim.runs.history import History, read_result
 from optim.search.method import SearchResult
 
 MOST_MEMBERS = 40
 
 
-def front_section(history: History, kind: RunKind) -> Section | None:
+def front_section(history: History, kind: RunSubject) -> Section | None:
     """The front, or the elites, of a run; None of a search that keeps neither, or has none."""
     result = read_result(history, kind.problem)
     if result is None or result.kind not in ("front", "elites") or not len(result.points):
@@ -25,7 +25,7 @@ def front_section(history: History, kind: RunKind) -> Section | None:
     return Section("The elites", [*_elites(result, kind, history), _members(result, kind, "Elites, best first")])
 
 
-def _front(result: SearchResult, kind: RunKind) -> list[Html]:
+def _front(result: SearchResult, kind: RunSubject) -> list[Html]:
     names, count = kind.problem.objective_names, len(result.points)
     labels = [objective.label for objective in objectives_of(kind.problem)]
     if len(names) not in (2, 3):
@@ -48,7 +48,7 @@ def _front(result: SearchResult, kind: RunKind) -> list[Html]:
     ]
 
 
-def _elites(result: SearchResult, kind: RunKind, history: History) -> list[Html]:
+def _elites(result: SearchResult, kind: RunSubject, history: History) -> list[Html]:
     names, space = history.config["method"].get("descriptors", []), kind.problem.space.names
     if len(names) != 2:
         return []
@@ -62,7 +62,7 @@ def _elites(result: SearchResult, kind: RunKind, history: History) -> list[Html]
     return [picture(chart(draw, alt, size=(4.4, 3.2)), "The best design of every kind.", "narrow")]
 
 
-def _members(result: SearchResult, kind: RunKind, caption: str) -> Html:
+def _members(result: SearchResult, kind: RunSubject, caption: str) -> Html:
     """A table of designs, the best mean first, by the numbers that ``--member`` takes."""
     order = np.argsort(-result.scores, kind="stable")[:MOST_MEMBERS]
     columns = kind.columns(result.points[order])

@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -14,7 +15,6 @@ from optim.problem import Objective
 from optim.report.charts import chart
 from optim.report.condition import damages, read_environment, state_of
 from optim.report.front import front_section
-from optim.report.kinds import Best, Replay, RunKind, kind_of
 from optim.report.markup import (
     Html,
     Section,
@@ -31,10 +31,12 @@ from optim.report.markup import (
     table,
     tiles,
 )
+from optim.report.robot_run import Best, RunSubject
 from optim.runs.history import History
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from robots.hardware import PneumaticRig
+from robots.robot import Replay
 from taichi_sim.base import files
 
 MOST_ROWS = 60  # of the table of generations
@@ -62,19 +64,19 @@ class OneRun:
     """
 
     history: History
-    kind: RunKind
+    kind: RunSubject
 
     @classmethod
     def of(cls, history: History) -> "OneRun":
         """The run of a history; a one-line ValueError without a complete generation or for an unknown problem."""
         if not history.generations:
             raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
-        return cls(history, kind_of(history.path, history.config))
+        return cls(history, RunSubject.of(history.path, history.config))
 
     @property
     def title(self) -> str:
         """The folder, and what was designed."""
-        return f"{self.history.path.resolve().name}: {self.kind.task}"
+        return f"{self.history.path.resolve().name}: {self.kind.title}"
 
     @property
     def lead(self) -> list[Html]:
@@ -123,12 +125,12 @@ class OneRun:
         front = front_section(self.history, self.kind)
         return [*parts, *([front] if front else []), Section("How to reproduce", self._reproduce())]
 
-    def best(self, replay: Replay, rig: PneumaticRig | None) -> Best | None:
+    def best(self, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best | None:
         """The best design, simulated again or not; None if every evaluation has failed."""
         last = self.history.generations[-1]
         if last.best_point is None:
             return None
-        return self.kind.best(last, self.kind.problem.space.from_dict(last.best_point), replay, rig)
+        return self.kind.best(last, self.kind.problem.space.from_dict(last.best_point), replays, rig)
 
     def _run(self) -> list[Html]:
         history, config = self.history, dict(self.history.config["method"])
@@ -192,7 +194,7 @@ class OneRun:
             def details(axes: Any) -> None:
                 draw_best(axes, generations, self.kind.curves)
                 one, *others = self.kind.curves.values()
-                axes.set_ylabel(f"of the best design [{unit}]" if others else one)
+                axes.set_ylabel((f"of the best design [{unit}]" if unit else "of the best design") if others else one)
 
             told = ", ".join(self.kind.curves.values())
             parts.append(
@@ -227,7 +229,9 @@ class OneRun:
     def _reproduce(self) -> list[Html]:
         folder, about = self.history.path, read_environment(self.history.path)
         lines = [("The run, as it was started", _as_typed(str(about["command"])))] if about.get("command") else []
-        lines += self.kind.commands(folder)
+        last = self.history.generations[-1].best_point
+        best = None if last is None else self.kind.problem.space.from_dict(last)
+        lines += self.kind.commands(folder, best)
         lines.append(("This page", f"morpholab report {shlex.quote(str(folder))} --out report.html"))
         same = "In f64 on one kind of machine the same settings give the same bits; in f32 too, with the same versions."
         return [listing(lines), paragraph(same), self._files()]

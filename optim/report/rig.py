@@ -3,24 +3,22 @@
 from typing import Any
 
 from optim.report.markup import Html, Section, Text, joined, number, paragraph, table
-from robots.hardware import KPA_PER_UNIT, PneumaticRig
-from robots.hardware.headroom import AT_THE_LIMIT, EXCEEDED, NEAR_THE_LIMIT, WITHIN, RigReport, Use, rig_report
-from robots.hardware.table import Design
+from robots.hardware import KPA_PER_UNIT
+from robots.hardware.headroom import AT_THE_LIMIT, EXCEEDED, NEAR_THE_LIMIT, WITHIN, RigReport, Use
 
 KPA_PER_PSI = KPA_PER_UNIT["psi"]
 KINDS = {EXCEEDED: "bad", AT_THE_LIMIT: "warn", NEAR_THE_LIMIT: "warn", WITHIN: "good"}
 
 
-def rig_section(design: Design, rig: PneumaticRig | None, simulated: float) -> tuple[Section, dict[str, Any]]:
+def rig_section(report: RigReport, default: bool, simulated: float) -> tuple[Section, dict[str, Any]]:
     """The section of a page, and the same for machines.
 
     Args:
-        design: whose gait is played.
-        rig: the default one if None.
+        report: what a gait asks of the rig.
+        default: whether it is the default rig.
         simulated: time of the gait in the simulation [s].
     """
-    report = rig_report(design, rig)
-    names = "this rig" if rig else "the default rig"
+    names = "the default rig" if default else "this rig"
     refused = f"It exceeds a limit of {names}, and is refused: it cannot be exported as it is."
     verdict = refused if report.exceeded else f"It keeps every limit of {names}."
     slower = f", {report.playing_s / simulated:.1f} times the {simulated:.1f} s of the simulation" if simulated else ""

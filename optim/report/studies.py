@@ -13,7 +13,6 @@ from optim.experiments.tables import read_table
 from optim.plots.curves import draw_share_solved
 from optim.report.charts import chart, picture_of
 from optim.report.markup import Html, Section, code, facts, number, paragraph, picture, side_by_side, table, tiles
-from optim.report.vehicle_run import success_matrix
 from optim.studies.chapter2.evolution import KIND as INTERFERENCE
 from optim.studies.chapter2.study import PICTURES, PICTURES_OF_TWO
 from optim.studies.chapter3.sensor_placement import notable_designs
@@ -22,6 +21,8 @@ from optim.studies.chapter4.training_table import read_training_table
 from optim.wording import counted
 from robots.braitenberg import VehicleBody
 from robots.braitenberg.sweeps import holds_sweep
+from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
+from taichi_sim.base.arrays import Bytes
 from taichi_sim.base.files import read_text
 from taichi_sim.base.results_folder import read_settings
 
@@ -49,7 +50,7 @@ def sweep_page(folder: Path) -> Page:
     designs = list(shown)[:MOST_MATRICES]
     overlaps = overlaps_of([VehicleBody.published(d) for d in designs], found.settings, folder)
     matrices = [
-        success_matrix(one, _matrix_caption(found, d, names.get(d))) for d, one in zip(designs, overlaps, strict=True)
+        _success_matrix(one, _matrix_caption(found, d, names.get(d))) for d, one in zip(designs, overlaps, strict=True)
     ]
     rows = [
         (
@@ -186,3 +187,12 @@ def _settings(settings: Mapping[str, Any], folder: Path) -> Section:
     return Section(
         "Settings and files", [facts("Settings", rows), table(f"Files of {folder}", ("File", "Bytes"), shown)]
     )
+
+
+def _success_matrix(overlap: Bytes, alt: str) -> Html:
+    """A success matrix with its colours beside it."""
+
+    def draw(axes: Any) -> None:
+        add_overlap_bar(axes.figure, draw_overlap(axes, overlap), [axes])
+
+    return picture(chart(draw, alt, size=(3.7, 3.0)), alt)

@@ -11,6 +11,8 @@ import numpy as np
 
 from taichi_sim.base.checks import number
 
+FORMAT = "morpholab-vehicle-1"  # of files of vehicles
+CONTROLLERS = ("contralateral", "full")
 HALF_SIDE = 0.5  # m: sensors sit in a square of 1 m about the centre
 SITES_PER_AXIS = 9  # of the published grid
 SITES = SITES_PER_AXIS**2

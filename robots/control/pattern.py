@@ -14,8 +14,11 @@ from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.variables import Variable
 
 WEIGHT_LIMIT = 3.0  # weights lie between this and its negative
+WEIGHT_STEP = 0.1 * WEIGHT_LIMIT  # of a mutation
+GENE_STEP = 0.25  # a mutation changes a whole number where a deviate exceeds 0.5: 4.6 % of them
 
 # What a hidden node may do with the sum of what it hears, by the number of its gene. The Gaussian and the absolute
 # value make symmetry, the sine repetition, the others gradients and edges (Stanley 2007, sec. 3).
@@ -65,6 +68,17 @@ class PatternWiring:
     def activation_names(self) -> tuple[str, ...]:
         """Name of the gene of each hidden node: which of ``ACTIVATIONS``, counted from 0."""
         return tuple(f"activation_{node}" for node in self._hidden_names)
+
+    def variables(self) -> list[Variable]:
+        """The genome of a network as variables of a search: its weights, then the genes of its hidden nodes."""
+        weights = [Variable(name, -WEIGHT_LIMIT, WEIGHT_LIMIT, step=WEIGHT_STEP) for name in self.weight_names]
+        last = len(ACTIVATIONS) - 1
+        return weights + [Variable(name, 0, last, "integer", step=GENE_STEP) for name in self.activation_names]
+
+    def network(self, values: Floats) -> "PatternNetwork":
+        """The network of values of :meth:`variables`, shape (G,)."""
+        border = len(self.weight_names)
+        return PatternNetwork.from_vector(self, values[:border], values[border:])
 
     @property
     def _hidden_names(self) -> list[str]:

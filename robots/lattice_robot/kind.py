@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robots.lattice_robot.formats import ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.robot import Option, Robot
 from robots.world import TerrainKind
-
-FORMAT = "morpholab-lattice-robot-1"
-VOXEL_SUFFIXES = (".vxl.json", ".vxa", ".vxc", ".vxd")
 
 
 class LatticeRobotKind(TerrainKind):
@@ -29,7 +27,7 @@ class LatticeRobotKind(TerrainKind):
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Files of Python and of voxels, and saved robots."""
-        return form == FORMAT or path.name.lower().endswith((".py", *VOXEL_SUFFIXES))
+        return form == ROBOT_FORMAT or path.name.lower().endswith((".py", *VOXEL_SUFFIXES))
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The robot of a record."""

@@ -7,7 +7,7 @@ from os import PathLike
 from typing import Any
 
 from robots.lattice_robot.drive import FIELDS, Drive, Free
-from robots.lattice_robot.kind import FORMAT
+from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.robot import LatticeRobot
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import VoxelFile, read_vxl_json, write_vxl_json
@@ -17,7 +17,7 @@ _SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "
 
 def save_robot(robot: LatticeRobot, path: str | PathLike[str]) -> None:
     """Write a robot, with what is free of it."""
-    write_record(path, FORMAT, robot_record(robot))
+    write_record(path, ROBOT_FORMAT, robot_record(robot))
 
 
 def load_saved_robot(path: str | PathLike[str]) -> LatticeRobot:
@@ -26,7 +26,7 @@ def load_saved_robot(path: str | PathLike[str]) -> LatticeRobot:
     Raises:
         ValueError: in one line, that names the file and what is wrong with it.
     """
-    return read_record(path, FORMAT, robot_of_record)
+    return read_record(path, ROBOT_FORMAT, robot_of_record)
 
 
 def robot_record(robot: LatticeRobot) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robots.lattice_robot.drive import Drive, Free
-from robots.lattice_robot.kind import VOXEL_SUFFIXES
+from robots.lattice_robot.formats import VOXEL_SUFFIXES
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
 from robots.world import STANDARD_GRAVITY

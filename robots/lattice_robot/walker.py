@@ -1,48 +1,163 @@
-"""Soft voxel walkers: what their bodies do on a terrain, or in water, while their active voxels swell and shrink."""
+"""Soft walkers: lattice robots of passive and active voxels, which a search may put together voxel by voxel.
 
+Source: Cheney, MacCurdy, Clune & Lipson, "Unshackling evolution: evolving soft robots with multiple materials and a
+powerful generative encoding", GECCO 2013: active voxels swell and shrink in time, some in antiphase; nothing else moves
+the robot. The robots of evosoro and voxcraft-sim are of this kind.
+"""
+
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property
+from os import PathLike
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from robots.control.cyclic import SEGMENTS, Cycle, build_cyclic_program, recorded_frames, surroundings
-from robots.frames import Frames
-from robots.lattice_robot.walker_body import (
-    ACTIVE,
-    ANTIPHASE,
-    EMPTY,
-    KINDS,
-    LEAST_VOXELS,
-    PASSIVE,
-    WalkerDesign,
-    WalkerTissue,
-    load_walker,
-    save_walker,
-)
+from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.formats import WALKER_FORMAT
+from robots.lattice_robot.robot import LatticeRobot
+from robots.lattice_robot.simulation import LatticeRobotResult
+from robots.lattice_robot.simulation import simulate as simulate_lattice_robot
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Quantity
+from taichi_sim.base.compute import ComputeOptions
+from taichi_sim.base.files import read_record, write_record
+from taichi_sim.lattice import LatticeBody, Material
 
-__all__ = [
-    "ACTIVE",
-    "ANTIPHASE",
-    "EMPTY",
-    "KINDS",
-    "LEAST_VOXELS",
-    "PASSIVE",
-    "WalkerActuation",
-    "WalkerDesign",
-    "WalkerResult",
-    "WalkerTissue",
-    "load_walker",
-    "save_walker",
-    "simulate",
-]
+EMPTY, PASSIVE, ACTIVE, ANTIPHASE = range(4)
+KINDS = ("empty", "passive", "active", "antiphase")
+LEAST_VOXELS = 4
+PHASES = np.array([0.0, 0.0, 1.0, -1.0])  # by kind, times the sine
 
-PHASES = np.array([0.0, 0.0, 1.0, -1.0])  # of the kinds, times the sine
+
+@dataclass(frozen=True, eq=False)
+class WalkerDesign:
+    """The body of a walker: what every place of a lattice holds.
+
+    Attributes:
+        materials: ``EMPTY`` (0), ``PASSIVE`` (1), ``ACTIVE`` (2) or ``ANTIPHASE`` (3), whole numbers of shape
+            (X, Y, Z), read-only; the robot is to walk along +x, and +z is up.
+    """
+
+    materials: NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        given = np.asarray(self.materials)
+        if given.ndim != 3 or not given.size:
+            raise ValueError(f"materials: shape {given.shape} is not allowed; give (X, Y, Z), each at least 1")
+        wrong = np.argwhere(~np.isin(given, range(len(KINDS))))
+        if wrong.size:
+            x, y, z = wrong[0].tolist()
+            allowed = ", ".join(f"{number} {kind}" for number, kind in enumerate(KINDS))
+            raise ValueError(f"materials: {given[x, y, z]} of voxel ({x}, {y}, {z}) is not allowed; give {allowed}")
+        materials = given.astype(np.int8)
+        materials.setflags(write=False)
+        object.__setattr__(self, "materials", materials)
+
+    @property
+    def fault(self) -> str:
+        """Why it is no robot; empty if it is one."""
+        kinds = self.connected[1]
+        if not len(kinds):
+            return "the body is empty"
+        if len(kinds) < LEAST_VOXELS:
+            return f"the body has {len(kinds)} connected voxels; it needs {LEAST_VOXELS}"
+        return "" if (kinds != PASSIVE).any() else "the body has no active voxel"
+
+    @cached_property
+    def connected(self) -> tuple[Ints, NDArray[np.int8]]:
+        """The largest part whose voxels share faces (the first of equals), moved to the corner of the lattice.
+
+        Returns:
+            Places, shape (V, 3), and kinds, shape (V,).
+        """
+        part, count = ndimage.label(self.materials != EMPTY)  # neighbours by faces
+        if not count:
+            return np.zeros((0, 3), np.int64), np.zeros(0, np.int8)
+        largest = part == 1 + np.argmax(np.bincount(part.ravel())[1:])
+        places = np.argwhere(largest)
+        return places - places.min(axis=0), self.materials[largest]
+
+
+def save_walker(design: WalkerDesign, path: str | PathLike[str]) -> None:
+    """Write a design as JSON: layers from the ground up, of each the rows in order of y, a digit a voxel."""
+    layers = np.moveaxis(design.materials, [2, 1, 0], [0, 1, 2]).tolist()
+    write_record(path, WALKER_FORMAT, {"layers": [["".join(map(str, row)) for row in layer] for layer in layers]})
+
+
+def load_walker(path: str | PathLike[str]) -> WalkerDesign:
+    """Read a design written by :func:`save_walker`.
+
+    Raises:
+        ValueError: one line that names the file and what is wrong with it.
+    """
+    return read_record(path, WALKER_FORMAT, _design_of)
+
+
+def _design_of(record: dict[str, Any]) -> WalkerDesign:
+    layers = [[[int(digit) for digit in row] for row in layer] for layer in record["layers"]]
+    if len({(len(layer), len(row)) for layer in layers for row in layer}) != 1:
+        raise ValueError("layers: they differ in size; give equally many rows, equally long")
+    return WalkerDesign(np.moveaxis(np.array(layers), [0, 1, 2], [2, 1, 0]))
+
+
+@dataclass(frozen=True)
+class WalkerTissue:
+    """What all voxels are made of: a very soft silicone.
+
+    Attributes:
+        voxel_size: h [m].
+        youngs_modulus: [Pa].
+        density: [kg/m^3].
+        static_friction: Coulomb coefficient against the floor.
+        kinetic_friction: likewise, while a voxel slides.
+        internal_damping: damping ratio of links.
+        collision_damping: damping ratio of contacts.
+        time_step_safety: the largest stable time step is divided by this.
+    """
+
+    voxel_size: float = 0.02
+    youngs_modulus: float = 5e4
+    density: float = 1000.0
+    static_friction: float = 1.0
+    kinetic_friction: float = 0.5
+    internal_damping: float = 1.0
+    collision_damping: float = 1.0
+    time_step_safety: float = 1.3
+
+    def __post_init__(self) -> None:
+        for field in ("voxel_size", "youngs_modulus", "density", "time_step_safety"):
+            if not (math.isfinite(value := getattr(self, field)) and value > 0):
+                raise ValueError(f"{field}: {value!r} is not allowed; it must be positive")
+        _ = self.material  # which checks the rest
+
+    def on(self, terrain: Terrain) -> "WalkerTissue":
+        """With the friction of a terrain, where it has one.
+
+        Raises:
+            ValueError: if the terrain gives a friction for feet that slide.
+        """
+        if terrain.low_friction is not None:
+            raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; a walker has no sliding feet")
+        if (friction := terrain.high_friction) is None:
+            return self
+        return replace(self, static_friction=friction, kinetic_friction=friction)
+
+    @property
+    def material(self) -> Material:
+        """Of the lattice."""
+        return Material(
+            self.youngs_modulus,
+            self.density,
+            static_friction=self.static_friction,
+            kinetic_friction=self.kinetic_friction,
+            internal_damping=self.internal_damping,
+            collision_damping=self.collision_damping,
+        )
 
 
 @dataclass(frozen=True)
@@ -69,39 +184,24 @@ class WalkerActuation:
         number("settling", self.settling, 0.0, unit="s")
         whole_number("cycles", self.cycles, 1)
 
-    def time_step(self, largest: float) -> float:
-        """The largest dt [s] up to one of the tissue's of which a whole number makes a segment of the cycle."""
-        return Cycle.fit(self.frequency, largest)
 
-    def cycle(self, time_step: float) -> Cycle:
-        """When what happens, in steps of dt [s]."""
-        return Cycle(self.frequency, self.settling, self.cycles, time_step)
+def walker_robot(
+    design: WalkerDesign, tissue: WalkerTissue | None = None, actuation: WalkerActuation | None = None
+) -> LatticeRobot:
+    """The lattice robot of a design: groups ``active`` and ``antiphase``, as far as it has such voxels.
 
-
-@dataclass(frozen=True, eq=False)
-class WalkerResult:
-    """What B designs did.
-
-    Attributes:
-        distance: of the centre of mass along +x in the cycles that count [m], shape (B,); NaN unless the status is
-            "ok".
-        speed: lengths of the design's lattice along x per second, shape (B,).
-        status: "ok", "diverged" or "invalid", shape (B,).
-        reason: why a design is no robot, shape (B,); empty if it is one.
-        steps: time steps simulated, shape (B,).
-        time_step: dt [s].
-        bodies: the lattice of each; None where the design is no robot.
-        frames: recorded poses of each, times from the start of the actuation; None where not asked for, or no robot.
+    Raises:
+        ValueError: if the design is no robot.
     """
-
-    distance: Floats
-    speed: Floats
-    status: NDArray[np.str_]
-    reason: NDArray[np.str_]
-    steps: Ints
-    time_step: float
-    bodies: tuple[LatticeBody | None, ...]
-    frames: tuple[Frames | None, ...]
+    if design.fault:
+        raise ValueError(f"design: it is no robot: {design.fault}")
+    drive, (places, kinds) = actuation or WalkerActuation(), design.connected
+    drives = [
+        Drive(KINDS[kind], (kind,), amplitude=float(PHASES[kind]) * drive.amplitude)
+        for kind in (ACTIVE, ANTIPHASE)
+        if kind in kinds
+    ]
+    return _robot(places, kinds, drives, tissue or WalkerTissue(), drive)
 
 
 def simulate(
@@ -110,12 +210,10 @@ def simulate(
     *,
     tissue: WalkerTissue | None = None,
     actuation: WalkerActuation | None = None,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     record_every: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> WalkerResult:
+    **compute: Unpack[ComputeOptions],
+) -> LatticeRobotResult:
     """Let designs walk on a terrain. Those with the same voxels, whatever these do, run as one batch.
 
     Args:
@@ -123,83 +221,80 @@ def simulate(
         terrain: flat ground by default; its high friction, if any, replaces both of the tissue's.
         tissue: of all voxels.
         actuation: of the active ones.
-        precision: "f32" or "f64".
-        device: "cpu", "cuda", "vulkan" or "metal".
-        threads: CPU threads that share a batch; all cores by default. Results do not depend on it.
         record_every: record the poses every so many time steps from the start of the actuation on.
         progress: called now and then with the fraction done.
+        compute: ``device``, ``precision`` (``"f64"`` by default) and ``threads``.
+
+    Returns:
+        Results by design; speeds are in lengths of the design's whole lattice along x per second. The body of a design
+        that is no robot is None.
 
     Raises:
-        ValueError: one line that names the argument, the value and what is allowed.
+        ValueError: that names the argument, the value and what is allowed.
     """
     designs = [designs] if isinstance(designs, WalkerDesign) else list(designs)
     if not designs or not all(isinstance(d, WalkerDesign) for d in designs):
         raise ValueError("designs: give at least one WalkerDesign")
-    terrain, actuation = terrain or Terrain(), actuation or WalkerActuation()
+    terrain, drive = terrain or Terrain(), actuation or WalkerActuation()
     tissue = (tissue or WalkerTissue()).on(terrain)
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     reason = np.array([design.fault for design in designs])
     groups: dict[bytes, list[int]] = {}
     for i in np.flatnonzero(reason == "").tolist():
         groups.setdefault(designs[i].connected[0].tobytes(), []).append(i)
-
     count = len(designs)
     distance, status, steps = np.full(count, np.nan), np.full(count, "invalid", object), np.zeros(count, np.int64)
-    bodies: list[LatticeBody | None] = [None] * count
-    frames: list[Frames | None] = [None] * count
-    dt = actuation.time_step(tissue.time_step)
+    bodies: list[Any] = [None] * count
+    frames: list[Any] = [None] * count
+    time_step = _pair(tissue, drive).cycle.time_step
     for done, members in enumerate(groups.values()):
-        tick = partial(_tick, progress, done, len(groups)) if progress else None
-        body, kinds = _shared_body([designs[i] for i in members], tissue)
-        program = build_program(kinds, terrain, actuation, dt, record_every)
-        engine = LatticeEngine(
-            body,
-            len(members),
-            time_step=dt,
-            **terrain.medium,
-            device=device,
-            precision=precision,
-            threads=threads,
-        )
-        run = engine.run(program, tick)
-        centre = run.positions[:, :2, :, 0].mean(axis=2)  # all voxels weigh the same
-        distance[members] = np.where(run.status == "ok", centre[:, 1] - centre[:, 0], np.nan)
-        status[members], steps[members] = run.status, run.steps
+        robot, points = _batch([designs[i] for i in members], tissue, drive)
+        tick = _part(progress, done, len(groups)) if progress else None
+        found = simulate_lattice_robot(robot, points, terrain, record_every=record_every, progress=tick, **compute)
+        distance[members], status[members], steps[members] = found.distance, found.status, found.steps
         for row, i in enumerate(members):
-            bodies[i] = body
-            frames[i] = recorded_frames(body, run, row, record_every * dt) if record_every else None
+            bodies[i], frames[i] = found.bodies[row], found.frames[row]
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
-    speed = distance / lengths * actuation.frequency / actuation.cycles
-    return WalkerResult(distance, speed, status.astype(str), reason, steps, dt, tuple(bodies), tuple(frames))
+    speed = distance / lengths * drive.frequency / drive.cycles
+    return LatticeRobotResult(
+        distance, speed, status.astype(str), reason, steps, time_step, tuple(bodies), tuple(frames)
+    )
 
 
-def _tick(progress: Callable[[float], None], done: int, groups: int, fraction: float) -> None:
-    progress((done + fraction) / groups)
-
-
-def _shared_body(designs: Sequence[WalkerDesign], tissue: WalkerTissue) -> tuple[LatticeBody, NDArray[np.int8]]:
-    """The lattice of designs with the same voxels, and what its regions are in each, shape (B, R).
+def _batch(
+    designs: Sequence[WalkerDesign], tissue: WalkerTissue, actuation: WalkerActuation
+) -> tuple[LatticeRobot, Floats]:
+    """One robot for designs with the same voxels, and its point for each: the amplitudes of its regions.
 
     Voxels that are of the same kind in every design are one region.
     """
     each = [design.connected for design in designs]
     kinds, regions = np.unique(np.array([kind for _, kind in each]), axis=1, return_inverse=True)
-    return tissue.body(each[0][0], regions.ravel()), kinds
+    count = kinds.shape[1]
+    drive = Drive("voxels", tuple(range(count)), amplitude=(Free(-0.5, 0.5),) * count)
+    return _robot(each[0][0], regions.ravel(), [drive], tissue, actuation), PHASES[kinds] * actuation.amplitude
 
 
-def build_program(
-    kinds: NDArray[np.int8],
-    terrain: Terrain,
-    actuation: WalkerActuation,
-    time_step: float,
-    record_every: int | None = None,
-) -> LatticeProgram:
-    """The program of robots whose regions are of these kinds, shape (B, R); snapshots as of ``cyclic``."""
-    regions = np.arange(kinds.shape[1])
-    sine = actuation.amplitude * np.sin(2 * np.pi * np.arange(SEGMENTS) / SEGMENTS)
-    swing = np.repeat(PHASES[kinds][..., None] * sine, 3, axis=1)  # of x, y and z
-    quantities = np.tile(Quantity.SCALE + np.arange(3), len(regions))
-    cycle = actuation.cycle(time_step)
-    return build_cyclic_program(
-        np.repeat(regions, 3), quantities, 1.0, swing, cycle, surroundings(terrain, 0.0), len(regions), record_every
-    ).program
+def _robot(
+    places: Ints, regions: NDArray[Any], drives: Sequence[Drive], tissue: WalkerTissue, actuation: WalkerActuation
+) -> LatticeRobot:
+    body = LatticeBody(places, (tissue.material,), np.zeros(len(places), int), tissue.voxel_size, regions)
+    return LatticeRobot(
+        body,
+        tuple(drives),
+        frequency=actuation.frequency,
+        cycles=actuation.cycles,
+        settling=actuation.settling,
+        time_step_safety=tissue.time_step_safety,
+        name="walker",
+    )
+
+
+def _pair(tissue: WalkerTissue, actuation: WalkerActuation) -> LatticeRobot:
+    """The smallest robot; its time step is that of all bodies."""
+    return _robot(np.array([[0, 0, 0], [1, 0, 0]]), np.zeros(2, np.int64), [Drive("pair", (0,))], tissue, actuation)
+
+
+def _part(report: Callable[[float], None], done: int, count: int) -> Callable[[float], None]:
+    """Progress of one of several batches, as that of all."""
+    return lambda fraction: report((done + fraction) / count)

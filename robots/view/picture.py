@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from robots.inflatable.cores import kilopascals
 from robots.inflatable.gaits import GaitDesign, simulate, steps_of
 from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
+from robots.robot import Robot, World
 from robots.view.drawing import draw_levels, label_rows
 from robots.view.film import draw_strip, poses_of
 from robots.view.motion import Channel, Motion
@@ -21,6 +22,7 @@ from robots.view.still import figure_content
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_bytes
 
 if TYPE_CHECKING:
@@ -93,10 +95,14 @@ def save_motion_picture(
     return result
 
 
-def save_picture(motion: Motion, path: str | PathLike[str]) -> None:
-    """Write the picture of a motion; the suffix of the path chooses the format (png, pdf, svg)."""
-    form = Path(path).suffix[1:].lower() or "png"
-    write_bytes(path, figure_content(motion_picture(motion), form, DOTS_PER_INCH))
+def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
+    """Draw a robot of which nothing is free as it moves; the suffix of the path chooses the format (png, pdf, svg)."""
+    if robot.pictured:
+        robot.save_picture(world, path)
+        return
+    replay = robot.replay((), world, frames=PATH_POINTS * 6, compute=Compute(precision="f32"))
+    form = path.suffix[1:].lower() or "png"
+    write_bytes(path, figure_content(motion_picture(replay.motion, title=replay.title or None), form, DOTS_PER_INCH))
 
 
 def inflatable_picture(

@@ -23,7 +23,6 @@ from robots.inflatable.robot import ACTUATION, InflatableActuation, InflatableRe
 from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
-from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, PASSIVE, WalkerActuation, WalkerDesign, WalkerResult
 from robots.view.lattice_states import LatticeStates
 from robots.view.motion import CUBE, Channel, Colour, Ground, Motion, Node, Skin, speed_channels, whole_frames
 from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
@@ -130,53 +129,6 @@ def journey_motion(
     )
 
 
-def walker_motion(
-    result: WalkerResult,
-    designs: WalkerDesign | list[WalkerDesign],
-    terrain: Terrain | None = None,
-    *,
-    actuation: WalkerActuation | None = None,
-    robot: int = 0,
-    name: str = "walker",
-) -> Motion:
-    """The motion of a walker that was simulated, a node for each voxel.
-
-    Channels: size of active voxels as driven, distance and speed along x.
-
-    Args:
-        result: of ``simulate``, with frames.
-        designs: as they were simulated.
-        terrain: where it was; flat ground by default.
-        actuation: how it was driven.
-        robot: place in the batch.
-        name: of the motion.
-
-    Raises:
-        ValueError: in one line, for results without frames, designs that are no robots, and frames of other robots.
-    """
-    design = designs if isinstance(designs, WalkerDesign) else designs[robot]
-    if not 0 <= robot < len(result.bodies):
-        raise ValueError(f"robot: {robot} is not allowed; the batch has {len(result.bodies)}")
-    body = result.bodies[robot]
-    if body is None:
-        raise ValueError(f"frames: robot {robot} has none, as it is no robot: {result.reason[robot]}")
-    kinds = design.connected[1]
-    frames = _recorded(result.frames[robot], body, 0)
-    if len(kinds) != body.voxel_count:
-        raise ValueError(f"frames: they have {body.voxel_count} voxels, the design {len(kinds)}; give its own")
-    drive = actuation or WalkerActuation()
-    times = frames.times
-    edge = 1 + drive.amplitude * np.sin(2 * np.pi * drive.frequency * times)
-    driven = [
-        Channel("active edges", "", times, edge, _colour(BLADDERS[0])),
-        Channel("antiphase edges", "", times, 2 - edge, _colour(BLADDERS[3])),
-    ]
-    colours = {PASSIVE: _colour(SKIN_COLOUR), ACTIVE: driven[0].colour, ANTIPHASE: driven[1].colour}
-    channels = {PASSIVE: None, ACTIVE: 0, ANTIPHASE: 1}
-    nodes = [Node(f"voxel {v}", CUBE, colours[int(k)], channels[int(k)]) for v, k in enumerate(kinds)]
-    return _voxels(name, frames, body, 0, nodes, driven, [], terrain)
-
-
 def lattice_robot_motion(
     result: LatticeRobotResult,
     robot: LatticeRobot,
@@ -203,7 +155,11 @@ def lattice_robot_motion(
         raise ValueError(f"frames: point {place} has none, as it is no robot: {result.reason[place]}")
     body = result.bodies[place]
     frames = _recorded(result.frames[place], body, 0)
-    cycle, regions = robot.cycle, np.asarray(body.regions)
+    if body.voxel_count != robot.body.voxel_count:
+        raise ValueError(
+            f"frames: they have {body.voxel_count} voxels, the robot {robot.body.voxel_count}; give its own"
+        )
+    cycle, regions = robot.cycle, np.asarray(robot.body.regions)
     times: Floats = np.arange((cycle.cycles + 1) * SEGMENTS + 1, dtype=float) * (cycle.segment * cycle.time_step)
     driven, shown = [], np.full(body.voxel_count, -1)
     for number, (drive, values) in enumerate(robot.nodes(robot.start).items()):

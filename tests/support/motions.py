@@ -11,7 +11,7 @@ from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot import walker
 from robots.view.motion import Motion
 from robots.view.rigid_motion import quadruped_motion, rover_motion
-from robots.view.soft_motion import inflatable_motion, walker_motion
+from robots.view.soft_motion import inflatable_motion, lattice_robot_motion
 from robots.view.vehicle_motion import vehicle_motion
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
@@ -35,7 +35,7 @@ def soft_walker() -> Motion:
     drive = walker.WalkerActuation(cycles=1, settling=0.05)
     design = walker.WalkerDesign(materials)
     result = walker.simulate(design, actuation=drive, precision="f32", record_every=40, threads=1)
-    return walker_motion(result, design, actuation=drive)
+    return lattice_robot_motion(result, walker.walker_robot(design, actuation=drive), name="walker")
 
 
 @cache

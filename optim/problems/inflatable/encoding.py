@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optim.problems.pattern_genes import pattern_network, pattern_variables
 from optim.space import Variable
 from robots.control.pattern import PatternWiring
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
@@ -234,7 +233,7 @@ class PatternGait(GaitEncoding):
 
     def variables(self) -> list[Variable]:
         """The genome of the network; it is the same for any number of columns."""
-        return pattern_variables(GAIT_WIRING)
+        return GAIT_WIRING.variables()
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The sign of the network's output."""
@@ -250,7 +249,7 @@ class GradedPatternGait(GradedGait):
 
     def variables(self) -> list[Variable]:
         """The genome of the network, then ``settle_1`` and on."""
-        return [*pattern_variables(GAIT_WIRING), *self._times()]
+        return [*GAIT_WIRING.variables(), *self._times()]
 
     slopes = GaitEncoding.slopes  # zero: networks are searched without gradients
 
@@ -312,7 +311,7 @@ def _pattern(values: Floats, columns: int) -> Floats:
     phase = 2 * np.pi * column / columns
     times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / columns - 1], axis=1)
     coordinates = np.hstack([np.repeat(ACTUATORS, columns, axis=0), np.tile(times, (ROWS, 1))])
-    return np.asarray(pattern_network(GAIT_WIRING, values)(coordinates)).reshape(ROWS, columns)
+    return np.asarray(GAIT_WIRING.network(values)(coordinates)).reshape(ROWS, columns)
 
 
 ENCODINGS: dict[str, type[GaitEncoding]] = {

@@ -19,8 +19,9 @@ from optim.problems.inflatable.description import LATER_OPTIONS, description_of,
 from optim.problems.inflatable.encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import NEXT, Batch, Condition, Outcome, capped, effort, outcomes
 from optim.problems.inflatable.shape import EMPTY_CORE, ShapeGenes
+from optim.problems.inflatable.told import GaitDesigning
 from optim.space import Space
-from robots.calibration import Properties, robot_of, save_properties
+from robots.calibration import Properties, robot_of
 from robots.inflatable import gaits
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, nominal_steps
 from robots.inflatable.cores import Pressure, checked_pressure, each_pressure
@@ -42,12 +43,11 @@ GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 OBJECTIVES = ("mean", "terrains")
 LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
 HARD = "_hard"  # how details end that are of the harder conditions
-RIG_FILE = "calibration.json"  # in folders of runs
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
 @dataclass(frozen=True, eq=False)
-class GaitProblem:
+class GaitProblem(GaitDesigning):
     """Objective: the speed [body lengths/s], by the published convention; mean over the terrains, or one each.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
@@ -400,13 +400,6 @@ class GaitProblem:
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of a point as JSON, for ``robots.inflatable.gaits.load_gait``."""
         gaits.save_gait(self.design(point), path)
-
-    def save_rig(self, folder: Path) -> None:
-        """Write the properties of the rig, if the robot has some, for ``robots.calibration.load_calibration``."""
-        if self.properties is None:
-            (folder / RIG_FILE).unlink(missing_ok=True)  # of a run that ended before it began
-        else:
-            save_properties(self.properties, self.geometry, folder / RIG_FILE)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""

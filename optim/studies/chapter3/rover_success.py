@@ -16,11 +16,11 @@ from optim.experiments.results import Budget, Progress, check_folder, part_of, w
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
 from optim.measures.overlap import interference, learnability
-from optim.plots.vehicles import add_overlap_bar, draw_overlap
 from optim.studies.chapter3.rover_grid import RoverGrid, successes
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep
 from robots.rover import BEST, CANONICAL, Rover
+from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
 from taichi_sim.base.arrays import Bytes
 
 Overlap = Bytes

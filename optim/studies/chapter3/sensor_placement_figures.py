@@ -13,7 +13,6 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, COLUMN, PAGE, caption, figure, letter, save_arrays
 from optim.experiments.tables import write_table
-from optim.plots.vehicles import add_overlap_bar, draw_overlap, draw_paths
 from optim.studies.chapter3.sensor_placement import (
     Distribution,
     central_controller,
@@ -27,6 +26,7 @@ from optim.studies.chapter3.sensor_placement import (
 from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of
 from robots.braitenberg import VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
+from robots.view.vehicle_charts import add_overlap_bar, draw_overlap, draw_paths
 from taichi_sim.base.arrays import Arrays, Bytes, Floats
 
 if TYPE_CHECKING:

@@ -17,12 +17,12 @@ from optim.problems.inflatable.encoding import ACTUATORS
 from optim.problems.inflatable.encoding import ENCODINGS as GAIT_ENCODINGS
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.walker import WalkerProblem
-from optim.problems.walker_encoding import ENCODINGS as BODY_ENCODINGS
 from optim.runs import open_run
 from optim.space import Space, Variable
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot.walker import WalkerActuation, load_walker
+from robots.lattice_robot.walker_encoding import ENCODINGS as BODY_ENCODINGS
 from robots.world import Terrain
 
 QUICK = WalkerActuation(settling=0.02, cycles=1)

@@ -135,7 +135,7 @@ def test_a_page_says_what_the_files_say(morpholab, reported, tmp_path):
         "4 of 4",
         "25 (0 failed)",
         "morpholab export runs/a --csv gait.csv",
-        "--gait runs/a/best.json --slope 15 --geometry small",
+        "--gait runs/a/best.json --terrain hill:15 --geometry small",
     ]
     assert [words for words in told if words not in page.text] == []
     about = json.loads((tmp_path / "runs/a/environment.json").read_text())
@@ -248,7 +248,7 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
         ("broken --out b.html", "config.toml: is not as it was written"),
         (
             "unknown --out b.html",
-            "run: unknown designs a kite, which has no report; gait, walker, vehicle, robot, file have",
+            "unknown: robot: 'kite' is unknown; choose one of inflatable, ",
         ),
         ("a/best.json --out b.html", "run: a/best.json holds no run; a report takes"),
     ],
@@ -289,7 +289,7 @@ def test_a_vehicle_in_motion(reported, tmp_path, monkeypatch):
 def test_a_walker_in_motion(morpholab, reported, tmp_path):
     drive = WalkerActuation(settling=0.05, cycles=1)
     searched(WalkerProblem((2, 2, 1), actuation=drive, threads=1), tmp_path / "a", generations=0)
-    why = "rig: it plays gaits of the inflatable robot; a has none, leave it out"
+    why = "rig: no rig plays designs of a; leave it out"
     code, _, error = morpholab("report a --rig dissertation --out b.html --quiet")
     assert (code, error) == (2, f"morpholab report: error: {why}\n")
     page, document = reported("a", "--frames 20")
@@ -323,7 +323,7 @@ def test_the_best_gait_in_motion(morpholab, reported, tmp_path, monkeypatch):
     assert terrain["speed"] == log(tmp_path / "a")[-1]["best"] and abs(terrain["replayed"]) < 1
     assert {terrain["speed"], terrain["replayed"]} <= set(page.numbers) and 11 <= document["frames"] <= 13
     (strip,) = page.all("img")
-    assert strip["alt"].startswith("Six poses of the best gait on flat ground")
+    assert strip["alt"].startswith("Six poses of the best design on flat ground")
     assert [motion["name"] for motion in about(page)] == ["on flat ground"]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optim.report.kinds import kind_of
+from optim.problems import problem_of_description
 from optim.runs import open_run, read_config, run_search
 from optim.runs.environment import versions
 from optim.runs.history import read_history, read_result
@@ -66,7 +66,7 @@ def test_they_are_read(name, folder, morpholab):
 def test_their_designs_are_loaded(name, folder):
     if name in LOADERS:
         assert LOADERS[name](folder / "best.json") is not None
-    problem, history = kind_of(folder, read_config(folder)).problem, read_history(folder)
+    problem, history = problem_of_description(read_config(folder)["problem"]), read_history(folder)
     best = problem.space.from_dict(history.generations[-1].best_point)
     problem.save(best, folder / "again.json")
     assert (folder / "again.json").read_bytes() == (folder / "best.json").read_bytes()
@@ -83,7 +83,7 @@ def test_the_table_for_the_hardware_is_read():
 @runs
 def test_they_go_on_to_what_version_1_found_next(name, folder):
     config = read_config(folder) | {"generations": 3}
-    problem = kind_of(folder, config).problem
+    problem = problem_of_description(config["problem"])
     settings = dict(config["method"])
     before = (folder / "log.jsonl").read_bytes()
     with open_run(folder, config, resume=True, environment={}) as opened:
@@ -128,7 +128,7 @@ def test_settings_that_came_later_do_not_part_groups(tmp_path):
     from optim.runs.comparison import curves
 
     config = read_config(DATA / "vehicle")
-    problem = kind_of(DATA / "vehicle", config).problem
+    problem = problem_of_description(config["problem"])
     settings = dict(config["method"]) | {"seed": 5, "window": 200}
     name = settings.pop("name")
     with open_run(tmp_path / "now", {**config, "method": {"name": name, **settings}}) as opened:

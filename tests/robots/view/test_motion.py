@@ -18,7 +18,7 @@ from robots.view.glb import save_glb
 from robots.view.motion import BALL, CUBE, Channel, Ground, Node, product
 from robots.view.rigid_motion import quadruped_motion, rigid_motion, rover_motion
 from robots.view.shape import path
-from robots.view.soft_motion import inflatable_motion, walker_motion
+from robots.view.soft_motion import inflatable_motion, lattice_robot_motion
 from robots.view.vehicle_motion import vehicle_motion
 from robots.world import Terrain
 from taichi_sim.lattice.faces import corners, rotate
@@ -88,14 +88,15 @@ def test_a_walker_shows_what_its_voxels_do():
     design = walker.WalkerDesign(materials)
     drive = walker.WalkerActuation(cycles=1, settling=0.05)
     result = walker.simulate(design, actuation=drive, precision="f32", record_every=40, threads=1)
-    motion = walker_motion(result, design, actuation=drive)
+    motion = lattice_robot_motion(result, walker.walker_robot(design, actuation=drive), name="walker")
     assert [node.channel for node in motion.nodes] == [{1: None, 2: 0, 3: 1}[k] for k in design.connected[1]]
     active = [n for n, node in enumerate(motion.nodes) if node.channel == 0]
-    grows = np.corrcoef(motion.scale[:, active].mean(axis=(1, 2)), motion.channels[0].values)[0, 1]
+    told = np.interp(motion.times, motion.channels[0].times, motion.channels[0].values)
+    grows = np.corrcoef(motion.scale[:, active].mean(axis=(1, 2)), told)[0, 1]
     assert grows > 0.9
     wrong = walker.WalkerDesign(np.full((2, 2, 2), walker.ACTIVE))
-    with pytest.raises(ValueError, match=r"^frames: they have 12 voxels, the design 8; give its own$"):
-        walker_motion(result, wrong)
+    with pytest.raises(ValueError, match=r"^frames: they have 12 voxels, the robot 8; give its own$"):
+        lattice_robot_motion(result, walker.walker_robot(wrong))
 
 
 @pytest.mark.kernels

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optim.problems.pattern_genes import GENE_STEP, pattern_network, pattern_variables
-from optim.space import Variable
-from robots.control.pattern import PatternWiring
+from robots.control.pattern import GENE_STEP, PatternWiring
 from robots.lattice_robot.walker import EMPTY, KINDS, PASSIVE, WalkerDesign
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice
+from taichi_sim.base.variables import Variable
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class WalkerEncoding(ABC):
         shape: (X, Y, Z) of the lattice.
     """
 
-    shape: tuple[int, int, int]
+    shape: tuple[int, ...]
 
     @abstractmethod
     def variables(self) -> list[Variable]:
@@ -50,21 +50,26 @@ BODY_WIRING = PatternWiring(inputs=("x", "y", "z", "radius"), outputs=("presence
 class PatternBody(WalkerEncoding):
     """Weights and functions of a network that says of every place whether there is a voxel, and of which material.
 
-    It knows the place, -1 to 1 along each side of the lattice, and its distance from the middle. There is a voxel where
-    presence > 0; it is of the material that says most. Source: Cheney et al. 2013, see ``walker_body``.
+    The network knows the place, -1 to 1 along each side of the lattice, and its distance from the middle. There is a
+    voxel where presence > 0; it is of the material that says most. Source: Cheney et al. 2013, see ``walker``.
     """
 
     def variables(self) -> list[Variable]:
         """The genome of the network; it is the same for lattices of any shape."""
-        return pattern_variables(BODY_WIRING)
+        return BODY_WIRING.variables()
 
     def design(self, values: Floats) -> WalkerDesign:
         """Material by material, place by place."""
         sides = np.meshgrid(*((2 * np.arange(n) + 1) / n - 1 for n in self.shape), indexing="ij")
         places = np.stack([side.ravel() for side in sides], axis=1)
-        said = pattern_network(BODY_WIRING, values)(np.column_stack([places, np.sqrt((places**2).sum(axis=1))]))
+        said = BODY_WIRING.network(values)(np.column_stack([places, np.sqrt((places**2).sum(axis=1))]))
         kinds = np.where(said[:, 0] > 0, PASSIVE + said[:, 1:].argmax(axis=1), EMPTY)
         return WalkerDesign(kinds.astype(np.int8).reshape(self.shape))
 
 
 ENCODINGS: dict[str, type[WalkerEncoding]] = {"direct": DirectBody, "pattern": PatternBody}
+
+
+def encoding_of(name: str, shape: tuple[int, ...]) -> WalkerEncoding:
+    """The encoding of a name, of bodies in a lattice of a shape (X, Y, Z)."""
+    return ENCODINGS[choice("encoding", name, ENCODINGS)](shape)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.experiments.figures import COLOURS
+from robots.view.scene import CHART_COLOURS
 from taichi_sim.base.arrays import Bytes, Floats
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def draw_overlap(axes: "Axes", overlap: Bytes, weights: Floats | None = None) ->
         vmax=levels - 0.5,
     )
     if weights is not None:
-        axes.plot(*weights, "+", color=COLOURS[4], markersize=6, markeredgewidth=1.2)
+        axes.plot(*weights, "+", color=CHART_COLOURS[4], markersize=6, markeredgewidth=1.2)
     axes.set(xlabel="$w_1$", ylabel="$w_2$")
     return image
 
@@ -55,10 +55,12 @@ def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike) -> None:
     """
     places = np.asarray(places, float)
     for number, path in enumerate(places):
-        colour = COLOURS[number % len(COLOURS)]
+        colour = CHART_COLOURS[number % len(CHART_COLOURS)]
         axes.plot(*path.T, color=colour, linewidth=0.8)
         axes.plot(*path[0], "o", color=colour, markersize=3)
     for light in np.asarray(lights, float):
-        axes.plot(*light, "*", color=COLOURS[6], markeredgecolor="black", markeredgewidth=0.5, markersize=9, zorder=4)
+        axes.plot(
+            *light, "*", color=CHART_COLOURS[6], markeredgecolor="black", markeredgewidth=0.5, markersize=9, zorder=4
+        )
     reach = 1.1 * float(np.nanmax(np.abs(places)))
     axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")

@@ -1,0 +1,270 @@
+"""What the inflatable robot offers to commands, searches, views and reports: one design, simulated and played."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from robots.calibration import NAMES, UNITS, Properties, robot_of
+from robots.inflatable import gaits
+from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
+from robots.inflatable.cores import common_pressure
+from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.robot import InflatableActuation, InflatableResult, sideways
+from robots.robot import (
+    FRAMES,
+    HERE,
+    Facts,
+    Judgement,
+    Measure,
+    Outcome,
+    Picture,
+    Progress,
+    Quantity,
+    Replay,
+    Robot,
+    World,
+)
+from robots.world import Terrain, terrain_of
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+
+KPA_PER_PSI = 6.894757293168361
+MEASURES = (
+    Measure("speed", "BL/s", "speed, in body lengths a second by the published convention"),
+    Measure("distance", "m", "distance along its heading"),
+    Measure("speed_simulated", "BL/s", "speed in the time simulated"),
+    Measure("sideways", "m", "drift to the left"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class InflatableRobot(Robot):
+    """The robot with a gait; nothing of it is free, as searches encode gaits in ways of their own.
+
+    Attributes:
+        gait: pressure, orientation and schedule.
+        geometry: name of the body.
+        weight: of bladders, ``"published"`` or ``"physical"``.
+        properties: of a rig, or None.
+        calibration: the file that these come from, if any.
+        perturbation: standard deviation of noise on the start positions [m].
+        seed: of that noise.
+        speeds: counts the speeds of a result; None is the published convention.
+        counted_steps: time steps by which pictures count the speed; None is the published convention.
+        title: what people call it.
+    """
+
+    gait: GaitDesign
+    geometry: str = "published"
+    weight: str = "published"
+    properties: Properties | None = None
+    calibration: Path | None = None
+    perturbation: float = 0.0
+    seed: int = 0
+    speeds: Callable[[InflatableResult], Floats] | None = None
+    counted_steps: int | None = None
+    title: str = "inflatable robot"
+
+    kind = "inflatable"
+    measures = MEASURES
+    worlds = (Terrain(),)
+    pictured = True
+
+    def __post_init__(self) -> None:
+        if self.properties is not None and gaits.is_timed(self.gait.schedule):
+            self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        return self.title
+
+    @property
+    def exportable(self) -> bool:  # type: ignore[override]
+        """Whether its cores share a pressure, as a rig has one line for them."""
+        return common_pressure(self.gait.pressure) is not None
+
+    @cached_property
+    def parts(self) -> tuple[InflatableGeometry, InflatableActuation]:
+        """Its body, and how it is driven."""
+        return robot_of(self.geometry, self.weight, self.properties)
+
+    def simulate(
+        self,
+        points: ArrayLike,
+        world: World,
+        *,
+        compute: Compute = HERE,
+        record_every: int | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        """Play the gait, as often as there are points."""
+        geometry, actuation = self.parts
+        designs = [self.gait] * len(self.points(points))
+        result = gaits.simulate(
+            designs,
+            terrain_of(world),
+            geometry=geometry,
+            actuation=actuation,
+            **compute.options,
+            record_every=record_every,
+            perturbation=self.perturbation,
+            seed=self.seed,
+            progress=progress,
+        )
+        if self.speeds is not None:
+            result = dataclasses.replace(result, speed=self.speeds(result))
+        left = sideways(result.displacement, [design.orientation for design in designs])
+        measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
+        frames = {} if result.frames is None else vars(result.frames)
+        measures = {**measures, "sideways": left}
+        return Outcome(measures, result.status, steps=result.steps, frames=frames, result=result)
+
+    def replay(
+        self,
+        point: ArrayLike,
+        world: World,
+        *,
+        frames: int = FRAMES,
+        name: str = "",
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> Replay:
+        """Play the gait, and build its motion."""
+        from robots.view.motion import record_every
+        from robots.view.picture import inflatable_title
+        from robots.view.soft_motion import inflatable_motion
+
+        terrain, actuation = terrain_of(world), self.parts[1]
+        every = record_every(gaits.steps_of(self.gait, actuation), frames)
+        outcome = self.simulate((), terrain, compute=compute, record_every=every, progress=progress)
+        motion = inflatable_motion(outcome.result, self.gait, terrain, actuation=actuation, name=name or self.name)
+        return Replay(outcome, motion, inflatable_title(outcome.result, self.gait, terrain))
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design, for ``robots.inflatable.gaits.load_gait``."""
+        gaits.save_gait(self.gait, path)
+
+    def document(self) -> dict[str, Any]:
+        """The design, and the body that plays it."""
+        gait = self.gait
+        return {
+            "pressure": gait.pressure,
+            "orientation": gait.orientation,
+            "schedule": gait.schedule.to_text(),
+            "repeats": gait.schedule.repeats,
+            "geometry": self.geometry,
+            "weight": self.weight,
+            **({} if self.calibration is None else {"calibration": str(self.calibration)}),
+        }
+
+    def spoken(self, outcome: Outcome) -> str:
+        """Distance, drift and speeds."""
+        numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
+        side = "left" if numbers["sideways"] >= 0 else "right"
+        return (
+            f"distance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the {side}, "
+            f"speed {numbers['speed']:.4f} BL/s (published convention; {numbers['speed_simulated']:.4f} in the time "
+            "simulated)"
+        )
+
+    def facts(self) -> Facts:
+        """Its body, and the rig whose properties it has."""
+        geometry = self.parts[0]
+        robot = f"inflatable shape-changing robot, {self.geometry} geometry, {geometry.body_length:g} m long"
+        return [("Robot", robot), *([("Rig", fitted(self.properties))] if self.properties else [])]
+
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """Shape, heading and gait."""
+        gait = self.gait
+        cores: list[tuple[str, str | Quantity]] = []
+        for name, kpa in kilopascals("Core pressure", gait).items():
+            cores += [(name, Quantity(kpa, "kPa", 2)), (f"{name} in psi", Quantity(kpa / KPA_PER_PSI, "psi", 2))]
+        seconds = gaits.steps_of(gait, self.parts[1]) * self.parts[0].time_step
+        times = {1: "once", 2: "twice"}.get(gait.schedule.repeats, f"{gait.schedule.repeats} times")
+        return [
+            *cores,
+            ("Orientation, 0° rolls and 90° inches", Quantity(gait.orientation, "°", 1)),
+            ("Gait", f"{gait.schedule.columns} columns, played {times}, {seconds:.2f} s simulated"),
+        ]
+
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
+        """When its actuators are on."""
+        from robots.view.drawing import draw_schedule
+
+        played = gaits.played(self.gait, self.parts[1])
+        edges = played.edges * self.parts[0].time_step
+
+        def draw(axes: Any) -> None:
+            draw_schedule(axes, self.gait.schedule, edges)
+            axes.set_xlabel("time [s]")
+
+        share = f"on in {100 * played.levels.mean():.0f} % of the columns"
+        words = f"When its ten actuators are on over {edges[-1]:.1f} s, {share}: bladders inflate, feet grip."
+        return [Picture(words, draw, (4.8, 2.1), "medium screen-only" if replays else "medium")]
+
+    def judge(
+        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Judgement:
+        """Mean speed of runs with noise, what remains of it under harder conditions, and how far feet slip."""
+        from robots.inflatable.robustness import judge_gait
+
+        for name, value in (
+            ("weight", self.weight if self.weight != "published" else ""),
+            ("perturbation", self.perturbation),
+        ):
+            if value:
+                raise ValueError(f"{name}: {value} is not allowed with --judge, which plays both weights with noise")
+        geometry, drive = self.parts
+        more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
+        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, **more)
+        if found.diverged:
+            return Judgement("; ".join(found.faults), found.to_document(), True)
+        speeds = (
+            f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds)
+        )
+        text = f"{next(speeds)}, {len(found.speeds)} runs\nharder conditions: {next(speeds)}"
+        slip = f"{found.slip_ratio:.2f} of the way while they grip, standard deviation {found.slip_deviation:.2f}"
+        text += f"\nfeet slip {slip}; {found.steps:,} steps\n"
+        text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
+        return Judgement(text, found.to_document())
+
+    def table(self, **settings: Any) -> Any:
+        """Pressures of a rig's lines over time, see ``robots.hardware.gait_table``."""
+        from robots.hardware import gait_table
+
+        return gait_table(self.gait, **settings)
+
+    def rig_report(self, rig: Any) -> tuple[Any, float]:
+        """What the gait asks of each line of a rig, and the time of the gait in the simulation [s]."""
+        from robots.hardware.headroom import rig_report
+
+        seconds = gaits.steps_of(self.gait, self.parts[1]) * self.parts[0].time_step
+        return rig_report(self.gait, rig), float(seconds)
+
+    def save_picture(self, world: World, path: Path) -> None:
+        """Draw poses and gait."""
+        from robots.view import picture
+
+        geometry, drive = self.parts
+        picture.save_motion_picture(
+            self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
+        )
+
+
+def kilopascals(name: str, gait: GaitDesign) -> dict[str, float]:
+    """Pressure of the core by that name, or of several by the name and a number [kPa]."""
+    if not isinstance(gait.pressure, tuple):
+        return {name: gait.pressure / 1000}
+    return {f"{name} {number}": one / 1000 for number, one in enumerate(gait.pressure, start=1)}
+
+
+def fitted(properties: Properties) -> str:
+    """The properties of a rig, in a line."""
+    each = (f"{name.replace('_', ' ')} {getattr(properties, name):.4g} {UNITS[name]}" for name in NAMES)
+    return ", ".join(text.strip() for text in each)

@@ -1,0 +1,60 @@
+"""Soft walkers as a kind of robot: bodies of passive and active voxels, judged by their speed."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robots.lattice_robot.formats import WALKER_FORMAT
+from robots.robot import Option, Robot
+from robots.world import TerrainKind
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.options import checked, number, whole
+
+ENCODINGS = ("direct", "pattern")
+
+
+def _shape(text: str) -> tuple[int, ...]:
+    parts = text.split(",")
+    if len(parts) != 3 or not all(part.strip().isdecimal() and int(part) for part in parts):
+        raise ValueError(f"shape: {text!r} is not allowed; give three whole numbers such as 4,4,3")
+    return tuple(whole_number("shape", int(part), 1) for part in parts)
+
+
+class WalkerKind(TerrainKind):
+    """Soft walkers: lattice robots whose bodies are searched voxel by voxel."""
+
+    name = "walker"
+    title = "soft walker"
+    options = (
+        Option("shape", "places of the lattice along each axis (default: 4,4,3)", checked(_shape), "X,Y,Z"),
+        Option("encoding", "of the body: each voxel, or a pattern in space (default: direct)", choices=ENCODINGS),
+        Option("amplitude", "of the edges of active voxels, part of their length (default: 0.14)", number(0, 0.5), "A"),
+        Option("frequency", "of the actuation (default: 4)", number(0.1, 100, "Hz"), "HZ"),
+        Option("cycles", "that count (default: 6)", whole(1), "N"),
+    )
+
+    def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
+        """A lattice in which bodies are searched; or the walker of a file, of which nothing is free."""
+        from robots.lattice_robot.walker import WalkerActuation, load_walker
+        from robots.lattice_robot.walker_offered import Walker, WalkerBodies
+
+        drive = {name: options[name] for name in ("amplitude", "frequency", "cycles") if name in options}
+        if source is None:
+            body = {name: options[name] for name in ("shape", "encoding") if name in options}
+            return WalkerBodies(actuation=WalkerActuation(**drive), **body)
+        for name in ("shape", "encoding"):
+            if name in options:
+                raise ValueError(f"{name}: the walker in {source} has its own; leave it out")
+        return Walker(load_walker(source), WalkerActuation(**drive), Path(source).stem)
+
+    def recognises(self, path: Path, form: str | None) -> bool:
+        """Designs of ``save_walker``."""
+        return form == WALKER_FORMAT
+
+    def from_description(self, description: Mapping[str, Any]) -> Robot:
+        """The lattice that was described."""
+        from robots.lattice_robot.walker import WalkerActuation
+        from robots.lattice_robot.walker_offered import WalkerBodies
+
+        actuation = WalkerActuation(**description["actuation"])
+        return WalkerBodies(tuple(description["shape"]), description["encoding"], actuation)
