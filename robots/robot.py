@@ -479,6 +479,8 @@ KINDS = _Kinds(
         "inflatable": "robots.inflatable.kind:InflatableKind",
         "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
         "articulated": "robots.articulated.kind:ArticulatedKind",
+        "quadruped": "robots.quadruped.kind:QuadrupedKind",
+        "rover": "robots.rover.kind:RoverKind",
         "vehicle": "robots.braitenberg.kind:VehicleKind",
         "walker": "robots.lattice_robot.walker_kind:WalkerKind",
     },

@@ -11,17 +11,20 @@ from taichi_sim.rigid.model.shapes import positive
 from taichi_sim.rigid.model.urdf import read_urdf
 
 
-def load_model(path: str | Path, **settings: object) -> Model:
-    """Read a robot from a file; settings as of ``parse_model``.
-
-    Raises:
-        ValueError: in one line, for a file that cannot be read or means what the engine has not.
-    """
+def load_model(
+    path: str | Path,
+    *,
+    angles: Mapping[str, float] | None = None,
+    fixed: bool = False,
+    speed: float = 10.0,
+    fastest: float = 10.0,
+) -> Model:
+    """Read a robot from a file; settings and errors as of :func:`parse_model`."""
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: cannot be read: {error}") from None
-    return parse_model(text, **settings)  # type: ignore[arg-type]
+    return parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest)
 
 
 def parse_model(

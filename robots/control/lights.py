@@ -1,0 +1,122 @@
+"""Robots that a network steers to a light, as kinds of robots: their worlds are places of the light."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.robot import HERE, Outcome, Progress, Robot, RobotKind, World
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.options import value_of
+
+
+@dataclass(frozen=True)
+class LightAt:
+    """A world with a light.
+
+    Attributes:
+        x: where it is [m].
+        y: where it is [m].
+    """
+
+    x: float
+    y: float
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y"):
+            object.__setattr__(self, name, checks.number("light", getattr(self, name), unit="m"))
+
+    @property
+    def name(self) -> str:
+        """Its place, such as ``9,0``."""
+        return f"{self.x:g},{self.y:g}"
+
+    @property
+    def spoken(self) -> str:
+        """Its place, for people."""
+        return f"to a light at ({self.x:g}, {self.y:g}) m"
+
+    @property
+    def where(self) -> str:
+        """Its place, after the name of a motion."""
+        return f"at light {self.name}"
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Its place [m]."""
+        return self.x, self.y
+
+
+class LightKind(RobotKind):
+    """A kind of robot whose worlds are places of a light."""
+
+    world_option = "light"
+
+    def world(self, text: str) -> LightAt:
+        """The world with a light at ``x,y`` [m]."""
+        values = [value_of(part) for part in text.split(",")]
+        if len(values) != 2 or any(isinstance(value, str) for value in values):
+            raise ValueError(f"light: {text!r} is not allowed; give its place in metres, such as 9,0")
+        return LightAt(float(values[0]), float(values[1]))
+
+
+class LightSeeker(Robot):
+    """A robot that a network steers to a light. A trial of N designs is one run of N controllers."""
+
+    @abstractmethod
+    def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> Any:
+        """The kind's own result for N controllers in one environment."""
+
+    @abstractmethod
+    def run_back(self, points: Floats, light: LightAt, compute: Compute) -> Any:
+        """As :meth:`run`, with gradients."""
+
+    @abstractmethod
+    def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Measures of a result, and the gradients of those that have them."""
+
+    def simulate(
+        self,
+        points: ArrayLike,
+        world: World,
+        *,
+        compute: Compute = HERE,
+        record_every: int | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        """Let N controllers steer to the light."""
+        light = light_of(world)
+        return self._outcome(self.run(self.points(points), light, compute, record_every), light)
+
+    def differentiate(
+        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Outcome:
+        """Let N controllers steer to the light, with gradients by their weights."""
+        light = light_of(world)
+        return self._outcome(self.run_back(self.points(points), light, compute), light)
+
+    def _outcome(self, found: Any, light: LightAt) -> Outcome:
+        measures, gradients = self.judged(found, light)
+        rollouts = found.rollouts
+        frames = {} if rollouts.frames is None else vars(rollouts.frames)
+        return Outcome(measures, rollouts.status, (), rollouts.steps, gradients, frames, found)  # type: ignore[arg-type]
+
+
+def light_of(world: World) -> LightAt:
+    """The world, which must have a light.
+
+    Raises:
+        ValueError: for any other.
+    """
+    if not isinstance(world, LightAt):
+        raise ValueError(f"light: {world.name!r} is not allowed; give its place, such as 9,0")
+    return world
+
+
+def approach(distance: Any, light: LightAt) -> Any:
+    """How much nearer than at the start a robot is to the light, (N,) [m]; robots start at the origin."""
+    return np.hypot(light.x, light.y) - distance

@@ -1,0 +1,42 @@
+"""Quadrupeds as a kind of robot: legged, wheeled or whegged, steered to a light by a network."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from robots.control.lights import LightKind
+from robots.robot import Option, Robot
+from taichi_sim.base.options import number, whole
+
+DESIGNS = ("legged", "wheeled", "whegged")
+_LENGTHS = {
+    "body_width": "edge of the square main body",
+    "body_height": "height of the main body",
+    "limb_length": "length of each limb",
+    "limb_radius": "radius of limbs",
+    "wheel_radius": "radius of wheels",
+}
+
+
+class QuadrupedKind(LightKind):
+    """Quadrupeds by the names of their bodies."""
+
+    name = "quadruped"
+    title = "quadruped"
+    designs = DESIGNS
+    options = (
+        Option("variant", "the published experiment, or its text (default: as-run)", choices=("as-run", "text")),
+        Option("looks", "at the sensors in a trial, one every 0.05 s (default: 1000)", whole(2), "N"),
+        *(Option(name, f"{meaning}, in metres", number(1e-6), "M") for name, meaning in _LENGTHS.items()),
+        Option("mass", "of each part, in kg (default: 1)", number(1e-6), "KG"),
+        Option("torque", "largest of each motor, in N m (default: 10)", number(0), "N"),
+    )
+
+    def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
+        """The quadruped of a name; legged by default."""
+        from robots.quadruped.offered import OfferedQuadruped
+
+        if source is not None and source not in DESIGNS:
+            raise ValueError(f"robot: {source!r} is no quadruped; choose one of {', '.join(DESIGNS)}")
+        given = dict(options)
+        body = {name: given.pop(name) for name in (*_LENGTHS, "mass", "torque") if name in given}
+        return OfferedQuadruped.of(given.pop("kind", source or "legged"), body, **given)

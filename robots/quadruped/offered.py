@@ -1,0 +1,110 @@
+"""What quadrupeds offer to commands, searches, views and reports."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Self
+
+from numpy.typing import ArrayLike
+
+from robots.control.lights import LightAt, LightSeeker, approach, light_of
+from robots.quadruped.body import MOTORS, SENSORS, STEPS, TIME_STEP, TWO_ENVIRONMENTS, VARIANTS, Kind, Quadruped
+from robots.quadruped.simulation import QuadrupedResult, differentiate, simulate
+from robots.robot import FRAMES, HERE, Facts, Measure, Parameter, Progress, Replay, World
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+
+
+@dataclass(frozen=True, eq=False)
+class OfferedQuadruped(LightSeeker):
+    """A quadruped whose controller is free.
+
+    Attributes:
+        body: the robot.
+        variant: a name of ``VARIANTS``.
+        looks: at the sensors in a trial.
+    """
+
+    body: Quadruped
+    variant: str = "as-run"
+    looks: int = STEPS
+
+    kind = "quadruped"
+    measures = (Measure("light", "1/m²", "light at the end"), Measure("approach", "m", "approach to the light"))
+    worlds = tuple(LightAt(*place) for place in TWO_ENVIRONMENTS)
+    parameters = tuple(Parameter(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(SENSORS) for m in range(MOTORS))
+    horizons = (1, 2, 5)
+
+    def __post_init__(self) -> None:
+        checks.choice("variant", self.variant, tuple(VARIANTS))
+        checks.whole_number("looks", self.looks, 2)
+
+    @classmethod
+    def of(cls, kind: Kind, body: Mapping[str, float], **settings: Any) -> Self:
+        """A quadruped of numbers that describe its body."""
+        return cls(Quadruped(kind, **body), **settings)
+
+    @property
+    def name(self) -> str:
+        """The kind of its body."""
+        return f"{self.body.kind} quadruped"
+
+    def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> QuadrupedResult:
+        """Controllers in the body, in one environment."""
+        weights, variant = points.reshape(-1, SENSORS, MOTORS), VARIANTS[self.variant]
+        return simulate(
+            self.body,
+            weights,
+            [light.place],
+            variant=variant,
+            steps=self.looks,
+            record_every=record_every,
+            **compute.options,
+        )
+
+    def run_back(self, points: Floats, light: LightAt, compute: Compute) -> QuadrupedResult:
+        """As :meth:`run`, with gradients."""
+        weights, variant = points.reshape(-1, SENSORS, MOTORS), VARIANTS[self.variant]
+        return differentiate(self.body, weights, [light.place], variant=variant, steps=self.looks, **compute.options)
+
+    def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The light, with its gradient, and how much nearer it is."""
+        slopes = {} if found.gradient is None else {"light": found.gradient.reshape(len(found.light), -1)}
+        return {"light": found.light[:, 0], "approach": approach(found.distance[:, 0], light)}, slopes
+
+    def replay(
+        self,
+        point: ArrayLike,
+        world: World,
+        *,
+        frames: int = FRAMES,
+        name: str = "",
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> Replay:
+        """Let one controller steer."""
+        from robots.view.motion import record_every
+        from robots.view.rigid_motion import quadruped_motion
+
+        every = record_every(self.looks - 1, frames)
+        outcome = self.simulate(point, world, compute=compute, record_every=every, progress=progress)
+        place = light_of(world).place
+        return Replay(outcome, quadruped_motion(self.body, outcome.result, [place], name=name or self.name))
+
+    def describe(self) -> dict[str, Any]:
+        """Body, variant and length of a trial."""
+        return {**asdict(self.body), "variant": self.variant, "looks": self.looks}
+
+    def facts(self) -> Facts:
+        """Body and trial."""
+        body = self.body
+        return [
+            ("Robot", f"{self.name}: body of {100 * body.body_width:g} cm, limbs of {100 * body.limb_length:g} cm"),
+            ("Driven", f"{MOTORS} motors by {SENSORS} sensors, {VARIANTS[self.variant].name}"),
+            ("Trial", f"{(self.looks - 1) * TIME_STEP:g} s"),
+        ]
+
+    def at_horizon(self, length: int) -> tuple[str, "OfferedQuadruped"]:
+        """The robot for so many seconds."""
+        seconds = "1 second" if length == 1 else f"{length} seconds"
+        return seconds, replace(self, looks=round(length / TIME_STEP) + 1)

@@ -1,0 +1,93 @@
+"""What rovers offer to commands, searches, views and reports."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from robots.control.lights import LightAt, LightSeeker, approach, light_of
+from robots.robot import FRAMES, HERE, Facts, Measure, Parameter, Progress, Replay, World
+from robots.rover.body import LIGHTS, STEPS, TIME_STEP, Rover
+from robots.rover.simulation import RoverResult, differentiate, simulate
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+
+
+@dataclass(frozen=True, eq=False)
+class OfferedRover(LightSeeker):
+    """A rover whose two weights are free.
+
+    Attributes:
+        body: the vehicle.
+        looks: at the light in a trial.
+    """
+
+    body: Rover
+    looks: int = STEPS
+
+    kind = "rover"
+    measures = (
+        Measure("approach", "m", "approach to the light at the end"),
+        Measure("closest", "m", "closest approach to the light"),
+        Measure("reached", "", "lights reached"),
+    )
+    worlds = tuple(LightAt(*place) for place in LIGHTS)
+    parameters = tuple(Parameter(name, -1.0, 1.0, step=0.05) for name in ("w1", "w2"))
+    horizons = (5, 10, 20)
+
+    def __post_init__(self) -> None:
+        checks.whole_number("looks", self.looks, 2)
+
+    def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> RoverResult:
+        """Pairs of weights in the body, in one environment."""
+        places = [light.place]
+        return simulate(self.body, points, places, steps=self.looks, record_every=record_every, **compute.options)
+
+    def run_back(self, points: Floats, light: LightAt, compute: Compute) -> RoverResult:
+        """As :meth:`run`, with gradients."""
+        return differentiate(self.body, points, [light.place], steps=self.looks, **compute.options)
+
+    def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
+        """How much nearer the light is at the end, with its gradient, and was at any time; whether it was reached."""
+        ends, nearest = (approach(distance[:, 0], light) for distance in (found.distance, found.closest))
+        slopes = {} if found.gradient is None else {"approach": -found.gradient[:, 0]}
+        return {"approach": ends, "closest": nearest, "reached": found.success[:, 0].astype(float)}, slopes
+
+    def replay(
+        self,
+        point: ArrayLike,
+        world: World,
+        *,
+        frames: int = FRAMES,
+        name: str = "",
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> Replay:
+        """Let one controller steer."""
+        from robots.view.motion import record_every
+        from robots.view.rigid_motion import rover_motion
+
+        every = record_every(self.looks - 1, frames)
+        outcome = self.simulate(point, world, compute=compute, record_every=every, progress=progress)
+        place = light_of(world).place
+        return Replay(outcome, rover_motion(self.body, outcome.result, [place], name=name or self.name))
+
+    def describe(self) -> dict[str, Any]:
+        """Body and length of a trial."""
+        sensors = [x for site in self.body.sensors for x in site]
+        return {**asdict(self.body), "sensors": sensors, "looks": self.looks}
+
+    def facts(self) -> Facts:
+        """Body and trial."""
+        places = " and ".join(f"({x:g}, {y:g}) m" for x, y in self.body.sensors)
+        return [
+            ("Robot", f"{self.name}: {self.body.body_mass:g} kg, wheels of {100 * self.body.wheel_radius:.3g} cm"),
+            ("Sensors", places),
+            ("Trial", f"{(self.looks - 1) * TIME_STEP:g} s"),
+        ]
+
+    def at_horizon(self, length: int) -> tuple[str, "OfferedRover"]:
+        """The robot for so many seconds."""
+        seconds = "1 second" if length == 1 else f"{length} seconds"
+        return seconds, replace(self, looks=round(length / TIME_STEP) + 1)
