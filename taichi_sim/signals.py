@@ -52,7 +52,7 @@ def warping_distances(
         that is not finite in this precision, or whose distance is not.
 
     Raises:
-        ValueError: in one line, for wrong shapes, or a device or precision that is unknown or missing.
+        ValueError: for wrong shapes, or a device or precision that is unknown or missing.
     """
     first, second = _checked("first", first), _checked("second", second)
     if len(first) != len(second):

@@ -30,7 +30,7 @@ class VehicleBody:
         sensors: places of its light sensors in its own frame [m], x ahead and y to the left, each from -0.5 to 0.5.
 
     Raises:
-        ValueError: in one line, for sites outside the body, or none.
+        ValueError: for sites outside the body, or none.
     """
 
     sensors: tuple[Site, ...]
@@ -46,7 +46,7 @@ class VehicleBody:
         """The body of a number, from 1 to 6561, in the published grid of 9 x 9 places for each of two sensors.
 
         Raises:
-            ValueError: in one line, for any other number.
+            ValueError: for any other number.
         """
         whole = isinstance(design, int | np.integer) and not isinstance(design, bool)
         if not whole or not 1 <= design <= DESIGNS:

@@ -49,7 +49,7 @@ def contralateral(weights: ArrayLike) -> Floats:
         Shape (..., 2, 2).
 
     Raises:
-        ValueError: in one line, for other shapes and values.
+        ValueError: for other shapes and values.
     """
     try:
         values = np.asarray(weights, np.float64)
@@ -62,14 +62,14 @@ def contralateral(weights: ArrayLike) -> Floats:
 
 
 def check_weights(values: Floats) -> None:
-    """Raise a one-line ValueError for a weight outside -1 to 1."""
+    """Raise a ValueError for a weight outside -1 to 1."""
     wrong = ~(np.abs(values) <= 1.0)
     if wrong.any():
         raise ValueError(f"weights: {values[wrong][0]} is not allowed; give numbers from -1 to 1")
 
 
 def check_bodies(bodies: Sequence[VehicleBody]) -> None:
-    """Raise a one-line ValueError unless these are bodies, one at least."""
+    """Raise a ValueError unless these are bodies, one at least."""
     if not isinstance(bodies, Sequence) or not all(isinstance(body, VehicleBody) for body in bodies):
         raise ValueError(f"bodies: {bodies!r} is not allowed; give a list of bodies")
     if not bodies:
@@ -84,7 +84,7 @@ def batch_of(bodies: Sequence[VehicleBody], controllers: ArrayLike) -> VehicleBa
         controllers: matrices, shape (B or 1, C, 2, S), weights from -1 to 1.
 
     Raises:
-        ValueError: in one line, for no bodies, different numbers of sensors, and other shapes and values.
+        ValueError: for no bodies, different numbers of sensors, and other shapes and values.
     """
     check_bodies(bodies)
     counts = {len(body.sensors) for body in bodies}

@@ -87,7 +87,7 @@ def sweep(
         weights grid[i] and grid[j] succeeds.
 
     Raises:
-        ValueError: in one line, for settings that are not allowed, no bodies, or a folder of other settings.
+        ValueError: for settings that are not allowed, no bodies, or a folder of other settings.
     """
     settings = Sweep(weights, r, dt, steps, precision)
     orbits = _orbits(bodies)
@@ -119,7 +119,7 @@ def read_sweep(folder: Path | str) -> tuple[Sweep, list[VehicleBody]]:
     """The settings of a sweep on disk, and the bodies of which :func:`sweep` finds the results there, in order.
 
     Raises:
-        ValueError: in one line, if the folder holds no sweep.
+        ValueError: if the folder holds no sweep.
     """
     settings = read_sweep_settings(Path(folder))
     known = _load(ResultsFolder(Path(folder), KIND, asdict(settings)))
@@ -133,7 +133,7 @@ def holds_sweep(folder: Path) -> bool:
 
 
 def read_sweep_settings(folder: Path) -> Sweep:
-    """The settings of a sweep on disk; a one-line ValueError if the folder holds none."""
+    """The settings of a sweep on disk; a ValueError if the folder holds none."""
     try:
         return Sweep(**read_settings(folder, KIND))
     except TypeError:

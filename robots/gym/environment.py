@@ -55,7 +55,7 @@ class RobotEnvironment(gymnasium.Env[Observation, Action]):
         """Which of so many an option names; drawn by chance without one.
 
         Raises:
-            ValueError: in one line, for an option that is not there, or a number beyond them.
+            ValueError: for an option that is not there, or a number beyond them.
         """
         given = dict(options or {})
         number = given.pop(name, None)
@@ -72,7 +72,7 @@ def checked_action(action: object, space: gymnasium.Space[Any]) -> Observation:
     """An action as numbers.
 
     Raises:
-        ValueError: in one line, for one that is not in its space.
+        ValueError: for one that is not in its space.
     """
     found = np.asarray(action)
     if found.dtype.kind in "biuf":

@@ -78,7 +78,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
             render_mode: None.
 
         Raises:
-            ValueError: in one line, for what is not allowed.
+            ValueError: for what is not allowed.
         """
         super().__init__(_LOW, _HIGH)
         self.render_mode = render_mode

@@ -87,7 +87,7 @@ class Quadruped:
 
     @property
     def height(self) -> float:
-        """Of the hips at rest [m]."""
+        """Height of the hips at rest [m]."""
         return self.limb_length + self.limb_radius
 
     def tree(self, variant: Variant = AS_RUN) -> Tree:

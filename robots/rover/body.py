@@ -47,7 +47,7 @@ class Rover:
         sensor_height: of their centres above the tops of the wheels [m].
 
     Raises:
-        ValueError: in one line, for numbers that are not allowed, or sites beside the body.
+        ValueError: for numbers that are not allowed, or sites beside the body.
     """
 
     sensors: Sites = CANONICAL
@@ -101,7 +101,7 @@ class Rover:
 
     @property
     def rate(self) -> float:
-        """Of a wheel at full command, if its motor's torque sufficed [rad/s]."""
+        """Rate of a wheel at full command, if its motor's torque suffices [rad/s]."""
         return 0.5 * self.speed * self.command_range
 
     def tree(self) -> Tree:

@@ -65,7 +65,7 @@ def rigid_motion(
         light_radius: [m]
 
     Raises:
-        ValueError: in one line, for results without frames, and frames of other robots.
+        ValueError: for results without frames, and frames of other robots.
     """
     _check(tree, frames, robot)
     assert frames is not None
@@ -164,7 +164,7 @@ def quadruped_motion(
         name: of the motion; by default that of the kind of robot.
 
     Raises:
-        ValueError: in one line, for results without frames, and frames of other robots.
+        ValueError: for results without frames, and frames of other robots.
     """
     robot = _place(result.light.shape, controller, environment)
     tree, frames = quadruped.tree(), result.rollouts.frames

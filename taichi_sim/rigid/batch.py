@@ -35,7 +35,7 @@ class Given:
     lights: Floats
 
     def rows(self, robots: Ints) -> "Given":
-        """Of some robots."""
+        """What some of the robots are given."""
         state = State(*(_rows(getattr(self.state, each.name), robots) for each in fields(State)))
         arrays = (_rows(x, robots) for x in (self.weights, self.commands, self.lights))
         return Given(len(robots), state, *arrays)
@@ -56,7 +56,7 @@ def check(
     """What a run is given, as arrays.
 
     Raises:
-        ValueError: in one line, for other shapes, numbers that are not finite, or both weights and commands.
+        ValueError: for other shapes, numbers that are not finite, or both weights and commands.
     """
     motors, hinges = trees[0].motors, len(trees[0].hinges)
     if weights is not None and commands is not None:

@@ -38,7 +38,7 @@ class RigidEngine:
         **compute: precision (default ``"f64"``), device and threads, as of :class:`Compute`.
 
     Raises:
-        ValueError: in one line, for trees of different structure or anything else that is not allowed.
+        ValueError: for trees of different structure or anything else that is not allowed.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class RigidEngine:
             record_every: record every so many steps; nothing if None.
 
         Raises:
-            ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
+            ValueError: for arrays of other shapes or numbers that are not allowed.
         """
         setup = self._setup(steps, weights, commands, hold, lights, start, record_every)
         found = []
@@ -139,7 +139,7 @@ class RigidEngine:
             start: where robots start.
 
         Raises:
-            ValueError: in one line, for what is not allowed, and Coulomb friction, whose cone has no derivative here.
+            ValueError: for what is not allowed, and Coulomb friction, whose cone has no derivative here.
         """
         if np.isfinite(self.world.friction):
             raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity, viscous slip alone")
@@ -163,7 +163,7 @@ class RigidEngine:
             start: as of ``run``.
 
         Raises:
-            ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
+            ValueError: for arrays of other shapes or numbers that are not allowed.
         """
         commands = np.zeros((batch, 1, self.tree.motors))
         setup = self._setup(1, None, commands, 1, lights, start, None)

@@ -64,7 +64,7 @@ class RigidGradient:
             value: the number.
 
         Raises:
-            ValueError: in one line, for a run with a ``start``, which would have to follow the number.
+            ValueError: for a run with a ``start``, which would have to follow the number.
         """
         if not self.described:
             raise ValueError("start: derivatives by a design are those of robots that start as described; give None")
@@ -110,7 +110,7 @@ class RigidTape:
             angles: by the hinges' angles at the end, (B, H).
 
         Raises:
-            ValueError: in one line, for other shapes.
+            ValueError: for other shapes.
         """
         plan, tree, batch = self._setup.plan, self._setup.trees[0], self._setup.given.batch
         counts = self._setup.tables.counts

@@ -40,7 +40,7 @@ class RigidSession:
             Where robots are now, and what they sense there; ``steps`` counts from this call.
 
         Raises:
-            ValueError: in one line, for arrays of other shapes or numbers that are not allowed.
+            ValueError: for arrays of other shapes or numbers that are not allowed.
         """
         plan, batch = self._setup.plan, self._setup.given.batch
         motors = int(plan[slots.MOTORS])

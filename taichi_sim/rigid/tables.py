@@ -29,7 +29,7 @@ class Senses:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of sensors."""
         return len(self.touch) + len(self.light)
 
 
@@ -62,7 +62,7 @@ def tables_of(tree: Tree, senses: Senses, commands: int) -> Tables:
     """The integers of a tree.
 
     Raises:
-        ValueError: in one line, for senses of bodies that do not exist or cannot touch.
+        ValueError: for senses of bodies that do not exist or cannot touch.
     """
     points = tree.points()
     touchable = {n for n, _, _ in points}

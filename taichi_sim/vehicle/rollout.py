@@ -66,7 +66,7 @@ def rollout(
         **compute: device, precision and threads; ``"f32"`` is for exploring, where a few percent of sweeps' cells flip.
 
     Raises:
-        ValueError: in one line, for settings that are not allowed, or more rollouts than fit into memory.
+        ValueError: for settings that are not allowed, or more rollouts than fit into memory.
     """
     if until not in get_args(Until):
         raise ValueError(f"until: {until!r} is unknown; choose one of {', '.join(get_args(Until))}")

@@ -26,7 +26,7 @@ class VehicleTask:
         steps: how many.
 
     Raises:
-        ValueError: in one line, for shapes, radii, steps and starts that are not allowed.
+        ValueError: for shapes, radii, steps and starts that are not allowed.
     """
 
     starts: Floats
@@ -81,7 +81,7 @@ class VehicleBatch:
             (B, C, 2, S), or (1, C, 2, S) where all bodies have the same.
 
     Raises:
-        ValueError: in one line, for other shapes and for numbers that are not finite.
+        ValueError: for other shapes and for numbers that are not finite.
     """
 
     sites: Floats
@@ -102,17 +102,17 @@ class VehicleBatch:
 
     @property
     def bodies(self) -> int:
-        """B."""
+        """Number of bodies, B."""
         return len(self.sites)
 
     @property
     def sensors(self) -> int:
-        """S."""
+        """Number of sensors of each body, S."""
         return self.sites.shape[1]
 
     @property
     def controllers_each(self) -> int:
-        """C."""
+        """Number of controllers of each body, C."""
         return self.controllers.shape[1]
 
     @property

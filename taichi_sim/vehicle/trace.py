@@ -50,7 +50,7 @@ def trace(
         **compute: device, precision and threads.
 
     Raises:
-        ValueError: in one line, for ``every`` below 1, or more samples than fit into memory.
+        ValueError: for ``every`` below 1, or more samples than fit into memory.
     """
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise ValueError(f"every: {every!r} is not allowed; give a whole number, at least 1")

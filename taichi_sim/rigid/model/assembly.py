@@ -72,7 +72,7 @@ class Lump:
 
     @classmethod
     def of(cls, mass: float, place: Place, inertia: Floats) -> "Lump":
-        """Of a mass at a place, its inertia in the axes of that place."""
+        """Put a mass at a place, with its inertia in the axes of that place."""
         return cls(mass, place.position, place.rotation @ inertia @ place.rotation.T)
 
 
@@ -120,7 +120,7 @@ def box(name: str, place: Place, size: Floats) -> Box:
     """A cuboid along the axes of a place in the world.
 
     Raises:
-        ValueError: in one line, where these are not the axes of the world.
+        ValueError: where these are not the axes of the world.
     """
     straight = np.abs(place.rotation).round(6)
     if np.abs(np.abs(place.rotation) - straight.round()).max() > _STRAIGHT:
@@ -154,7 +154,7 @@ def placed(kind: str, name: str, place: Place, size: Sequence[float]) -> Solid:
     """The solid that touches the ground; a capsule of the same length over all instead of a cylinder.
 
     Raises:
-        ValueError: in one line, for what the engine has not.
+        ValueError: for what the engine has not.
     """
     if kind == "sphere":
         return sphere(place, size[0])
@@ -172,7 +172,7 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     Parts without mass that are fixed to another become one with it.
 
     Raises:
-        ValueError: in one line, for a part without mass that moves on its own, or whatever ``Tree`` does not allow.
+        ValueError: for a part without mass that moves on its own, or whatever ``Tree`` does not allow.
     """
     found: dict[str, Part] = {}
     joined: dict[str, str] = {}

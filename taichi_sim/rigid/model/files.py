@@ -49,7 +49,7 @@ def parse_model(
         fastest: rate of drives by torque, which the engine drives by rate, at full command [rad/s].
 
     Raises:
-        ValueError: in one line, for a text that is not such a file or means what the engine has not.
+        ValueError: for a text that is not such a file or means what the engine has not.
     """
     positive("speed", speed)
     positive("fastest", fastest)

@@ -41,7 +41,7 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
     """The robot of an MJCF file.
 
     Raises:
-        ValueError: in one line, for what is not allowed.
+        ValueError: for what is not allowed.
     """
     for tag in _WRONG:
         if root.find(tag) is not None:
@@ -273,7 +273,7 @@ class _Reader:
         return at, [float(size[0]), *(float(2 * each) for each in size[1 : _SIZES[kind]])]
 
     def _friction(self, geom: Element) -> float:
-        """Of a solid on the ground: the larger of both counts."""
+        """Coefficient of friction of a solid on the ground: the larger one of both."""
         pair = [each for each in (geom, self.floor) if each is not None]
         return max(0.0 if each.get("condim") == "1" else numbers(each, "friction", "1")[0] for each in pair)
 

@@ -36,7 +36,7 @@ def drive(
         quickest: largest speed of a position drive [1/s].
 
     Raises:
-        ValueError: in one line, for other actuators, or where a range is missing or not symmetric.
+        ValueError: for other actuators, or where a range is missing or not symmetric.
     """
     gear = float(numbers(actuator, "gear", "1")[0])
     if actuator.tag not in ("position", "velocity", "motor") or gear == 0:
@@ -66,7 +66,7 @@ def _symmetric(actuator: Element, attribute: str) -> float:
 
 
 def _range(actuator: Element, span: tuple[float, float] | None, gear: float) -> tuple[float, float]:
-    """Of the control; of the hinge where a position actuator has none."""
+    """Smallest and largest control; a position actuator without a range has that of its hinge."""
     if "ctrlrange" not in actuator.attrib and actuator.tag == "position" and span is not None:
         return min(gear * span[0], gear * span[1]), max(gear * span[0], gear * span[1])
     low, high = numbers(actuator, "ctrlrange", None, 2)

@@ -16,7 +16,7 @@ def vector(field: str, value: Vector) -> Floats:
     """Three finite numbers.
 
     Raises:
-        ValueError: in one line, for anything else.
+        ValueError: for anything else.
     """
     try:
         found = np.array(value, float)
@@ -41,7 +41,7 @@ def positive(field: str, value: float, zero: bool = False) -> float:
     """A finite number above zero, or zero where that is allowed.
 
     Raises:
-        ValueError: in one line, for anything else.
+        ValueError: for anything else.
     """
     if not is_number(value) or value < 0 or (value == 0 and not zero):
         allowed = "a finite number, at least 0" if zero else "a positive finite number"
@@ -53,7 +53,7 @@ def unit(field: str, value: Vector) -> Floats:
     """A direction as a unit vector.
 
     Raises:
-        ValueError: in one line, for the zero vector or anything that is no vector.
+        ValueError: for the zero vector or anything that is no vector.
     """
     found = vector(field, value)
     length = float(np.linalg.norm(found))
@@ -110,12 +110,12 @@ class Capsule:
         vector("centre", self.centre)
 
     def points(self) -> list[tuple[Floats, float]]:
-        """As of a sphere: the two ends."""
+        """Balls at the two ends: centres from the body's centre, and radii [m]."""
         arm = unit("axis", self.axis) * self.length / 2
         return [(np.array(self.centre) + side * arm, self.radius) for side in (-1.0, 1.0)]
 
     def inertia(self, mass: float) -> Floats:
-        """As of a sphere."""
+        """Inertia of so much mass about the solid's own centre, (3, 3) [kg m^2]."""
         r, l = self.radius, self.length
         cylinder = mass * l / (l + 4 / 3 * r)
         ends = mass - cylinder
@@ -143,13 +143,13 @@ class Box:
         vector("centre", self.centre)
 
     def points(self) -> list[tuple[Floats, float]]:
-        """As of a sphere: the eight corners."""
+        """The eight corners as balls of radius 0: centres from the body's centre, and radii [m]."""
         half = np.array(self.size, float) / 2
         signs = np.array([(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
         return [(np.array(self.centre) + half * each, 0.0) for each in signs]
 
     def inertia(self, mass: float) -> Floats:
-        """As of a sphere."""
+        """Inertia of so much mass about the solid's own centre, (3, 3) [kg m^2]."""
         x, y, z = np.array(self.size, float) ** 2
         return np.diag([y + z, x + z, x + y]) * mass / 12
 

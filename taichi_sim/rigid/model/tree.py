@@ -73,7 +73,7 @@ class Motor:
         """Commands from -1 to 1 mean angles from lowest to highest [rad]; the rate is speed [1/s] times what lacks.
 
         Raises:
-            ValueError: in one line, for angles that are no numbers, or a speed that is not positive.
+            ValueError: for angles that are no numbers, or a speed that is not positive.
         """
         for name, angle in (("lowest", lowest), ("highest", highest)):
             if not is_number(angle):
@@ -152,7 +152,7 @@ class Tree:
         fixed: whether the base is fixed to the world.
 
     Raises:
-        ValueError: in one line, where joints make no tree.
+        ValueError: where joints make no tree.
     """
 
     bodies: Sequence[Body]
@@ -217,7 +217,7 @@ class Tree:
         """Place of a body in ``ordered``.
 
         Raises:
-            ValueError: in one line, for a body that does not exist.
+            ValueError: for a body that does not exist.
         """
         names = [body.name for body, _ in self.ordered]
         if name not in names:

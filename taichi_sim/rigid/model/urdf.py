@@ -24,7 +24,7 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     """The robot of a URDF file; revolute joints are driven to angles, continuous ones at rates, as far as effort goes.
 
     Raises:
-        ValueError: in one line, for what is not allowed.
+        ValueError: for what is not allowed.
     """
     links = {link.get("name", ""): link for link in root.findall("link")}
     joints = root.findall("joint")

@@ -17,7 +17,7 @@ def numbers(element: Element, attribute: str, default: str | None = None, count:
     """An attribute's numbers.
 
     Raises:
-        ValueError: in one line, where it is missing, or not so many finite numbers.
+        ValueError: where it is missing, or not so many finite numbers.
     """
     text = element.get(attribute, default)
     if text is None:
@@ -50,7 +50,7 @@ def single(element: Element, tag: str) -> Element | None:
     """The only child of a kind, or None.
 
     Raises:
-        ValueError: in one line, for several.
+        ValueError: for several.
     """
     found = element.findall(tag)
     if len(found) > 1:

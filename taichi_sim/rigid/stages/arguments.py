@@ -10,21 +10,21 @@ from taichi_sim.runtime import element
 
 @primitive
 def carrier_slots(robots: Block, b: Any) -> Pieces:
-    """Of ``hinged_place`` and ``welded_place``: the parent's rotation and place, anchor and centre."""
+    """Slots for ``hinged_place`` and ``welded_place``: the parent's rotation and place, anchor and centre."""
     parent, given = parent_at(robots, b), given_at(robots, b)
     return (parent + slots.ROTATION, 9), (parent + slots.PLACE, 3), (given + slots.ANCHOR, 3), (given + slots.CENTRE, 3)
 
 
 @primitive
 def moving_slots(robots: Block, b: Any) -> Pieces:
-    """Of ``carried_on``: mass and inertia, rotation, place, drift, own place, velocity."""
+    """Slots for ``carried_on``: mass and inertia, rotation, place, drift, own place, velocity."""
     places = ((slots.ROTATION, 9), (slots.PLACE, 3), (slots.DRIFT, 3), (slots.OWN, 3), (slots.VELOCITY, 6))
     return _of_body(robots, b, places)
 
 
 @primitive
 def body_slots(robots: Block, b: Any) -> Pieces:
-    """Of ``work`` before the adjoint motion: mass and inertia, rotation, place, carried, drift, velocity."""
+    """Slots for ``work`` before the adjoint motion: mass and inertia, rotation, place, carried, drift, velocity."""
     places = ((slots.ROTATION, 9), (slots.PLACE, 3), (slots.CARRIED, 6), (slots.DRIFT, 3), (slots.VELOCITY, 6))
     return _of_body(robots, b, places)
 
@@ -37,7 +37,7 @@ def _of_body(robots: Block, b: Any, places: Pieces) -> Pieces:
 
 @primitive
 def contact_slots(robots: Block, b: Any, i: Any) -> Pieces:
-    """Of ``contact_work`` before the adjoint motion: the body's pose, drift, the point, the base's height, velocity."""
+    """Slots for ``contact_work`` before the adjoint motion: pose, drift, the point, the base's height, velocity."""
     body, point = body_at(robots, b), count_of(robots, slots.POINT_PARAMETER) + i * slots.POINT_PARAMETER_WIDTH
     pose = (body + slots.ROTATION, 9), (body + slots.PLACE, 3), (body + slots.DRIFT, 3)
     return (*pose, (point, slots.POINT_PARAMETER_WIDTH), (slots.POSITION + 2, 1), (body + slots.VELOCITY, 6))
@@ -45,7 +45,7 @@ def contact_slots(robots: Block, b: Any, i: Any) -> Pieces:
 
 @primitive
 def eye_slots(robots: Block, s: Any) -> Pieces:
-    """Of ``light_reading``: the base's place, the body's rotation and place, the sensor's offset, the light."""
+    """Slots for ``light_reading``: the base's place, the body's rotation and place, the sensor's offset, the light."""
     body = body_at(robots, element(robots.eyes, s))
     offset = count_of(robots, slots.LIGHT_PARAMETER) + s * slots.LIGHT_PARAMETER_WIDTH
     return (slots.POSITION, 3), (body + slots.ROTATION, 9), (body + slots.PLACE, 3), (offset, 3), (slots.LIGHT, 3)
