@@ -1,35 +1,7 @@
-"""Forwards to ``robots.inflatable.gaits``: the import path of version 1.0."""
+"""Forwards to ``robots.inflatable``: the import path of version 1.0."""
 
-from robots.inflatable.gaits import (
-    BESIDE_TABLES,
-    GRADED_FORMAT,
-    GaitDesign,
-    PlayedGait,
-    as_graded,
-    counted_steps,
-    design_of,
-    is_timed,
-    load_gait,
-    played,
-    save_gait,
-    simulate,
-    simulated_steps,
-    steps_of,
-)
+from robots.inflatable.files import load_design as load_gait
+from robots.inflatable.files import save_design as save_gait
+from robots.inflatable.simulation import simulate
 
-__all__ = [
-    "BESIDE_TABLES",
-    "GRADED_FORMAT",
-    "GaitDesign",
-    "PlayedGait",
-    "as_graded",
-    "counted_steps",
-    "design_of",
-    "is_timed",
-    "load_gait",
-    "played",
-    "save_gait",
-    "simulate",
-    "simulated_steps",
-    "steps_of",
-]
+__all__ = ["load_gait", "save_gait", "simulate"]

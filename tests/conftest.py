@@ -116,8 +116,7 @@ def morpholab(tmp_path, monkeypatch, capfd):
 def simulator(monkeypatch):
     """The stand-in, in a folder and with pictures of its own."""
     stand_in = Simulator()
-    monkeypatch.setattr("robots.inflatable.robot.simulate", stand_in)
-    monkeypatch.setattr("robots.inflatable.gaits.simulate_relaxed", stand_in)
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", stand_in)
     picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
     monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
     return stand_in

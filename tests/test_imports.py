@@ -24,11 +24,6 @@ CIRCLES: set[tuple[str, str]] = set()
 # Functions with more parameters than a reader can hold, and how many they have.
 MOST, MOST_IN_KERNELS = 10, 20
 LONG = {
-    "robots/gym/pancake.py __init__": 11,
-    "robots/inflatable/gradient.py differentiate": 13,
-    "robots/inflatable/gradient.py simulate_relaxed": 15,
-    "robots/inflatable/journeys.py simulate_journey": 11,
-    "robots/inflatable/robot.py simulate": 12,
     "taichi_sim/lattice/engine.py __init__": 12,
 }
 UNTYPED_KEYWORDS = 40  # functions that take **keywords of any type

@@ -9,7 +9,7 @@ from optim.commands import Report, options
 from optim.progress import shown_progress
 
 if TYPE_CHECKING:
-    from robots.inflatable.robot import InflatableDesign
+    from robots.inflatable.design import InflatableDesign
 
 
 def add_parser(commands: Any) -> None:
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> Report:
 def _write_example(args: argparse.Namespace) -> Report:
     from robots.calibration import Laboratory, write_measurements
     from robots.calibration.example import TRUTH, example
-    from robots.inflatable.robot import NAMED_GEOMETRIES
+    from robots.inflatable.body import NAMED_GEOMETRIES
     from taichi_sim.base.files import claimed_path
 
     path, geometry = args.example, args.geometry or "small"
@@ -81,7 +81,7 @@ def _write_example(args: argparse.Namespace) -> Report:
 def _fit(args: argparse.Namespace) -> Report:
     from optim.calibration import calibrate, check_names, document, table
     from robots.calibration import CALIBRATION_FORMAT, Laboratory, read_measurements
-    from robots.inflatable.robot import NAMED_GEOMETRIES
+    from robots.inflatable.body import NAMED_GEOMETRIES
     from taichi_sim.base.files import write_record
 
     if args.geometry is not None:
@@ -110,7 +110,7 @@ def _fit(args: argparse.Namespace) -> Report:
 
 def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> "InflatableDesign":
     """A gait of a file of measurements; names of files are relative to its folder."""
-    from robots.inflatable.robot import InflatableDesign
+    from robots.inflatable.design import InflatableDesign
     from robots.inflatable.schedule import GaitSchedule
 
     design = options.load_gait(name if name in options.GAITS else str(folder / name))

@@ -10,7 +10,7 @@ from optim.wording import counted
 
 if TYPE_CHECKING:
     from robots.hardware import GaitTable
-    from robots.inflatable.gaits import GaitDesign
+    from robots.inflatable.design import InflatableDesign
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
@@ -123,7 +123,7 @@ def _report(args: argparse.Namespace, table: "GaitTable", unsampled: float | Non
     return Report(document, text)
 
 
-def _design(source: Path, member: int | None) -> "tuple[GaitDesign, int | None]":
+def _design(source: Path, member: int | None) -> "tuple[InflatableDesign, int | None]":
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
     if source.is_file() or (str(source) in options.GAITS and not source.exists()):
         if member is not None:

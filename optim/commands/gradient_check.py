@@ -16,7 +16,7 @@ from robots.world import Terrain
 if TYPE_CHECKING:
     from optim.problem import RelaxableProblem
     from optim.problems.inflatable.problem import GaitProblem
-    from robots.inflatable.relaxed_schedule import Schedule
+    from robots.inflatable.schedule import GaitSchedule
 
 HORIZONS = (1, 2, 4, 8)
 INSIDE = 0.15  # of its range: how far the point keeps from every bound
@@ -27,7 +27,7 @@ def add_parser(commands: Any) -> None:
     parser: argparse.ArgumentParser = commands.add_parser(
         "gradient-check",
         help="compare gradients with differences",
-        description="Compare the exact gradient of the speed, by pressure, orientation and relaxed schedule, with "
+        description="Compare the exact gradient of the speed, by pressure, orientation and levels of the gait, with "
         "central differences over step sizes and horizons, and with the gradient of the smoothed speed. Speeds of "
         "gaits with times of their own are counted by the time that they take.",
     )
@@ -129,17 +129,16 @@ def _horizons(text: str | None, columns: int) -> list[int]:
     return wanted
 
 
-def _problem(args: argparse.Namespace, schedule: "Schedule") -> "tuple[GaitProblem, np.ndarray]":
+def _problem(args: argparse.Namespace, schedule: "GaitSchedule") -> "tuple[GaitProblem, np.ndarray]":
     """A problem whose encoding says the schedule, and its genes of it, levels away from off and on."""
     from optim.problems.inflatable.encoding import GradedGait
     from optim.problems.inflatable.problem import GaitProblem
-    from robots.inflatable.relaxed_schedule import RelaxedSchedule
 
     given = {name: getattr(args, name) for name in ("geometry", "weight", "device", "threads")}
     given = {name: value for name, value in given.items() if value is not None}
     given |= {"columns": schedule.columns, "repeats": schedule.repeats, "encoding": "bits"}
-    genes = schedule.levels.ravel()
-    if isinstance(schedule, RelaxedSchedule) and (schedule.timed or schedule.pressure is not None):
+    genes = schedule.levels.flatten()
+    if schedule.has_own_times or schedule.core_pressure is not None:
         # All columns in a row, once, however long a difference makes them.
         given |= {"columns": schedule.columns * schedule.repeats, "repeats": 1, "encoding": "graded", "steps": 1}
         genes = GradedGait.genome(schedule)

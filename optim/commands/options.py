@@ -16,8 +16,8 @@ from taichi_sim.base.options import whole as whole
 if TYPE_CHECKING:
     from robots.calibration import Properties
     from robots.inflatable.cores import Pressure
-    from robots.inflatable.gaits import GaitDesign
-    from robots.inflatable.relaxed_schedule import Schedule
+    from robots.inflatable.design import InflatableDesign
+    from robots.inflatable.schedule import GaitSchedule
 
 GAITS = ("inching", "rolling")  # that commands know by name
 GEOMETRIES = ("published", "small", "two-core")  # likewise
@@ -108,18 +108,17 @@ def load_rig(path: Path | None) -> "tuple[Properties, str] | None":
 
 
 def inflatable_robot(
-    geometry: str, weight: str, properties: "Properties | None", design: "GaitDesign"
+    geometry: str, weight: str, properties: "Properties | None", design: "InflatableDesign"
 ) -> dict[str, Any]:
-    """Geometry and actuation that play a design, as options of ``robots.inflatable.gaits.simulate``.
+    """Geometry and actuation that play a design, as options of ``robots.inflatable.simulate``.
 
     Raises:
         ValueError: in one line, where a rig's skin is too stiff for the times of a gait.
     """
     from robots.calibration import robot_of
-    from robots.inflatable.gaits import is_timed
-    from robots.inflatable.robot import NAMED_GEOMETRIES
+    from robots.inflatable.body import NAMED_GEOMETRIES
 
-    if properties is not None and is_timed(design.schedule):
+    if properties is not None and design.schedule.has_own_times:
         properties.check_time_step(NAMED_GEOMETRIES[geometry])
     body, actuation = robot_of(geometry, weight, properties)
     return {"geometry": body, "actuation": actuation}
@@ -130,16 +129,16 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON document, and nothing else, on stdout")
 
 
-def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":
+def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
     """The design of a known gait's name, or of a file; with ``from_rows`` what the rows of a gait table play.
 
     Raises:
         ValueError: in one line, for anything else.
     """
     from robots.hardware import read_design
-    from robots.inflatable import robot as inflatable
+    from robots.inflatable.design import INCHING, ROLLING
 
-    known = dict(zip(GAITS, (inflatable.INCHING, inflatable.ROLLING), strict=True))
+    known = dict(zip(GAITS, (INCHING, ROLLING), strict=True))
     if text in known and not from_rows:
         return known[text]
     if text not in known and not Path(text).is_file():
@@ -157,7 +156,7 @@ def claim_folder(args: argparse.Namespace) -> None:
         args.held.enter_context(files.claimed_folder("out", args.out))
 
 
-def cut(schedule: "Schedule", columns: int | None, repeats: int | None) -> "Schedule":
+def cut(schedule: "GaitSchedule", columns: int | None, repeats: int | None) -> "GaitSchedule":
     """The first columns of a schedule, and how often they are played; None keeps what there is."""
     if columns is not None and columns > schedule.columns:
         raise ValueError(f"columns: {columns} is not allowed; the gait has {schedule.columns}")

@@ -13,7 +13,7 @@ from optim.progress import shown_progress
 from robots.world import Terrain
 
 if TYPE_CHECKING:
-    from robots.inflatable.gaits import GaitDesign
+    from robots.inflatable.design import InflatableDesign
 
 
 def add_parser(commands: Any) -> None:
@@ -78,14 +78,15 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
-    from robots.inflatable import gaits
-    from robots.inflatable.robot import sideways
+    from robots.inflatable import simulation
+    from robots.inflatable.design import InflatableDesign
+    from robots.inflatable.simulation import sideways
 
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
     options.claim_folder(args)
     design = options.load_gait(args.gait, args.from_rows)
-    design = gaits.design_of(
+    design = InflatableDesign(
         design.pressure if args.pressure is None else args.pressure,
         design.orientation if args.orientation is None else args.orientation,
         options.cut(design.schedule, args.columns, args.repeats),
@@ -96,7 +97,7 @@ def run(args: argparse.Namespace) -> Report:
         return _judge(args, design, terrain, robot)
     title = f"{args.gait} {terrain.where}"
     with shown_progress(title, 1.0) as update:
-        result = gaits.simulate(
+        result = simulation.simulate(
             [design],
             terrain,
             **robot,
@@ -137,7 +138,7 @@ def run(args: argparse.Namespace) -> Report:
     return Report(document, text, FAILED if failed else 0)
 
 
-def _judge(args: argparse.Namespace, design: "GaitDesign", terrain: Terrain, robot: dict[str, Any]) -> Report:
+def _judge(args: argparse.Namespace, design: "InflatableDesign", terrain: Terrain, robot: dict[str, Any]) -> Report:
     """What the gait is worth, see ``robots.inflatable.robustness``."""
     from robots.inflatable.robustness import judge_gait
 
@@ -172,7 +173,7 @@ def _rig(args: argparse.Namespace) -> dict[str, str]:
     return {} if args.calibration is None else {"calibration": str(args.calibration)}
 
 
-def _robot(args: argparse.Namespace, design: "GaitDesign") -> tuple[dict[str, Any], str, str]:
+def _robot(args: argparse.Namespace, design: "InflatableDesign") -> tuple[dict[str, Any], str, str]:
     """Geometry and actuation, and the names of the geometry and of how bladders weigh."""
     rig = options.load_rig(args.calibration)
     name, weight = args.geometry or (rig[1] if rig else "published"), args.weight or "published"
@@ -181,7 +182,7 @@ def _robot(args: argparse.Namespace, design: "GaitDesign") -> tuple[dict[str, An
 
 def _write(
     folder: Path,
-    design: "GaitDesign",
+    design: "InflatableDesign",
     terrain: Terrain,
     robot: dict[str, Any],
     document: dict[str, Any],
@@ -189,11 +190,11 @@ def _write(
 ) -> None:
     from robots.hardware import export_csv
     from robots.inflatable.cores import common_pressure
-    from robots.inflatable.gaits import save_gait
+    from robots.inflatable.files import save_design
     from robots.view.picture import save_motion_picture
 
     folder.mkdir(parents=True, exist_ok=True)
-    save_gait(design, folder / "design.json")
+    save_design(design, folder / "design.json")
     (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
     if frames is not None:
         np.savez_compressed(folder / "frames.npz", **vars(frames))

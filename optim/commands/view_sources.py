@@ -156,7 +156,8 @@ def _terrain(args: argparse.Namespace, own: Terrain | None) -> Terrain:
 
 
 def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, progress: Progress) -> Motion:
-    from robots.inflatable import gaits
+    from robots.inflatable import simulation
+    from robots.inflatable.timing import gait_steps
     from robots.view.soft_motion import inflatable_motion
 
     design = dataclasses.replace(design, schedule=options.cut(design.schedule, args.columns, args.repeats))
@@ -166,8 +167,8 @@ def _inflatable(design: Any, name: str, args: argparse.Namespace, run: Any, prog
     weight = args.weight or (run.weight if run else "published")
     robot = options.inflatable_robot(geometry, weight, properties, design)
     terrain = _terrain(args, run.terrains[0] if run else None)
-    steps = gaits.steps_of(design, robot["actuation"])
-    result = gaits.simulate(
+    steps = gait_steps(design.schedule, robot["actuation"])
+    result = simulation.simulate(
         [design], terrain, **robot, **_where(args), record_every=record_every(steps, args.frames), progress=progress
     )
     return inflatable_motion(result, design, terrain, actuation=robot["actuation"], name=f"{name} {terrain.where}")

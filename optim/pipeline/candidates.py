@@ -10,9 +10,10 @@ from optim.experiments.results import Progress, cached, part_of
 from optim.pipeline.task import PipelineTask
 from optim.runs import open_run, run_search
 from optim.search import build_method
-from robots.inflatable import gaits
-from robots.inflatable.gaits import GaitDesign, steps_of
+from robots.inflatable import simulation
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import NOISE
+from robots.inflatable.timing import gait_steps
 from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -30,7 +31,7 @@ def slug(terrain: Terrain) -> str:
 
 def find_gaits(
     task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None
-) -> dict[str, GaitDesign]:
+) -> dict[str, InflatableDesign]:
     """All candidates by name that are short enough and that the rig can play; searches go on where they were.
 
     Args:
@@ -47,13 +48,13 @@ def find_gaits(
     return {
         name: design
         for name, design in found.items()
-        if steps_of(design, task.robot["actuation"]) <= task.limits.most_steps and not task.refusal(design)
+        if gait_steps(design.schedule, task.robot["actuation"]) <= task.limits.most_steps and not task.refusal(design)
     }
 
 
 def _search(
     task: PipelineTask, terrain: Terrain, folder: Path, progress: Progress, threads: int | None
-) -> GaitDesign | None:
+) -> InflatableDesign | None:
     """The best gait of a search on a terrain, in full; None if all failed."""
     assert task.search is not None
     search, settings = task.search, task.method_settings(task.search)
@@ -75,7 +76,7 @@ def _search(
 
 
 def speeds_of(
-    designs: Mapping[str, GaitDesign],
+    designs: Mapping[str, InflatableDesign],
     task: PipelineTask,
     folder: ResultsFolder,
     progress: Progress = None,
@@ -98,8 +99,10 @@ def speeds_of(
             part = part_of(progress, number * len(task.terrains) + place, total)
             copies = [design] * task.runs
 
-            def play(copies: Sequence[GaitDesign] = copies, terrain: Terrain = terrain, part: Progress = part) -> Any:
-                run = gaits.simulate(copies, terrain, perturbation=NOISE, seed=task.seed, progress=part, **where)
+            def play(
+                copies: Sequence[InflatableDesign] = copies, terrain: Terrain = terrain, part: Progress = part
+            ) -> Any:
+                run = simulation.simulate(copies, terrain, perturbation=NOISE, seed=task.seed, progress=part, **where)
                 return {"speeds": run.speed}
 
             rows.append(cached(folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play)["speeds"])

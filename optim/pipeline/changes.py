@@ -10,9 +10,8 @@ from optim.experiments.results import Progress, cached, part_of
 from optim.pipeline.candidates import slug
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
-from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import Leg, simulate_journey
-from robots.inflatable.relaxed_schedule import RelaxedDesign
 from robots.inflatable.robustness import NOISE
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
 from robots.world import Terrain
@@ -42,7 +41,7 @@ class Change:
     before: str
     after: str
     terrain: Terrain
-    design: RelaxedDesign
+    design: InflatableDesign
     way: str
     judgement: TransitionJudgement
     next_speed: float
@@ -51,7 +50,7 @@ class Change:
 
 def find_change(
     names: tuple[str, str],
-    designs: tuple[GaitDesign, GaitDesign],
+    designs: tuple[InflatableDesign, InflatableDesign],
     terrains: tuple[Terrain, Terrain],
     task: PipelineTask,
     folder: ResultsFolder,
@@ -141,7 +140,7 @@ def _play(legs: Sequence[Leg], task: PipelineTask, progress: Progress, threads: 
 
 
 def _judged(
-    names: tuple[str, str], ground: Terrain, design: RelaxedDesign, way: str, found: Arrays, task: PipelineTask
+    names: tuple[str, str], ground: Terrain, design: InflatableDesign, way: str, found: Arrays, task: PipelineTask
 ) -> Change:
     """What the runs say of a way."""
     worst = {name: float(found[name].max()) for name in ("shape_error", "moved", "turned", "deepest")}

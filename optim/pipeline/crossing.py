@@ -10,7 +10,7 @@ from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change, part_name
 from optim.pipeline.machine import State
 from optim.pipeline.task import PipelineTask
-from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg, simulate_journey
 from robots.inflatable.robustness import NOISE
 from taichi_sim.base.arrays import Arrays
@@ -44,7 +44,7 @@ class Crossing:
 def cross(
     states: tuple[State, State],
     change: Change | None,
-    single: tuple[str, GaitDesign],
+    single: tuple[str, InflatableDesign],
     task: PipelineTask,
     folder: ResultsFolder,
     progress: Progress = None,

@@ -11,8 +11,8 @@ from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask
 from robots.calibration import Properties
-from robots.inflatable.gaits import GaitDesign
-from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.inflatable.body import NAMED_GEOMETRIES
+from robots.inflatable.design import InflatableDesign
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
@@ -42,7 +42,7 @@ class State:
 
     terrain: Terrain
     gait: str
-    design: GaitDesign
+    design: InflatableDesign
     speeds: Sequence[float]
 
     @property

@@ -16,7 +16,8 @@ from optim.pipeline.task import PipelineTask
 from optim.problems.inflatable.told import RIG_FILE
 from robots.calibration import save_properties
 from robots.hardware import export_csv
-from robots.inflatable.gaits import GaitDesign, save_gait
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import save_design
 from taichi_sim.base.files import write_text
 
 FOLDERS = ("gaits", "tables", "pictures")
@@ -41,7 +42,7 @@ class Package:
     """
 
     task: PipelineTask
-    candidates: Mapping[str, GaitDesign]
+    candidates: Mapping[str, InflatableDesign]
     speeds: Mapping[str, np.ndarray]
     plan: Plan
     one_gait: Plan | None
@@ -110,7 +111,7 @@ def write_package(package: Package, folder: Path) -> list[str]:
     designs = {state.name: state.design for state in package.states}
     designs |= {change_name(pair): change.design for pair, change in package.changes.items() if change}
     for name, design in designs.items():
-        save_gait(design, folder / "gaits" / f"{name}.json")
+        save_design(design, folder / "gaits" / f"{name}.json")
         export_csv(design, folder / "tables" / f"{name}.csv", package.task.rig, seed=package.task.seed)
         written += [f"gaits/{name}.json", f"tables/{name}.csv"]
     for state in package.states:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from robots.inflatable.cores import common_pressure, kilopascals
-from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.design import InflatableDesign
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def route_speed(speeds: Sequence[float], changes: Sequence[float], stretch: floa
 
 
 def rank_plans(
-    designs: Mapping[str, GaitDesign],
+    designs: Mapping[str, InflatableDesign],
     speeds: Mapping[str, Sequence[float]],
     stretch: float,
     least: float,
@@ -59,7 +59,7 @@ def rank_plans(
     return sorted(plans, key=lambda plan: (-plan.speed, plan.gaits))
 
 
-def core_of(design: GaitDesign) -> float:
+def core_of(design: InflatableDesign) -> float:
     """The core pressure of a design [Pa].
 
     Raises:
@@ -81,6 +81,6 @@ def best_of_one_gait(plans: Sequence[Plan]) -> Plan | None:
     return next((plan for plan in plans if len(set(plan.gaits)) == 1), None)
 
 
-def best_of_one_shape(plans: Sequence[Plan], designs: Mapping[str, GaitDesign]) -> Plan | None:
+def best_of_one_shape(plans: Sequence[Plan], designs: Mapping[str, InflatableDesign]) -> Plan | None:
     """The fastest plan with the same core pressure everywhere."""
     return next((plan for plan in plans if len({core_of(designs[name]) for name in plan.gaits}) == 1), None)

@@ -10,9 +10,8 @@ import numpy as np
 from optim.experiments.results import Progress, part_of
 from optim.pipeline.machine import properties_of, read_machine
 from robots.calibration import robot_of
-from robots.hardware import read_csv
-from robots.inflatable import gaits
-from robots.inflatable.gaits import GaitDesign, design_of
+from robots.hardware import read_design
+from robots.inflatable import simulation
 from robots.inflatable.robustness import NOISE
 from robots.world import Terrain
 
@@ -39,16 +38,6 @@ class Replayed:
         return bool(abs(self.replayed - self.designed) <= TOLERANCE * abs(self.designed))
 
 
-def design_of_rows(path: Path) -> GaitDesign:
-    """The design that the rows of a table play; of its header only what lines know nothing of.
-
-    Raises:
-        ValueError: in one line, for a table that cannot be read or plays no gait.
-    """
-    played = read_csv(path).played()
-    return design_of(played.pressure, played.orientation, played.schedule)
-
-
 def replay_package(folder: Path, progress: Progress = None, threads: int | None = None) -> list[Replayed]:
     """Play every gait of a package from the rows of its table, with the noise with which it was measured.
 
@@ -67,9 +56,9 @@ def _speed(
     folder: Path, state: Mapping[str, Any], simulated: Mapping[str, Any], progress: Progress, threads: int | None
 ) -> float:
     """Mean speed of a state's table."""
-    design = design_of_rows(folder / state["table"])
+    design = read_design(folder / state["table"], from_rows=True)
     geometry, actuation = robot_of(simulated["geometry"], "published", properties_of(simulated))
-    run = gaits.simulate(
+    run = simulation.simulate(
         [design] * simulated["runs"],
         Terrain(**state["terrain"]),
         geometry=geometry,

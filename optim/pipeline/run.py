@@ -14,7 +14,7 @@ from optim.pipeline.machine import State, change_name
 from optim.pipeline.package import Package
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
 from optim.pipeline.task import PipelineTask
-from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.design import InflatableDesign
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "pipeline"
@@ -86,7 +86,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
 
 def _choose(
     plans: Sequence[Plan],
-    candidates: Mapping[str, GaitDesign],
+    candidates: Mapping[str, InflatableDesign],
     task: PipelineTask,
     folder: ResultsFolder,
     progress: Progress,
@@ -111,7 +111,7 @@ def _choose(
 
 def _changes(
     plan: Plan,
-    candidates: Mapping[str, GaitDesign],
+    candidates: Mapping[str, InflatableDesign],
     task: PipelineTask,
     folder: ResultsFolder,
     progress: Progress,

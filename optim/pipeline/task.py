@@ -10,10 +10,11 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.search import METHODS, build_method, default_settings
 from robots.calibration import Properties, load_calibration, robot_of
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
-from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.cores import common_pressure, kilopascals
-from robots.inflatable.gaits import GaitDesign
-from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
+from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, nearest, number, whole_number
 from taichi_sim.base.files import why_unread
@@ -87,7 +88,7 @@ class PipelineTask:
     """
 
     terrains: tuple[Terrain, ...]
-    gaits: Mapping[str, GaitDesign]
+    gaits: Mapping[str, InflatableDesign]
     search: SearchSettings | None = None
     geometry: str = "published"
     runs: int = 4
@@ -132,7 +133,7 @@ class PipelineTask:
         geometry, actuation = robot_of(self.geometry, "published", self.calibration)
         return {"geometry": geometry, "actuation": actuation}
 
-    def refusal(self, design: GaitDesign) -> str:
+    def refusal(self, design: InflatableDesign) -> str:
         """Why the rig cannot play a gait; nothing if it can."""
         try:
             gait_table(design, self.rig)
@@ -197,11 +198,11 @@ def _check_keys(path: Path, table: str, given: Any, known: list[str]) -> None:
             raise ValueError(f"task: {path} has an unknown key {key!r}{where}{nearest(key, known)}")
 
 
-def _gaits(path: Path, names: Any) -> dict[str, GaitDesign]:
+def _gaits(path: Path, names: Any) -> dict[str, InflatableDesign]:
     """Gaits of the robot by name: those made by hand, and files or gait tables, relative to the task."""
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise ValueError(f"gaits: {names!r} is not allowed; give names or files, such as ['rolling', 'climb.json']")
-    found: dict[str, GaitDesign] = {}
+    found: dict[str, InflatableDesign] = {}
     for name in names:
         label = Path(name).stem
         if label in found:

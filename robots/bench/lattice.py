@@ -19,8 +19,9 @@ import numpy as np
 
 from robots.bench import braitenberg as vehicle_bench
 from robots.bench import quadruped as rigid_bench
+from robots.inflatable.body import PUBLISHED
+from robots.inflatable.design import INCHING
 from robots.inflatable.program import build_program
-from robots.inflatable.robot import INCHING, PUBLISHED
 from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH

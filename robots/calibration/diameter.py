@@ -7,9 +7,8 @@ import numpy as np
 
 from robots.calibration.laboratory import Laboratory, Trial
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
-from robots.inflatable.cores import InflatedCores
-from robots.inflatable.program import initialise
-from robots.world import Terrain, weights
+from robots.inflatable.events import RobotEvents
+from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents
@@ -67,10 +66,11 @@ class Diameter:
         before = np.concatenate([[0.0], levels[:-1]])
         ramps = np.rint((levels - before) / rate).astype(int)
         measured = np.cumsum(ramps + hold)
-        cores = InflatedCores.of(float(levels[-1]), laboratory.geometry)
         for robot, trial in enumerate(trials):
             drive = replace(laboratory.drive(trial.properties), hold_steps=hold)
-            initialise(builder, robot, cores, weights(Terrain(), 0.0), int(measured[-1]), drive)
+            events = RobotEvents.of(builder, robot, float(levels[-1]), 0.0, Terrain(), drive, laboratory.geometry)
+            events.initialise(int(measured[-1]))
+            cores = events.cores
             builder.set(Quantity.GLOBAL_DAMPING, _DAMPING, regions=cores.everywhere, robots=robot)
         for start, level, ramp, end in zip(before, levels, ramps, measured, strict=True):
             begin = int(end) - hold - int(ramp)

@@ -9,7 +9,7 @@ from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Experiment, Laboratory, Trial
 from robots.calibration.properties import Properties
-from robots.inflatable.robot import INCHING
+from robots.inflatable.design import INCHING
 
 TRUTH = Properties(friction=1.3, low_friction=0.15, modulus=480e3, inflation_rate=2.0)
 NOISE = 0.02  # standard deviation, in parts of the root mean square of an experiment's values

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robots.calibration.laboratory import Laboratory, Trial
-from robots.inflatable.actuation import play
-from robots.inflatable.cores import InflatedCores, highest_pressure
-from robots.inflatable.program import write_robot
-from robots.inflatable.robot import InflatableDesign, travel_directions
-from robots.world import Terrain, weights
+from robots.inflatable.cores import highest_pressure
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.events import RobotEvents
+from robots.inflatable.simulation import travel_directions
+from robots.inflatable.timing import play
+from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
@@ -72,13 +73,14 @@ class Gait:
     def _program(self, trials: Sequence[Trial], laboratory: Laboratory, times: Floats) -> LatticeProgram:
         """Robots of all properties; each ends with its gait, or with the last time."""
         builder, marks = ProgramBuilder(len(trials)), []
-        own = weights(self.terrain, self.design.orientation)
-        cores = InflatedCores.of(self.design.pressure, laboratory.geometry)
+        pressure, orientation = self.design.pressure, self.design.orientation
         for robot, trial in enumerate(trials):
             drive = laboratory.drive(trial.properties).on(self.terrain)
-            begin = drive.initial_steps(highest_pressure(self.design.pressure))
-            columns, steps = play(self.design.schedule, drive)
-            write_robot(builder, robot, cores, own, self.terrain, columns, begin, drive)
+            begin = drive.initial_steps(highest_pressure(pressure))
+            columns, steps = play(self.design.schedule, drive, core=self.design.core_over_time)
+            events = RobotEvents.of(builder, robot, pressure, orientation, self.terrain, drive, laboratory.geometry)
+            events.initialise(begin)
+            events.play(columns, begin)
             played = np.minimum(np.rint(np.minimum(times / laboratory.time_step, steps)), steps).astype(int)
             marks.append([begin, *(begin + played)])
         return builder.build([mark[-1] for mark in marks], np.array(marks))

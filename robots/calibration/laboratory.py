@@ -8,7 +8,7 @@ from typing import Protocol
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.robot import scattered
+from robots.inflatable.simulation import scattered
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeEngine

@@ -14,7 +14,9 @@ from robots.calibration.diameter import SIDES, Diameter
 from robots.calibration.drag import Drag
 from robots.calibration.gait import Gait
 from robots.calibration.laboratory import Experiment
-from robots.inflatable.robot import MAXIMUM_PRESSURE, NAMED_GEOMETRIES, InflatableDesign
+from robots.inflatable.body import NAMED_GEOMETRIES
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import MAXIMUM_PRESSURE
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number

@@ -3,28 +3,31 @@
 Source: Powers 2021 dissertation, ch. 5; a sequence of actions does what a schedule of these columns does, bit for bit.
 """
 
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import gymnasium
 import numpy as np
 
 from robots.gym.environment import Observation, RobotEnvironment, checked_action
-from robots.inflatable.actuation import ACTUATION, InflatableActuation, column_of, nominal_steps
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
     FIRST_BLADDER,
     FOOT_1,
     FOOT_2,
-    SKIN_REGIONS,
+    NAMED_GEOMETRIES,
     InflatableGeometry,
     kinds_of,
 )
-from robots.inflatable.cores import InflatedCores, Pressure, checked_pressure, highest_pressure
-from robots.inflatable.program import initialise, set_weight, write_column
-from robots.inflatable.robot import NAMED_GEOMETRIES, scattered, travel_directions
-from robots.inflatable.schedule import ROWS
-from robots.world import Terrain, weights
+from robots.inflatable.cores import Pressure, checked_pressure, each_pressure, highest_pressure
+from robots.inflatable.events import RobotEvents
+from robots.inflatable.schedule import ROWS, GaitSchedule
+from robots.inflatable.simulation import engine_of, scattered, travel_directions
+from robots.inflatable.timing import nominal_steps, play
+from robots.world import Terrain
+from taichi_sim.autodiff.dual import value_of
 from taichi_sim.base.checks import choice, number
+from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
@@ -59,10 +62,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         geometry: InflatableGeometry | str = "published",
         actuation: InflatableActuation = ACTUATION,
         perturbation: float = 0.0,
-        precision: str = "f64",
-        device: str = "cpu",
-        threads: int | None = None,
         render_mode: None = None,
+        **compute: Unpack[ComputeOptions],
     ) -> None:
         """Take the design and the terrain.
 
@@ -74,8 +75,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
             geometry: of the body, or its name.
             actuation: rates and friction.
             perturbation: standard deviation of noise on the start positions [m].
-            precision, device, threads: as of ``robots.inflatable.simulate``.
             render_mode: None.
+            compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
         Raises:
             ValueError: for what is not allowed.
@@ -92,14 +93,13 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         else:
             raise ValueError(f"actions: {actions!r} is unknown; choose bits or continuous")
         self.pressure = checked_pressure(pressure)
-        self._cores = InflatedCores.of(self.pressure, geometry)
-        heading = number("orientation", orientation, 0.0, 90.0, "degrees")
-        self._ahead = travel_directions(np.array([heading]))[0]
-        terrain = Terrain(slope)
-        self._weights = weights(terrain, heading)
-        self.geometry, self.actuation = geometry, actuation.on(terrain)
+        each_pressure(self.pressure, geometry)
+        self._heading = number("orientation", orientation, 0.0, 90.0, "degrees")
+        self._ahead = travel_directions(np.array([self._heading]))[0]
+        self._terrain = Terrain(slope)
+        self.geometry, self.actuation = geometry, actuation.on(self._terrain)
         self._perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-        self._engine_settings: dict[str, Any] = {"precision": precision, "device": device, "threads": threads}
+        self._compute = Compute.given(compute)
         self._engine: LatticeEngine | None = None
         self._ready: Any = None
 
@@ -111,9 +111,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         if options:
             raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
         if self._engine is None:
-            self._engine = LatticeEngine(
-                self.geometry.body, 1, time_step=self.geometry.time_step, floor=True, **self._engine_settings
-            )
+            self._engine = engine_of(1, self.geometry, self._terrain, self._compute)
         self._levels = np.full(BLADDER_COUNT, self.actuation.deflated)
         self._grips, self._columns, self._steps = np.ones(2), 0, 0
         if self._ready is None or self._perturbation:
@@ -129,24 +127,29 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
 
     def _initialised(self) -> LatticeResult:
         assert self._engine
-        builder = ProgramBuilder(1)
+        builder, events = self._events()
         steps = self.actuation.initial_steps(highest_pressure(self.pressure))
-        initialise(builder, 0, self._cores, self._weights, steps, self.actuation)
+        events.initialise(steps)
         return self._engine.run(builder.build(steps, np.array([[steps]])))
+
+    def _events(self) -> tuple[ProgramBuilder, RobotEvents]:
+        """An empty program, and what writes the robot's events into it."""
+        builder = ProgramBuilder(1)
+        own = self.pressure, self._heading, self._terrain
+        return builder, RobotEvents.of(builder, 0, *own, self.actuation, self.geometry)
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Play one column."""
         if self._engine is None:
             raise RuntimeError("reset the environment before its first step")
-        bits = checked_action(action, self.action_space) > 0.5
-        column = column_of(bits, self._levels, 0, self.actuation)
-        steps = column.motion_steps + self.actuation.settle_steps
-        builder = ProgramBuilder(1)
-        if self._columns == 0:  # the skin feels the slope from here on
-            set_weight(builder, 0, self._weights[1], self._cores.skin(SKIN_REGIONS), 0)
-        write_column(builder, 0, self._cores, self._weights[1], column, 0, self._columns == 0, self.actuation)
+        bits = (checked_action(action, self.action_space) > 0.5).astype(float)
+        (column,), steps = play(GaitSchedule(bits[:, None], repeats=1), self.actuation, levels=self._levels)
+        builder, events = self._events()
+        if self._columns == 0:
+            events.tilt_skin(0)
+        events.play_column(column, 0, first=self._columns == 0)
         found = self._engine.run(builder.build(steps, np.array([[steps]])))
-        self._levels, self._grips = np.asarray(column.ends, float), bits[BLADDER_COUNT:].astype(float)
+        self._levels, self._grips = value_of(column.motion.ends), bits[BLADDER_COUNT:]
         self._columns, self._steps = self._columns + 1, self._steps + int(found.steps[0])
         if str(found.status[0]) != "ok":
             return self._outcome(_LOW, 0.0, False, True, self._info())

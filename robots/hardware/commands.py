@@ -1,7 +1,7 @@
 """What lines are told, state by state, and how long it shall last.
 
-A gait of on and off leaves time to the rig: a state lasts as long as its slowest line. So does one that is graded but
-has the published times. A gait with times of its own dwells as it does in the simulation.
+A gait with the published times leaves time to the rig: a state lasts as long as its slowest line. A gait with times of
+its own dwells as it does in the simulation.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +12,9 @@ import numpy as np
 from robots.hardware.line_map import LineMap
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.body import PUBLISHED
-from robots.inflatable.relaxed_motion import durations
-from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS
+from robots.inflatable.timing import durations
 from taichi_sim.base.arrays import Floats
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
@@ -47,22 +47,21 @@ class Commands:
         return replace(self, targets=np.clip(self.targets, low, high))
 
 
-def commands_of(schedule: Schedule, pressure: float, line_map: LineMap) -> Commands:
-    """The commands of a gait of either kind.
+def commands_of(design: InflatableDesign, line_map: LineMap) -> Commands:
+    """The commands of a gait.
 
     Args:
-        schedule: of the actuators.
-        pressure: simulated, of the core before the gait [Pa].
+        design: with one core pressure.
         line_map: from simulated to line pressures.
     """
+    schedule = design.schedule
     shaping = (np.arange(ROWS) >= BLADDERS).astype(float)  # the feet grip
     levels = np.column_stack([shaping, schedule.levels, schedule.levels])
-    core, times = np.full(levels.shape[1], pressure), np.zeros((schedule.columns, 2))
-    if isinstance(schedule, RelaxedSchedule):
-        if schedule.pressure is not None:
-            core[1:] = np.tile(schedule.pressure, 2)
-        if schedule.timed:
-            times = np.array(durations(schedule, ACTUATION))[: schedule.columns] * TIME_STEP
+    core, times = np.full(levels.shape[1], design.pressure), np.zeros((schedule.columns, 2))
+    if schedule.core_pressure is not None:
+        core[1:] = np.tile(schedule.core_pressure, 2)
+    if schedule.has_own_times:
+        times = np.array(durations(schedule, ACTUATION))[: schedule.columns] * TIME_STEP
     states = line_map.lines(core, levels)
     portions = np.ones((len(states) + 1, states.shape[1]))
     ways = np.abs(np.diff(levels, axis=1)).T

@@ -1,17 +1,20 @@
-"""Gait tables as CSV files: a header that carries the design exactly, then rows for the rig."""
+"""Gait tables as CSV files (a header that carries the design exactly, then rows for the rig), and their designs."""
 
 import hashlib
 import itertools
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
-from robots.hardware.table import Design, GaitTable, PlayedDesign, design_hash, gait_table
+from robots.hardware.table import GaitTable, design_hash, gait_table
 from robots.hardware.timeline import section_of
-from robots.inflatable.relaxed_schedule import schedule_of_text
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import load_design
+from robots.inflatable.schedule import GaitSchedule
 from taichi_sim.base.files import read_text, write_text
 
 SCHEMA = "morpholab-gait-2"
@@ -21,7 +24,7 @@ _NO_SEED = "unknown"
 
 
 def export_csv(
-    design: Design,
+    design: InflatableDesign,
     path: str | os.PathLike[str],
     rig: PneumaticRig | None = None,
     units: str = "kpa",
@@ -94,6 +97,20 @@ def read_csv(path: str | os.PathLike[str]) -> GaitTable:
         raise ValueError(f"{path}: {error}") from None
 
 
+def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
+    """The design of a gait file (JSON), or of a gait table (``.csv``): that of its header, or what its rows play.
+
+    Raises:
+        ValueError: in one line, for any other file, and for rows asked of one that has none.
+    """
+    if path.suffix.lower() == ".csv":
+        table = read_csv(path)
+        return table.played() if from_rows else table.design
+    if from_rows:
+        raise ValueError(f"from-rows: {str(path)!r} has no rows; name a gait table (.csv)")
+    return load_design(path)
+
+
 def _read(lines: list[str]) -> GaitTable:
     head = list(itertools.takewhile(lambda line: line.startswith("#"), lines))
     pairs = [(name.strip(), value.strip()) for name, _, value in (line[1:].partition("=") for line in head)]
@@ -129,10 +146,10 @@ def _check_columns(lines: list[str], at: int, units: str) -> None:
         raise ValueError(f"line {at + 1}: columns must be {','.join(expected)}, in this order")
 
 
-def _design(header: Mapping[str, str]) -> PlayedDesign:
+def _design(header: Mapping[str, str]) -> InflatableDesign:
     try:
-        schedule = schedule_of_text(header["schedule"], int(header["repeats"]))
-        design = PlayedDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
+        schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
+        design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None

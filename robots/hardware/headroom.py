@@ -10,8 +10,9 @@ import numpy as np
 
 from robots.hardware.commands import commands_of
 from robots.hardware.rig import CHANNELS, Channel, PneumaticRig
-from robots.hardware.table import Design, core_pressure
+from robots.hardware.table import with_one_pressure
 from robots.hardware.timeline import timeline
+from robots.inflatable.design import InflatableDesign
 
 NEAR = 0.9  # of a limit
 ROUNDING = 1e-9
@@ -80,7 +81,7 @@ class RigReport:
         return any(use.verdict == EXCEEDED for use in self.uses)
 
 
-def rig_report(design: Design, rig: PneumaticRig | None = None) -> RigReport:
+def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> RigReport:
     """What a design asks of a rig, the dissertation's if None; a gait that is refused, too.
 
     Raises:
@@ -88,7 +89,7 @@ def rig_report(design: Design, rig: PneumaticRig | None = None) -> RigReport:
     """
     rig = rig or PneumaticRig()
     columns, repeats = design.schedule.columns, design.schedule.repeats
-    line = timeline(commands_of(design.schedule, core_pressure(design), rig.line_map), rig)
+    line = timeline(commands_of(with_one_pressure(design), rig.line_map), rig)
     steps = np.diff(line.times)
     moving = steps > 0  # a section begins with the row that ends the one before
     rates = np.abs(np.diff(line.pressures, axis=0)[moving] / steps[moving, None]).max(axis=0)

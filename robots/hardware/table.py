@@ -5,7 +5,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -14,40 +13,14 @@ from robots.hardware.limits import POLICIES, RigViolation, violations
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.timeline import State, section_of, timeline
-from robots.inflatable.cores import Pressure, common_pressure
-from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
-from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from robots.inflatable.cores import common_pressure, kilopascals
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 
 SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
-
-
-class Design(Protocol):
-    """What is needed of a design: pressure [Pa], orientation [degrees], schedule."""
-
-    @property
-    def pressure(self) -> Pressure: ...  # noqa: D102
-    @property
-    def orientation(self) -> float: ...  # noqa: D102
-    @property
-    def schedule(self) -> Schedule: ...  # noqa: D102
-
-
-@dataclass(frozen=True)
-class PlayedDesign:
-    """A design as a table knows it.
-
-    Attributes:
-        pressure: simulated, of the core [Pa].
-        orientation: [degrees].
-        schedule: of the actuators, of either kind.
-    """
-
-    pressure: float
-    orientation: float
-    schedule: Schedule
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +47,7 @@ class GaitTable:
     states: np.ndarray
     pressures: Floats
     units: str
-    design: PlayedDesign
+    design: InflatableDesign
     line_map: LineMap
     seed: int | None = None
     rig: str = ""
@@ -106,16 +79,17 @@ class GaitTable:
         lengths = self.durations
         return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
 
-    def schedule(self) -> Schedule:
+    def schedule(self) -> GaitSchedule:
         """The schedule that the table was made of."""
         return self.design.schedule
 
-    def played(self) -> PlayedDesign:
-        """What the rows play, by the inverse of the map; the header says only of what kind the gait is.
+    def played(self) -> InflatableDesign:
+        """What the rows play, by the inverse of the map.
 
-        The orientation is the header's: lines know nothing of it. An actuator of a binary gait is on above the middle
-        between its two pressures. How long states of a gait with times of its own last after all lines have arrived,
-        is how long it settles.
+        The header only says whether the gait is on and off, changes its core pressure and has times of its own, and the
+        orientation, of which lines know nothing. Where the gait is on and off, an actuator is on above the middle
+        between its two pressures. How long states of a gait with times of its own last after all lines have arrived is
+        how long it settles.
 
         Raises:
             ValueError: in one line, when the rows play no schedule.
@@ -124,23 +98,21 @@ class GaitTable:
         lines = self.pressures[last] * KPA_PER_UNIT[self.units]
         core, levels = self.line_map.simulated(lines[:-1])  # the last state vents
         given = self.design.schedule
-        if not isinstance(given, RelaxedSchedule):
+        if given.skip_idle:
             levels = np.round(levels)
-        if np.ptp(core) > 0 and not (isinstance(given, RelaxedSchedule) and given.pressure is not None):
+        if np.ptp(core) > 0 and given.core_pressure is None:
             raise ValueError(f"core: {core.min():g} to {core.max():g} Pa are not allowed; a gait has one core pressure")
         first, second = np.array_split(np.vstack([levels, core])[:, 1:], 2, axis=1)
         if not np.array_equal(first, second):
             raise ValueError("gait table: the columns of its prefix differ from those of its main")
-        return PlayedDesign(float(core[0]), self.design.orientation, self._schedule(second[:ROWS], second[ROWS]))
+        return InflatableDesign(float(core[0]), self.design.orientation, self._schedule(second[:ROWS], second[ROWS]))
 
-    def _schedule(self, levels: Floats, core: Floats) -> Schedule:
-        """The schedule of levels, shape (10, T), and core pressures [Pa], (T,), of the kind that the header names."""
+    def _schedule(self, levels: Floats, core: Floats) -> GaitSchedule:
+        """The schedule of levels, shape (10, T), and core pressures [Pa], (T,), with what the header says it has."""
         given, repeats = self.design.schedule, self.loops + 1
-        if not isinstance(given, RelaxedSchedule):
-            return GaitSchedule(levels == 1, repeats)
-        core_pressure = None if given.pressure is None else core
-        gait = RelaxedSchedule(levels[:BLADDERS], levels[BLADDERS:], repeats, core_pressure)
-        if not given.timed:
+        core_pressure = None if given.core_pressure is None else core
+        gait = GaitSchedule(levels, repeats, core_pressure, skip_idle=given.skip_idle)
+        if not given.has_own_times:
             return gait
         moved = np.zeros(gait.columns, int) if core_pressure is None else self._core_steps()
         return replace(gait, motion_steps=moved, settle_steps=self._settled())
@@ -171,27 +143,27 @@ class GaitTable:
         return found
 
 
-def core_pressure(design: Design) -> float:
-    """What the rig's one line for the core stands for [Pa].
+def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
+    """The design with the one core pressure that the rig's one line for the core stands for.
 
     Raises:
         ValueError: in one line, for a design with several cores that are not alike.
     """
     if (pressure := common_pressure(design.pressure)) is None:
-        told = ", ".join(f"{one:g}" for one in design.pressure)  # type: ignore[union-attr]
-        raise ValueError(f"pressure: {told} Pa are not allowed; a rig has one line for the core, so give all cores one")
-    return number("pressure", pressure, 0.0, unit="Pa")
+        told = kilopascals(design.pressure)
+        raise ValueError(f"pressure: {told} are not allowed; a rig has one line for the core, so give all cores one")
+    return InflatableDesign(pressure, design.orientation, design.schedule)
 
 
-def design_hash(design: Design) -> str:
+def design_hash(design: InflatableDesign) -> str:
     """A short fingerprint of a robot's design, equal for equal designs on every machine."""
-    schedule = design.schedule
-    content = [core_pressure(design), float(design.orientation), schedule.to_text(), schedule.repeats]
+    played, schedule = with_one_pressure(design), design.schedule
+    content = [played.pressure, played.orientation, schedule.to_text(), schedule.repeats]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
 def gait_table(
-    design: Design,
+    design: InflatableDesign,
     rig: PneumaticRig | None = None,
     units: str = "kpa",
     *,
@@ -226,23 +198,23 @@ def gait_table(
     if rate is not None:
         number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
-    pressure = core_pressure(design)
+    design = with_one_pressure(design)
     line_map, clip = rig.line_map, on_violation == "clip"
-    commands = commands_of(design.schedule, pressure, line_map)
+    commands = commands_of(design, line_map)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:
         raise RigViolation(found)
     if found:
         low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
         line_map = line_map.within(low[1:], high[1:])
-        commands = commands_of(design.schedule, pressure, line_map).within(low, high)
+        commands = commands_of(design, line_map).within(low, high)
     line = timeline(commands, rig, rate, keep_slew=clip)
     return GaitTable(
         line.times,
         line.numbers,
         line.pressures / KPA_PER_UNIT[units],
         units,
-        PlayedDesign(pressure, float(design.orientation), design.schedule),
+        design,
         line_map,
         seed,
         rig.name,

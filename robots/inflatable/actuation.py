@@ -1,19 +1,14 @@
-"""How the inflatable robot is driven, and when: rates and friction, strokes of bladders, columns in time.
+"""How the inflatable robot is driven: rates and friction.
 
 Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
 """
 
 import math
-from dataclasses import dataclass, fields
-from functools import lru_cache
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
-import numpy as np
-
-from robots.inflatable.body import BLADDER_COUNT
-from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import Real
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.checks import whole_number
 
 WEIGHTS = ("published", "physical")
 PUBLISHED_COLUMNS = 16  # of a gait, 8 played twice
@@ -35,6 +30,10 @@ class InflatableActuation:
             pressures, weighted by the rows that each has under the bladders.
         round_pressure: core pressure [Pa] at which c reaches ``lengthening_round``.
         pressure_ramp: rise of the core pressure per time step of the initialisation [Pa].
+        ramp_steps: time steps in which the core pressure rises instead, to whatever value, linearly: then the length of
+            a program does not depend on the pressure. None is by ``pressure_ramp``, as published. From 6000 steps on,
+            the small robot is left as by the published ramp, within what noise of 1e-6 m does to it; 3000 shake it too
+            much.
         hold_steps: steps at full pressure before the gait begins.
         settle_steps: steps between the end of one column's motion and the next column.
         moving_damping, settling_damping: damping ratio against the world while bladders move, and between.
@@ -57,13 +56,16 @@ class InflatableActuation:
     moving_damping: float = 0.002
     settling_damping: float = 0.01
     weight: str = "published"
+    ramp_steps: int | None = None
 
     def __post_init__(self) -> None:
         if self.weight not in WEIGHTS:
             raise ValueError(f"weight: {self.weight!r} is unknown; choose one of {', '.join(WEIGHTS)}")
+        if self.ramp_steps is not None:
+            object.__setattr__(self, "ramp_steps", whole_number("ramp_steps", self.ramp_steps, 1))
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name != "weight" and not (math.isfinite(value) and value >= 0):
+            if field.name not in ("weight", "ramp_steps") and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{field.name}: {value!r} is not allowed; it must not be negative")
         for name in (
             "deflated",
@@ -79,111 +81,16 @@ class InflatableActuation:
             raise ValueError(f"inflated: {self.inflated!r} is not allowed; it must exceed deflated, {self.deflated!r}")
 
     def on(self, terrain: Terrain) -> "InflatableActuation":
-        """The same with the terrain's friction; in a fluid, that alone resists motion."""
-        given = {"high_friction": terrain.high_friction, "low_friction": terrain.low_friction}
+        """This actuation with the friction of a terrain; in a fluid, only the fluid resists motion."""
+        given: dict[str, Any] = {"high_friction": terrain.high_friction, "low_friction": terrain.low_friction}
         if terrain.is_fluid:
             given |= {"moving_damping": 0.0, "settling_damping": 0.0}
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return InflatableActuation(**values | {k: v for k, v in given.items() if v is not None})
+        return replace(self, **{name: value for name, value in given.items() if value is not None})
 
-    def initial_steps(self, pressure: float, ramp_steps: int | None = None) -> int:
-        """Steps of the initialisation: a ramp from 0 Pa in steps of ``pressure_ramp``, then the hold.
-
-        Of several cores the highest pressure counts.
-
-        With ``ramp_steps`` the ramp takes so many steps at any pressure.
-        """
-        published = math.floor(pressure / self.pressure_ramp) + 1
-        return (published if ramp_steps is None else ramp_steps) + self.hold_steps
+    def initial_steps(self, pressure: float) -> int:
+        """Steps of the initialisation: a ramp to a core pressure [Pa], the highest of several, then a hold."""
+        ramp = math.floor(pressure / self.pressure_ramp) + 1 if self.ramp_steps is None else self.ramp_steps
+        return ramp + self.hold_steps
 
 
 ACTUATION = InflatableActuation()
-
-
-@lru_cache(maxsize=4096)
-def stroke(actuation: InflatableActuation, level: float, inflate: bool) -> tuple[int, float]:
-    """Steps that a bladder of this thickness still changes when told to inflate or deflate, and its last thickness.
-
-    Counted by repeated addition, as the experiment did: rounding decides between 7667 and 7668 steps.
-    """
-    if (level >= actuation.inflated) if inflate else (level <= actuation.deflated):
-        return 0, level
-    rate = actuation.inflation_rate if inflate else -actuation.inflation_rate
-    span = actuation.inflated - level if inflate else level - actuation.deflated
-    path = np.full(math.ceil(span / actuation.inflation_rate) + 3, rate)
-    path[0] = level
-    path = np.add.accumulate(path)
-    steps = int(np.argmax(path >= actuation.inflated if inflate else path <= actuation.deflated))
-    return steps, float(path[steps])
-
-
-@dataclass(frozen=True, eq=False)
-class Column:
-    """One column of a schedule as it is played. Numbers that a relaxed gait changes smoothly are ``Real``.
-
-    Attributes:
-        start: step of the gait at which it begins.
-        motion_steps: steps until it settles.
-        inflation: what the bladders are told, from 0 (deflate) to 1 (inflate), shape (8,).
-        grip: of the feet, from 0 (slide) to 1 (grip), shape (2,).
-        levels: thickness of the bladders when it begins, shape (8,).
-        ends: thickness of the bladders when it ends, shape (8,).
-        direction: 1 for bladders that grow, -1 for those that shrink, shape (8,).
-        moving: steps in which each bladder changes at the full rate, shape (8,).
-        arrives: bladders that are set to their ``ends`` after that, shape (8,).
-        lands: bladders that take their weight back after that, shape (8,).
-        arrival: part of a further step that each bladder needs to arrive, shape (8,); None where there is none.
-        pressures: of the core when it begins and when it settles [Pa]; None where the design's is kept.
-    """
-
-    start: int
-    motion_steps: int
-    inflation: Real
-    grip: Real
-    levels: Real
-    ends: Real
-    direction: Floats
-    moving: Ints
-    arrives: Bools
-    lands: Bools
-    arrival: Real | None = None
-    pressures: tuple[Real, Real] | None = None
-
-
-def play(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> tuple[list[Column], int]:
-    """The columns of a schedule in the order played, and the steps of the whole gait."""
-    columns, step = [], 0
-    levels = np.full(BLADDER_COUNT, actuation.deflated)
-    for bits in schedule.played.T:
-        column = column_of(bits, levels, step, actuation)
-        columns.append(column)
-        levels, step = np.asarray(column.ends, float), step + column.motion_steps + actuation.settle_steps
-    return columns, step
-
-
-def column_of(bits: Bools, levels: Floats, start: int, actuation: InflatableActuation) -> Column:
-    """The column that begins at a step with bladders of some thickness, shape (8,), and tells them these ten bits."""
-    inflates, told = bits[:BLADDER_COUNT], bits.astype(float)
-    strokes = [stroke(actuation, level, bit) for level, bit in zip(levels.tolist(), inflates.tolist(), strict=True)]
-    moving, ends = np.array([s for s, _ in strokes]), np.array([z for _, z in strokes])
-    return Column(
-        start=start,
-        # A bladder is found done in a step in which it no longer changes, and that step is run too.
-        motion_steps=int(moving.max()) + 1,
-        inflation=told[:BLADDER_COUNT],
-        grip=told[BLADDER_COUNT:],
-        levels=levels,
-        ends=ends,
-        direction=np.where(inflates, 1.0, -1.0),
-        moving=moving,
-        arrives=moving > 0,
-        lands=~inflates,
-    )
-
-
-@lru_cache(maxsize=256)
-def nominal_steps(columns: int, actuation: InflatableActuation = ACTUATION) -> int:
-    """Steps of a gait in which every column moves a full stroke: 186,719 for the published 16 columns."""
-    alternating = np.zeros((10, columns), bool)
-    alternating[0, ::2] = True
-    return play(GaitSchedule(alternating, repeats=1), actuation)[1]

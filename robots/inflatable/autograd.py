@@ -4,15 +4,17 @@ One of the two files of the project that import torch (the other is ``taichi_sim
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
-from robots.inflatable.gradient import differentiate, simulate_relaxed
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
-from robots.world import Terrain
+from robots.inflatable import simulation
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.gradient import GradientOptions, differentiate
+from robots.inflatable.schedule import GaitSchedule
+from robots.world import Terrain, one_each
 
 PARTS = ("pressure", "orientation", "inflation", "grip", "core_pressure")
 
@@ -26,9 +28,9 @@ def travel(
     *,
     terrains: Terrain | Sequence[Terrain] | None = None,
     repeats: int = 2,
-    **options: Any,
+    **options: Unpack[GradientOptions],
 ) -> torch.Tensor:
-    """Distances [m] that a batch of relaxed designs travels, shape (B,).
+    """Distances [m] that a batch of designs travels, shape (B,).
 
     Every tensor that requires a gradient gets one.
 
@@ -45,10 +47,7 @@ def travel(
     Raises:
         ValueError: one line; also if a robot diverges, as no number would be its distance.
     """
-    batch = len(pressure)
-    on = [terrains or Terrain()] * batch if terrains is None or isinstance(terrains, Terrain) else list(terrains)
-    if len(on) != batch:
-        raise ValueError(f"terrains: {len(on)} given for {batch} robots; give one, or one per robot")
+    on = one_each(Terrain() if terrains is None else terrains, len(pressure))
     tensors = [pressure, orientation, inflation, grip] + ([] if core_pressure is None else [core_pressure])
     result: torch.Tensor = _Travel.apply((on, repeats, options), *tensors)  # type: ignore[no-untyped-call]
     return result
@@ -61,23 +60,18 @@ class _Travel(torch.autograd.Function):
         arrays = [t.detach().cpu().numpy().astype(float) for t in tensors]
         cores = arrays[4] if len(arrays) > 4 else [None] * len(terrains)
         designs = [
-            RelaxedDesign(p, float(o), RelaxedSchedule(i, g, repeats, c))
+            InflatableDesign(p, float(o), GaitSchedule(np.concatenate([i, g]), repeats, c, skip_idle=False))
             for p, o, i, g, c in zip(*arrays[:4], cores, strict=True)
         ]
-        distance = np.empty(len(designs))
         slopes = [np.zeros(a.shape) for a in arrays]
-        wanted = any(ctx.needs_input_grad)
-        for terrain in dict.fromkeys(terrains):
-            mine = [i for i, other in enumerate(terrains) if other == terrain]
-            chosen = [designs[i] for i in mine]
-            if wanted:
-                found = differentiate(chosen, terrain, **options)
-                for slope, part in zip(slopes, PARTS, strict=False):
-                    slope[mine] = getattr(found, part).reshape(slope[mine].shape)
-                result = found.result
-            else:
-                result = simulate_relaxed(chosen, terrain, **{k: v for k, v in options.items() if k != "memory"})
-            distance[mine] = result.distance
+        if any(ctx.needs_input_grad):
+            found = differentiate(designs, terrains, **options)
+            slopes = [getattr(found, part).reshape(a.shape) for part, a in zip(PARTS, arrays, strict=False)]
+            distance = found.result.distance
+        else:
+            distance = simulation.simulate(
+                designs, terrains, **{k: v for k, v in options.items() if k != "memory"}
+            ).distance
         lost = np.flatnonzero(~np.isfinite(distance))
         if lost.size:
             raise ValueError(f"robot {lost[0]}: diverged; it has no distance")

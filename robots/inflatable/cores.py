@@ -1,18 +1,17 @@
 """Pressures of the cores of the inflatable robot: as designs give them, and as programs see them."""
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.inflatable.body import REGION_COUNT, SKIN_REGIONS, InflatableGeometry, skin_regions
+from robots.inflatable.schedule import MAXIMUM_PRESSURE
 from taichi_sim.autodiff.dual import Real, value_of
 from taichi_sim.base.arrays import Ints
 from taichi_sim.base.checks import number
-
-# Safety limit of the simulator [Pa]. The search space ends at 12 kPa; published evaluations reach 13,281 Pa.
-MAXIMUM_PRESSURE = 15e3
 
 Pressure = float | tuple[float, ...]  # of all cores alike, or of each [Pa]
 Scalar = float | Real
@@ -64,9 +63,28 @@ def kilopascals(pressure: Pressure) -> str:
     return f"{', '.join(before)} and {last} kPa" if before else f"{last} kPa"
 
 
+def core_shapes(geometry: InflatableGeometry, pressure: float) -> list[tuple[float, ...]]:
+    """Pressures of the cores in all 2^N shapes of a geometry with N cores [Pa].
+
+    Shape s has core k inflated where bit k of s is 1, the first core's being the lowest bit: so the first shape is
+    flat, the second has the first core alone, and the last has all.
+
+    Args:
+        geometry: of the body.
+        pressure: of cores that are inflated [Pa].
+
+    Raises:
+        ValueError: in one line, for a pressure that is not allowed, or none.
+    """
+    inflated = checked_pressure(pressure)
+    if isinstance(inflated, tuple) or inflated == 0:
+        raise ValueError(f"pressure: {pressure!r} is not allowed; give one above 0 Pa")
+    return [shape[::-1] for shape in product((0.0, inflated), repeat=geometry.cores)]
+
+
 @dataclass(frozen=True, eq=False)
 class InflatedCores:
-    """The cores of a robot while its program is written. Pressures that a relaxed design may change are ``Real``.
+    """The cores of a robot while its program is written. Pressures may carry derivatives.
 
     Attributes:
         each: pressure of every core [Pa].

@@ -1,24 +1,30 @@
-"""How far relaxed designs of the inflatable robot travel, and how that distance changes with them."""
+"""How far inflatable robots travel, and how that distance changes with their designs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.cores import highest_pressure
-from robots.inflatable.relaxed_motion import gait_steps, nominal_gait_steps
-from robots.inflatable.relaxed_program import DesignGradient, Parameters, RelaxedProgram, build_relaxed_program
-from robots.inflatable.relaxed_schedule import RelaxedDesign
-from robots.inflatable.robot import InflatableResult, reordered, scattered, stage_order, summarise, travel_directions
-from robots.world import Terrain
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.program import WHOLE, Counting, DesignGradient, Parameters, build_differentiable_program
+from robots.inflatable.simulation import (
+    PER_ROBOT,
+    InflatableResult,
+    checked_designs,
+    engine_of,
+    stage_order,
+    summarise,
+    travel_directions,
+)
+from robots.world import Terrain, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
-from taichi_sim.base.arrays import Floats, Indices
-from taichi_sim.base.checks import number, whole_number
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.lattice import LatticeBody, LatticeResult
 from taichi_sim.lattice.faces import (
     half_extents,
     mean_of_face_corners,
@@ -40,198 +46,104 @@ class InflatableGradient(DesignGradient):
     result: InflatableResult
 
 
-def simulate_relaxed(
-    designs: Sequence[RelaxedDesign] | RelaxedDesign,
-    terrain: Terrain | None = None,
-    *,
-    geometry: InflatableGeometry = PUBLISHED,
-    actuation: InflatableActuation = ACTUATION,
-    ramp_steps: int | None = None,
-    warm_up: int = 0,
-    stages: int = 1,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
-    driver: str = "auto",
-    record_every: int | None = None,
-    perturbation: float = 0.0,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> InflatableResult:
-    """Evaluate a batch of relaxed designs on a terrain, as ``simulate`` does designs.
+class GradientOptions(ComputeOptions, total=False):
+    """Keyword arguments of :func:`differentiate`, for functions that pass them on."""
 
-    Args:
-        designs: gaits of one number of columns, all or none with core pressures per column.
-        terrain: flat ground by default.
-        geometry: see ``simulate``; so are the others that are not named here.
-        actuation: see there.
-        ramp_steps: see ``build_relaxed_program``.
-        warm_up: see there; the speeds divide by the same time as without.
-        stages: see there.
-        precision: see ``simulate``.
-        device: see there.
-        threads: see there.
-        driver: see there.
-        record_every: see there.
-        perturbation: see there.
-        seed: see there.
-        progress: see there.
-
-    Raises:
-        ValueError: one line that names the argument, the value and what is allowed.
-    """
-    designs = _listed(designs)
-    perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-    seed = whole_number("seed", seed, 0)
-    record_every = None if record_every is None else whole_number("record_every", record_every, 1)
-    terrain = terrain or Terrain()
-    Parameters.of(designs)  # refuses what goes not together
-    # Robots of a block wait for its slowest: put those of like length together.
-    lengths = [
-        actuation.initial_steps(highest_pressure(d.pressure), ramp_steps) + gait_steps(d.schedule, actuation)
-        for d in designs
-    ]
-    order = np.argsort(lengths, kind="stable")
-    program = build_relaxed_program(
-        [designs[i] for i in order], terrain, actuation, ramp_steps, warm_up, stages, record_every, geometry
-    )
-    engine = LatticeEngine(
-        geometry.body,
-        len(designs),
-        time_step=geometry.time_step,
-        **terrain.medium,
-        device=device,
-        precision=precision,
-        threads=threads,
-        driver=driver,
-    )
-    if perturbation > 0:
-        engine.set_positions(scattered(geometry.body, perturbation, seed, order))
-    run = engine.run(program.program, progress)
-    return _summary(designs, program, run, geometry, actuation, stages, record_every, np.argsort(order))
+    geometry: InflatableGeometry
+    actuation: InflatableActuation
+    counting: Counting
+    memory: float
+    progress: Callable[[float], None] | None
 
 
 def differentiate(
-    designs: Sequence[RelaxedDesign] | RelaxedDesign,
-    terrain: Terrain | None = None,
+    designs: Sequence[InflatableDesign] | InflatableDesign,
+    terrain: Terrain | Sequence[Terrain] | None = None,
     *,
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
-    ramp_steps: int | None = None,
-    warm_up: int = 0,
-    stages: int = 1,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
+    counting: Counting = WHOLE,
     memory: float = 1e9,
-    driver: str = "auto",
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> InflatableGradient:
-    """Evaluate a batch of relaxed designs on a terrain, and differentiate the distances by the designs.
+    """Simulate a batch of designs on a terrain, and differentiate the distances by the designs.
 
-    With stages, what is differentiated is the least distance of a stage, times their number.
+    With stages, what is differentiated is the least distance of a stage, times their number. Levels of 0 and 1 have
+    derivatives, too: those of the side that is allowed.
 
     Args:
-        designs: gaits of one number of columns, all or none with core pressures per column.
-        terrain: flat ground by default.
-        geometry: see ``simulate``; so are the others that are not named here.
-        actuation: see there.
-        ramp_steps: see ``build_relaxed_program``.
-        warm_up: see ``simulate_relaxed``.
-        stages: see there.
-        precision: see ``simulate``.
-        device: see there.
-        threads: see there.
+        designs: gaits of one number of columns, all or none with core pressures of columns.
+        terrain: one for all designs, flat ground by default; or one for each.
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates.
+        counting: which part of a gait counts, and its stages.
         memory: bound for what is kept of the way there [B]. On a CPU, robots that could not run side by side are
             differentiated one group after the other.
-        driver: see ``simulate``.
-        progress: see there.
+        progress: called now and then with the fraction done.
+        compute: ``precision``, ``device`` and ``threads``, see ``simulate``.
 
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
     """
-    designs, report = _listed(designs), progress or (lambda fraction: None)
-    running = runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
-    size = len(designs) if device != "cpu" else NATIVE_WIDTH[precision] * running.thread_count
-    groups = [designs[i : i + size] for i in range(0, len(designs), size)] or [[]]
-    where = {"device": device, "precision": precision, "threads": threads, "driver": driver}
+    designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
+    terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
+    Parameters.of(designs)  # refuses what goes not together
+    where = Compute.given(compute)
+    running = runtime.start(where.device, where.precision, where.threads)
+    size = len(designs) if where.device != "cpu" else NATIVE_WIDTH[where.precision] * running.thread_count
     found = []
-    for place, group in enumerate(groups):
+    for start in range(0, len(designs), size):
+        group = slice(start, start + size)
 
-        def tick(fraction: float, place: int = place) -> None:
-            report((place + fraction) / len(groups))
+        def tick(fraction: float, start: int = start) -> None:
+            report(min((start + fraction * size) / len(designs), 1.0))
 
-        build = {
-            "terrain": terrain or Terrain(),
-            "actuation": actuation,
-            "ramp_steps": ramp_steps,
-            "warm_up": warm_up,
-            "stages": stages,
-        }
-        found.append(_differentiate(group, geometry, build, memory, where, tick))
+        work = _Group(designs[group], terrains[group], geometry, actuation, counting)
+        found.append(work.differentiate(where, memory, tick))
     return found[0] if len(found) == 1 else _joined(found)
 
 
-def _differentiate(
-    designs: list[RelaxedDesign],
-    geometry: InflatableGeometry,
-    build: dict[str, Any],
-    memory: float,
-    options: dict[str, Any],
-    progress: Callable[[float], None],
-) -> InflatableGradient:
-    """The same for robots that run side by side, with arguments of ``build_relaxed_program``."""
-    program, medium = build_relaxed_program(designs, **build, geometry=geometry), build["terrain"].medium
-    engine = LatticeEngine(geometry.body, len(designs), time_step=geometry.time_step, **medium, **options)
-    tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
-    headings, stages = np.array([d.orientation for d in designs]), build["stages"]
-    result = _summary(designs, program, tape.result, geometry, build["actuation"], stages)
-    seeds = distance_cotangents(geometry.body, tape.result, headings, worst_stages(result))
-    back = tape.pull_back(
-        positions=seeds.positions,
-        orientations=seeds.orientations,
-        strains=seeds.strains,
-        sizes=seeds.sizes,
-        progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
-    )
-    gradient = program.pull_back(back.values, back.rates)
-    return _judged(result, gradient, seeds.headings)
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Robots that run side by side."""
+
+    designs: list[InflatableDesign]
+    terrains: list[Terrain]
+    geometry: InflatableGeometry
+    actuation: InflatableActuation
+    counting: Counting
+
+    def differentiate(self, compute: Compute, memory: float, progress: Callable[[float], None]) -> InflatableGradient:
+        """Run forth and back."""
+        designs, body = self.designs, self.geometry.body
+        program = build_differentiable_program(designs, self.terrains, self.actuation, self.geometry, self.counting)
+        engine = engine_of(len(designs), self.geometry, self.terrains[0], compute)
+        tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
+        result = summarise(tape.result, program.program, designs, self.geometry, self.actuation, self.counting)
+        headings = np.array([d.orientation for d in designs])
+        seeds = distance_cotangents(body, tape.result, headings, worst_stages(result))
+        back = tape.pull_back(
+            positions=seeds.positions,
+            orientations=seeds.orientations,
+            strains=seeds.strains,
+            sizes=seeds.sizes,
+            progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
+        )
+        gradient = program.pull_back(back.values, back.rates)
+        return _judged(result, gradient, seeds.headings)
 
 
 def _joined(parts: list[InflatableGradient]) -> InflatableGradient:
     """One gradient of all groups."""
 
-    def join(owners: list[Any], names: list[str]) -> dict[str, Any]:
+    def join(owners: list[Any], names: Sequence[str]) -> dict[str, Any]:
         columns = {name: [getattr(owner, name) for owner in owners] for name in names}
         return {name: None if column[0] is None else np.concatenate(column) for name, column in columns.items()}
 
-    per_robot = ["distance", "speed", "speed_simulated", "status", "stages", "steps", "displacement"]
-    result = replace(parts[0].result, **join([part.result for part in parts], per_robot))
+    result = replace(parts[0].result, **join([part.result for part in parts], PER_ROBOT))
     names = [field.name for field in fields(DesignGradient)]
     return InflatableGradient(**join(list(parts), names), result=result)
-
-
-def _listed(designs: Sequence[RelaxedDesign] | RelaxedDesign) -> list[RelaxedDesign]:
-    return list(designs) if isinstance(designs, Sequence) else [designs]
-
-
-def _summary(
-    designs: list[RelaxedDesign],
-    program: RelaxedProgram,
-    run: LatticeResult,
-    geometry: InflatableGeometry,
-    actuation: InflatableActuation,
-    stages: int,
-    record_every: int | None = None,
-    back: Indices | None = None,
-) -> InflatableResult:
-    """What a run says of designs; ``back`` says where they are in it."""
-    if back is None:
-        back = np.arange(len(designs))
-    headings = np.array([d.orientation for d in designs])
-    nominal = [nominal_gait_steps(d.schedule, gait_steps(d.schedule, actuation), actuation) for d in designs]
-    marks = program.program.snapshots[back]
-    return summarise(reordered(run, back), marks, headings, np.array(nominal), geometry, record_every, stages)
 
 
 def _judged(result: InflatableResult, gradient: DesignGradient, headings: Floats) -> InflatableGradient:

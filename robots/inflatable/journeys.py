@@ -6,26 +6,27 @@ the robot did before; so does the slope.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Unpack
 
 import numpy as np
 
 from robots.frames import Frames, frames_of
-from robots.inflatable.actuation import ACTUATION, Column, InflatableActuation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
-from robots.inflatable.cores import InflatedCores, Pressure, highest_pressure, kilopascals
-from robots.inflatable.gaits import GaitDesign, as_graded
-from robots.inflatable.program import immerse, initialise, stand_on, write_column
-from robots.inflatable.relaxed_motion import play_relaxed
-from robots.inflatable.relaxed_schedule import RelaxedDesign
-from robots.inflatable.robot import scattered, travel_directions
-from robots.world import Terrain, weights
-from taichi_sim.autodiff.dual import Dual, value_of
+from robots.inflatable.cores import Pressure, highest_pressure, kilopascals
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.events import RobotEvents
+from robots.inflatable.simulation import engine_of, scattered, travel_directions
+from robots.inflatable.timing import play
+from robots.world import Terrain
+from taichi_sim.autodiff.dual import value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, ProgramBuilder
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 
@@ -40,14 +41,14 @@ class Leg:
         name: in reports.
     """
 
-    design: GaitDesign
+    design: InflatableDesign
     terrain: Terrain
     name: str = ""
 
     @property
     def last_pressure(self) -> Pressure:
         """Of the cores, with which the leg ends [Pa]."""
-        core = as_graded(self.design).schedule.pressure
+        core = self.design.schedule.core_pressure
         return self.design.pressure if core is None else float(core[-1])
 
 
@@ -89,28 +90,24 @@ def simulate_journey(
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     runs: int = 1,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     record_every: int | None = None,
     perturbation: float = 0.0,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> JourneyResult:
     """Have a robot do some legs one after the other.
 
     Args:
         legs: each begins with the core pressure with which the one before ends; the first begins initialised.
-        geometry: see ``robots.inflatable.simulate``; so are the others that are not named here.
-        actuation: see there.
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates.
         runs: R robots that do the same; they differ by their perturbation.
-        precision: see there.
-        device: see there.
-        threads: see there.
         record_every: record the poses every so many time steps from the end of the initialisation on.
-        perturbation: see there.
-        seed: see there.
-        progress: see there.
+        perturbation: standard deviation of noise on the start positions [m].
+        seed: of that noise; robot i always draws the same.
+        progress: called now and then with the fraction done.
+        compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
         ValueError: in one line, for what is not allowed.
@@ -121,15 +118,7 @@ def simulate_journey(
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     program, steps = build_journey(legs, runs, actuation, geometry, record_every)
     body = geometry.body
-    engine = LatticeEngine(
-        body,
-        runs,
-        time_step=geometry.time_step,
-        **legs[0].terrain.medium,
-        device=device,
-        precision=precision,
-        threads=threads,
-    )
+    engine = engine_of(runs, geometry, legs[0].terrain, Compute.given(compute))
     if perturbation > 0:
         engine.set_positions(scattered(body, perturbation, whole_number("seed", seed, 0), range(runs)))
     run = engine.run(program, progress)
@@ -183,14 +172,14 @@ def build_journey(
     builder = ProgramBuilder(runs)
     begin = actuation.initial_steps(highest_pressure(legs[0].design.pressure))
     for robot in range(runs):
-        edges = _write(_Plain(builder), robot, legs, begin, actuation, geometry)
+        edges = _write(builder, robot, legs, begin, actuation, geometry)
     recorded = range(begin, edges[-1] + 1, record_every) if record_every else ()
     marks = np.array([[*edges, *recorded]] * runs)
     return builder.build([edges[-1]] * runs, marks), np.diff(edges)
 
 
 def _write(
-    builder: "_Plain",
+    builder: ProgramBuilder,
     robot: int,
     legs: Sequence[Leg],
     begin: int,
@@ -200,51 +189,17 @@ def _write(
     """The events of one robot, and the steps at which the journey begins and the legs end."""
     edges, levels = [begin], np.full(BLADDER_COUNT, actuation.deflated)
     inflation = np.zeros(BLADDER_COUNT)
-    for leg in legs:
-        design, driven = as_graded(leg.design), actuation.on(leg.terrain)
-        own = weights(leg.terrain, design.orientation)
-        cores = InflatedCores.of(design.pressure, geometry)
-        if len(edges) == 1:
-            initialise(builder, robot, cores, own, begin, driven)
-            immerse(builder, leg.terrain, regions=cores.everywhere, robots=robot)
+    for place, leg in enumerate(legs):
+        design = leg.design
+        events = RobotEvents.of(builder, robot, design.pressure, design.orientation, leg.terrain, actuation, geometry)
+        if place == 0:
+            events.initialise(begin)
         else:
-            stand_on(builder, robot, cores, own[1], 1.0 - inflation, edges[-1], driven)
-        columns, steps = _columns(design, levels, driven)
-        for column in columns:
-            write_column(
-                builder,
-                robot,
-                cores,
-                own[1],
-                column,
-                edges[-1] + column.start,
-                column is columns[0] and len(edges) == 1,
-                driven,
-            )
-        levels, inflation = value_of(columns[-1].ends), value_of(columns[-1].inflation)
+            events.stand_on(1.0 - inflation, edges[-1])
+        # Bladders of the leg before may have to move in a column that would be idle from the start.
+        schedule = replace(design.schedule, skip_idle=False)
+        columns, steps = play(schedule, actuation, core=design.core_over_time, levels=levels)
+        events.play(columns, edges[-1], first=place == 0)
+        levels, inflation = value_of(columns[-1].motion.ends), value_of(columns[-1].inflation)
         edges.append(edges[-1] + steps)
     return edges
-
-
-def _columns(design: RelaxedDesign, levels: Floats, actuation: InflatableActuation) -> tuple[list[Column], int]:
-    """The columns of a leg, which begins with bladders of some thickness, and its steps."""
-    gait = design.schedule
-    inflation, grip = _fixed(gait.inflation), _fixed(gait.grip)
-    core = None if gait.pressure is None else _fixed(gait.pressure)
-    return play_relaxed(inflation, grip, core, _fixed(np.array(design.pressure)), gait, actuation, levels)
-
-
-def _fixed(values: Floats) -> Dual:
-    """Numbers without derivatives."""
-    return Dual(np.asarray(values, float), np.zeros((*np.shape(values), 0)))
-
-
-class _Plain:
-    """A ``ProgramBuilder`` that takes numbers with derivatives, and drops these."""
-
-    def __init__(self, builder: ProgramBuilder) -> None:
-        self._builder = builder
-
-    def set(self, quantity: int, value: object, *, rate: object = 0.0, **where: object) -> None:
-        """See ``ProgramBuilder.set``."""
-        self._builder.set(quantity, value_of(value), rate=value_of(rate), **where)  # type: ignore[arg-type]

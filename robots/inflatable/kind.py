@@ -12,7 +12,7 @@ from taichi_sim.base.options import checked, number, value_of, whole
 
 if TYPE_CHECKING:
     from robots.inflatable.cores import Pressure
-    from robots.inflatable.gaits import GaitDesign
+    from robots.inflatable.design import InflatableDesign
 
 GAITS = ("inching", "rolling")
 GEOMETRIES = ("published", "small", "two-core")
@@ -105,16 +105,16 @@ class InflatableKind(TerrainKind):
         return form in FORMATS or path.suffix.lower() == ".csv"
 
 
-def load_gait(text: str, from_rows: bool = False) -> "GaitDesign":
+def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
     """The design of a known gait's name, or of a file; with ``from_rows`` what the rows of a gait table play.
 
     Raises:
         ValueError: for anything else.
     """
     from robots.hardware import read_design
-    from robots.inflatable import robot as inflatable
+    from robots.inflatable.design import INCHING, ROLLING
 
-    known = dict(zip(GAITS, (inflatable.INCHING, inflatable.ROLLING), strict=True))
+    known = dict(zip(GAITS, (INCHING, ROLLING), strict=True))
     if text in known and not from_rows:
         return known[text]
     if text not in known and not Path(text).is_file():

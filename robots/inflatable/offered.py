@@ -10,11 +10,12 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from robots.calibration import NAMES, UNITS, Properties, robot_of
-from robots.inflatable import gaits
+from robots.inflatable import files, simulation, timing
+from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.cores import common_pressure
-from robots.inflatable.gaits import GaitDesign
-from robots.inflatable.robot import InflatableActuation, InflatableResult, sideways
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.simulation import InflatableResult, sideways
 from robots.robot import (
     FRAMES,
     HERE,
@@ -59,7 +60,7 @@ class InflatableRobot(Robot):
         title: what people call it.
     """
 
-    gait: GaitDesign
+    gait: InflatableDesign
     geometry: str = "published"
     weight: str = "published"
     properties: Properties | None = None
@@ -76,7 +77,7 @@ class InflatableRobot(Robot):
     pictured = True
 
     def __post_init__(self) -> None:
-        if self.properties is not None and gaits.is_timed(self.gait.schedule):
+        if self.properties is not None and self.gait.schedule.has_own_times:
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
 
     @property
@@ -106,7 +107,7 @@ class InflatableRobot(Robot):
         """Play the gait, as often as there are points."""
         geometry, actuation = self.parts
         designs = [self.gait] * len(self.points(points))
-        result = gaits.simulate(
+        result = simulation.simulate(
             designs,
             terrain_of(world),
             geometry=geometry,
@@ -141,14 +142,14 @@ class InflatableRobot(Robot):
         from robots.view.soft_motion import inflatable_motion
 
         terrain, actuation = terrain_of(world), self.parts[1]
-        every = record_every(gaits.steps_of(self.gait, actuation), frames)
+        every = record_every(timing.gait_steps(self.gait.schedule, actuation), frames)
         outcome = self.simulate((), terrain, compute=compute, record_every=every, progress=progress)
         motion = inflatable_motion(outcome.result, self.gait, terrain, actuation=actuation, name=name or self.name)
         return Replay(outcome, motion, inflatable_title(outcome.result, self.gait, terrain))
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design, for ``robots.inflatable.gaits.load_gait``."""
-        gaits.save_gait(self.gait, path)
+        """Write the design, for ``robots.inflatable.load_design``."""
+        files.save_design(self.gait, path)
 
     def document(self) -> dict[str, Any]:
         """The design, and the body that plays it."""
@@ -185,7 +186,7 @@ class InflatableRobot(Robot):
         cores: list[tuple[str, str | Quantity]] = []
         for name, kpa in kilopascals("Core pressure", gait).items():
             cores += [(name, Quantity(kpa, "kPa", 2)), (f"{name} in psi", Quantity(kpa / KPA_PER_PSI, "psi", 2))]
-        seconds = gaits.steps_of(gait, self.parts[1]) * self.parts[0].time_step
+        seconds = timing.gait_steps(gait.schedule, self.parts[1]) * self.parts[0].time_step
         times = {1: "once", 2: "twice"}.get(gait.schedule.repeats, f"{gait.schedule.repeats} times")
         return [
             *cores,
@@ -197,7 +198,7 @@ class InflatableRobot(Robot):
         """When its actuators are on."""
         from robots.view.drawing import draw_schedule
 
-        played = gaits.played(self.gait, self.parts[1])
+        played = timing.gait_timeline(self.gait, self.parts[1])
         edges = played.edges * self.parts[0].time_step
 
         def draw(axes: Any) -> None:
@@ -244,7 +245,7 @@ class InflatableRobot(Robot):
         """What the gait asks of each line of a rig, and the time of the gait in the simulation [s]."""
         from robots.hardware.headroom import rig_report
 
-        seconds = gaits.steps_of(self.gait, self.parts[1]) * self.parts[0].time_step
+        seconds = timing.gait_steps(self.gait.schedule, self.parts[1]) * self.parts[0].time_step
         return rig_report(self.gait, rig), float(seconds)
 
     def save_picture(self, world: World, path: Path) -> None:
@@ -257,7 +258,7 @@ class InflatableRobot(Robot):
         )
 
 
-def kilopascals(name: str, gait: GaitDesign) -> dict[str, float]:
+def kilopascals(name: str, gait: InflatableDesign) -> dict[str, float]:
     """Pressure of the core by that name, or of several by the name and a number [kPa]."""
     if not isinstance(gait.pressure, tuple):
         return {name: gait.pressure / 1000}

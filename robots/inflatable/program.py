@@ -1,309 +1,299 @@
-"""What happens to the inflatable robot over time: initialisation, then the columns of its gait schedule.
+"""Programs of batches of inflatable designs, and how their events change with the designs.
 
-Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
+Derivatives are those of the events' values and rates; their steps are whole and stay. So they are piecewise: where a
+bladder arrives with a whole step, they are those of one side. Where it is told the same as before it moves by |change|
+of a level, whose derivative is taken as 0, the mean of both sides. The published ramp of the core pressure takes longer
+to a higher pressure; its derivative by pressure is that of the value it ends with.
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.actuation import ACTUATION, Column, InflatableActuation, play
-from robots.inflatable.body import (
-    BLADDER_COUNT,
-    BLADDER_REGIONS,
-    FIRST_BLADDER,
-    FOOT_REGIONS,
-    FOOT_SEAM,
-    PUBLISHED,
-    SKIN_REGIONS,
-    InflatableGeometry,
-    skin_regions,
-)
-from robots.inflatable.cores import InflatedCores, Pressure, Scalar, highest_pressure
-from robots.inflatable.schedule import GaitSchedule
-from robots.world import NO_WEIGHT, Terrain, Vector, one_each, weights
-from taichi_sim.autodiff.dual import Real, value_of
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.cores import Scalar, highest_pressure
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.events import RobotEvents
+from robots.inflatable.schedule import BLADDERS, ROWS
+from robots.inflatable.timing import play, stage_starts
+from robots.world import Terrain, one_each
+from taichi_sim.autodiff.dual import Dual, Real, slope_of, value_of, variables
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
+from taichi_sim.base.checks import whole_number
+from taichi_sim.lattice import LatticeProgram, ProgramBuilder
 
 
-class Design(Protocol):
-    """What a program needs to know of a design."""
+@dataclass(frozen=True)
+class Counting:
+    """Which part of a gait counts, and how it is divided.
+
+    Attributes:
+        warm_up: time steps of the gait before its distance begins to count, and the rest of the cycle in which they
+            end.
+        stages: equally long parts of which distances are known, see ``timing.stage_starts``.
+    """
+
+    warm_up: int = 0
+    stages: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "warm_up", whole_number("warm_up", self.warm_up, 0))
+        object.__setattr__(self, "stages", whole_number("stages", self.stages, 1))
+
+
+WHOLE = Counting()
+
+
+@dataclass(frozen=True, eq=False)
+class DesignGradient:
+    """Derivatives of one number per robot by its design.
+
+    Attributes:
+        pressure: by the core pressure [1/Pa], shape (B,); by that of each core, shape (B, N), where designs have
+            several.
+        orientation: by the heading [1/degree], shape (B,).
+        inflation: by the levels of the bladders, shape (B, 8, T).
+        grip: by the levels of the feet, shape (B, 2, T).
+        core_pressure: by the core pressure of the columns [1/Pa], shape (B, T); None where the gait has none.
+    """
+
+    pressure: Floats
+    orientation: Floats
+    inflation: Floats
+    grip: Floats
+    core_pressure: Floats | None
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The numbers of one robot's design in a row: pressures, orientation, levels, core pressures of columns.
+
+    Attributes:
+        columns: T.
+        shapes: whether columns have core pressures.
+        cores: how many core pressures designs have; 1 where it is one for all.
+    """
+
+    columns: int
+    shapes: bool
+    cores: int = 1
+
+    @classmethod
+    def of(cls, designs: Sequence[InflatableDesign]) -> "Parameters":
+        """The parameters that all designs of a batch have.
+
+        Raises:
+            ValueError: if designs have different ones.
+        """
+        kinds = {cls(d.schedule.columns, d.schedule.core_pressure is not None, np.size(d.pressure)) for d in designs}
+        if len({kind.cores for kind in kinds}) > 1:
+            raise ValueError("designs: a mixture is not allowed; give all one core pressure, or all one a core")
+        if len(kinds) > 1:
+            raise ValueError(
+                "designs: a mixture is not allowed; give gaits of one number of columns, all or none with pressures"
+            )
+        return kinds.pop()
 
     @property
-    def pressure(self) -> Pressure:
-        """Of the cores [Pa]."""
+    def sizes(self) -> list[int]:
+        """How many numbers each part has."""
+        return [self.cores, 1, ROWS * self.columns, self.columns * self.shapes]
 
-    @property
-    def orientation(self) -> float:
-        """Heading [degrees]."""
+    def variables(self, design: InflatableDesign) -> list[Dual]:
+        """The parts of a design as variables; the last is empty without core pressures."""
+        gait, count = design.schedule, sum(self.sizes)
+        core = np.zeros(0) if gait.core_pressure is None else gait.core_pressure
+        parts = [np.array(design.pressure), np.array(design.orientation), gait.levels, core]
+        first = np.cumsum([0, *self.sizes[:-1]])
+        return [variables(part, int(place), count) for part, place in zip(parts, first, strict=True)]
 
-    @property
-    def schedule(self) -> GaitSchedule:
-        """When bladders inflate and feet grip."""
+    def split(self, gradient: Floats) -> DesignGradient:
+        """A gradient from rows of shape (B, number of parameters)."""
+        pressure, orientation, levels, core = np.split(gradient, np.cumsum(self.sizes[:-1]), axis=1)
+        levels = levels.reshape(-1, ROWS, self.columns)
+        return DesignGradient(
+            pressure[:, 0] if self.cores == 1 else pressure,
+            orientation[:, 0],
+            levels[:, :BLADDERS],
+            levels[:, BLADDERS:],
+            core if self.shapes else None,
+        )
 
 
-class Builder(Protocol):
-    """Where events go: a ``ProgramBuilder``, or one that keeps derivatives too."""
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """A sparse matrix: derivatives of one number per event by the parameters of all robots in a row.
+
+    Attributes:
+        event, parameter, slope: of the entries that are not zero, shape (N,) each.
+    """
+
+    event: Ints
+    parameter: Ints
+    slope: Floats
+
+    def pull_back(self, cotangents: Floats, count: int) -> Floats:
+        """The transpose times cotangents (E,): shape (count,)."""
+        gradient = np.zeros(count)
+        np.add.at(gradient, self.parameter, self.slope * cotangents[self.event])
+        return gradient
+
+
+@dataclass(frozen=True, eq=False)
+class DifferentiableProgram:
+    """A program, and the derivatives of its events by the designs.
+
+    Attributes:
+        program: see :func:`build_program`.
+        parameters: of every robot.
+        value_slopes: derivatives of the events' values.
+        rate_slopes: derivatives of the events' rates.
+    """
+
+    program: LatticeProgram
+    parameters: Parameters
+    value_slopes: Slopes
+    rate_slopes: Slopes
+
+    def pull_back(self, values: ArrayLike, rates: ArrayLike) -> DesignGradient:
+        """Derivatives of a cost by the designs from those by the events' values and rates, shape (E,) each.
+
+        A design has a part in its own robot's events only, so the cost may be the sum of one per robot.
+
+        Raises:
+            ValueError: if a shape is another.
+        """
+        shape = self.program.events.shape
+        given = np.asarray(values, float), np.asarray(rates, float)
+        for name, array in zip(("values", "rates"), given, strict=True):
+            if array.shape != shape:
+                raise ValueError(f"{name}: shape {array.shape} is not allowed; give {shape}, one per event")
+        robots, count = self.program.robot_count, sum(self.parameters.sizes)
+        gradient = self.value_slopes.pull_back(given[0], robots * count)
+        gradient += self.rate_slopes.pull_back(given[1], robots * count)
+        return self.parameters.split(gradient.reshape(robots, count))
+
+
+class Recorder:
+    """A ``ProgramBuilder`` that takes numbers with derivatives too, and keeps these."""
+
+    def __init__(self, robot_count: int, parameter_count: int = 0) -> None:
+        """Start an empty program for robots of so many parameters each."""
+        self.builder = ProgramBuilder(robot_count)
+        self._parameters, self._events = parameter_count, 0
+        self._entries: tuple[list[Floats], list[Floats]] = ([np.zeros((3, 0))], [np.zeros((3, 0))])
 
     def set(
-        self,
-        quantity: int,
-        value: Any,
-        *,
-        regions: ArrayLike,
-        step: ArrayLike = 0,
-        rate: Any = 0.0,
-        robots: int,
+        self, quantity: int, value: Scalar, *, regions: ArrayLike, step: ArrayLike = 0, rate: Scalar = 0.0, robots: int
     ) -> None:
-        """See ``ProgramBuilder.set``."""
+        """Let channels of one robot take a value at a step, see ``ProgramBuilder.set``."""
+        self.builder.set(quantity, value_of(value), regions=regions, step=step, rate=value_of(rate), robots=robots)
+        count = np.size(regions)
+        for number, entries in zip((value, rate), self._entries, strict=True):
+            if not isinstance(number, Dual):
+                continue
+            slope = slope_of(number)
+            slope = np.broadcast_to(slope, (count, slope.shape[-1]))
+            event, parameter = np.nonzero(slope)
+            place = self._events + event, robots * self._parameters + parameter
+            entries.append(np.array([*place, slope[event, parameter]]))
+        self._events += count
+
+    def slopes(self) -> tuple[Slopes, Slopes]:
+        """Derivatives of the values and of the rates of all events."""
+        values, rates = (np.concatenate(entries, axis=1) for entries in self._entries)
+        return Slopes(*_indices(values[:2]), values[2]), Slopes(*_indices(rates[:2]), rates[2])
 
 
-def immerse(builder: Any, terrain: Terrain, **where: Any) -> None:
-    """Have the terrain's fluid, if there is one, resist some regions of some robots."""
-    if terrain.is_fluid:
-        for part, resistance in enumerate(terrain.resistance):
-            builder.set(Quantity.RESISTANCE + part, resistance, **where)
+def _indices(numbers: Floats) -> tuple[Ints, Ints]:
+    event, parameter = numbers.astype(np.int64)
+    return event, parameter
 
 
 def build_program(
-    designs: Sequence[Design],
+    designs: Sequence[InflatableDesign],
     terrain: Terrain | Sequence[Terrain],
     actuation: InflatableActuation = ACTUATION,
     record_every: int | None = None,
     geometry: InflatableGeometry = PUBLISHED,
+    counting: Counting = WHOLE,
 ) -> LatticeProgram:
     """The program of a batch of designs on a terrain, or on one each.
 
-    Snapshot 0 is the end of the initialisation, snapshot 1 the end of the gait; with ``record_every`` the poses every
-    so many steps from the end of the initialisation follow.
+    Snapshot 0 is the end of the initialisation and of the warm-up, snapshot 1 the end of the gait; the ends of all
+    stages but the last follow; with ``record_every``, the poses every so many steps from the end of the initialisation.
+
+    Raises:
+        ValueError: if a gait is not longer than the warm-up.
     """
-    builder = ProgramBuilder(len(designs))
+    recorder = Recorder(len(designs))
+    numbers = [(d.pressure, d.orientation, d.schedule.levels, d.schedule.core_pressure) for d in designs]
+    return _build(recorder, designs, numbers, terrain, actuation, record_every, geometry, counting)
+
+
+def build_differentiable_program(
+    designs: Sequence[InflatableDesign],
+    terrain: Terrain | Sequence[Terrain],
+    actuation: InflatableActuation = ACTUATION,
+    geometry: InflatableGeometry = PUBLISHED,
+    counting: Counting = WHOLE,
+) -> DifferentiableProgram:
+    """The program of :func:`build_program` with its derivatives.
+
+    Raises:
+        ValueError: if designs differ in their numbers of columns, or some have core pressures that others have not.
+    """
+    parameters = Parameters.of(designs)
+    recorder = Recorder(len(designs), sum(parameters.sizes))
+    numbers = []
+    for design in designs:
+        pressure, orientation, levels, core = parameters.variables(design)
+        each = tuple(pressure[number] for number in range(parameters.cores)) if parameters.cores > 1 else pressure
+        numbers.append((each, orientation, levels, core if parameters.shapes else None))
+    program = _build(recorder, designs, numbers, terrain, actuation, None, geometry, counting)
+    return DifferentiableProgram(program, parameters, *recorder.slopes())
+
+
+# Pressure of the core or cores, orientation, levels, core pressures of columns.
+Numbers = tuple[Scalar | tuple[Scalar, ...], Scalar, Real, Real | None]
+
+
+def _build(
+    recorder: Recorder,
+    designs: Sequence[InflatableDesign],
+    numbers: Sequence[Numbers],
+    terrain: Terrain | Sequence[Terrain],
+    actuation: InflatableActuation,
+    record_every: int | None,
+    geometry: InflatableGeometry,
+    counting: Counting,
+) -> LatticeProgram:
+    """Write the events of designs whose numbers may carry derivatives."""
     lengths, marks = [], []
     for robot, (design, ground) in enumerate(zip(designs, one_each(terrain, len(designs)), strict=True)):
-        driven = actuation.on(ground)
-        begin = driven.initial_steps(highest_pressure(design.pressure))
-        columns, steps = play(design.schedule, driven)
-        own, cores = weights(ground, design.orientation), InflatedCores.of(design.pressure, geometry)
-        write_robot(builder, robot, cores, own, ground, columns, begin, driven)
-        lengths.append(begin + steps)
-        marks.append(snapshot_steps(begin, begin + steps, record_every))
-    return builder.build(lengths, snapshot_table(marks))
-
-
-def snapshot_steps(begin: int, end: int, record_every: int | None) -> list[int]:
-    """The steps after which poses of a gait are kept: its first, its last, then every so many."""
-    return [begin, end, *(range(begin, end + 1, record_every) if record_every else ())]
+        pressure, orientation, levels, core = numbers[robot]
+        begin = actuation.initial_steps(highest_pressure(design.pressure))
+        pressures = None if core is None or isinstance(pressure, tuple) else (pressure, core)
+        columns, steps = play(design.schedule, actuation, told=levels, core=pressures)
+        if counting.warm_up >= steps:
+            raise ValueError(f"warm_up: {counting.warm_up} is not allowed; a gait takes {steps} steps")
+        events = RobotEvents.of(recorder, robot, pressure, orientation, ground, actuation, geometry)
+        events.initialise(begin)
+        events.play(columns, begin)
+        starts = [column.start for column in columns[:: design.schedule.columns]]
+        first, *others = (begin + start for start in stage_starts(starts, steps, counting.warm_up, counting.stages))
+        end = begin + steps
+        lengths.append(end)
+        marks.append([first, end, *others, *(range(begin, end + 1, record_every) if record_every else ())])
+    return recorder.builder.build(lengths, snapshot_table(marks))
 
 
 def snapshot_table(marks: Sequence[Sequence[int]]) -> Ints:
-    """The same for all robots, shape (B, S); rows end with -1."""
+    """Steps of snapshots of robots with different numbers of them, shape (B, S); rows end with -1."""
     table = np.full((len(marks), max(map(len, marks))), -1)
     for row, steps in zip(table, marks, strict=True):
         row[: len(steps)] = steps
     return table
-
-
-def write_robot(
-    builder: Builder,
-    robot: int,
-    cores: InflatedCores,
-    own: tuple[Vector, Vector],
-    terrain: Terrain,
-    columns: list[Column],
-    begin: int,
-    a: InflatableActuation,
-    ramp_steps: int | None = None,
-) -> None:
-    """The events of one robot of these :func:`weights`: initialisation until step ``begin``, then its columns."""
-    initialise(builder, robot, cores, own, begin, a, ramp_steps)
-    immerse(builder, terrain, regions=cores.everywhere, robots=robot)
-    for number, column in enumerate(columns):
-        write_column(builder, robot, cores, own[1], column, begin + column.start, number == 0, a)
-
-
-def write_column(
-    builder: Builder,
-    robot: int,
-    cores: InflatedCores,
-    tilted: Vector,
-    column: Column,
-    step: int,
-    first: bool,
-    a: InflatableActuation,
-) -> None:
-    """The events of one column, which begins at ``step``: motion, then settling."""
-    _set_surroundings(builder, robot, cores, column, step, first, a)
-    _move_bladders(builder, robot, column, step, cores.mean, a)
-    if a.weight == "published":
-        _set_bladder_weights(builder, robot, column, step, tilted)
-    settle = step + column.motion_steps
-    builder.set(Quantity.GLOBAL_DAMPING, a.settling_damping, regions=cores.everywhere, step=settle, robots=robot)
-    _set_friction(builder, robot, a.high_friction, cores.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
-
-
-def _set_friction(builder: Builder, robot: int, value: Scalar, regions: ArrayLike, step: int) -> None:
-    for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
-        builder.set(quantity, value, regions=regions, step=step, robots=robot)
-
-
-def set_weight(builder: Builder, robot: int, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
-    """Give regions an acceleration [m/s^2] from a step on."""
-    for axis in range(3):
-        builder.set(Quantity.ACCELERATION + axis, gravity[axis], regions=regions, step=step, robots=robot)
-
-
-def initialise(
-    builder: Builder,
-    robot: int,
-    cores: InflatedCores,
-    own: tuple[Vector, Vector],
-    end: int,
-    a: InflatableActuation,
-    ramp_steps: int | None = None,
-) -> None:
-    """Skin under level gravity until ``end``, bladders under the tilted one at once; the core pressures ramp up."""
-    (level, tilted), skin = own, cores.skin(SKIN_REGIONS)
-    set_weight(builder, robot, level, skin, 0)
-    set_weight(builder, robot, tilted, skin, end)
-    set_weight(builder, robot, tilted, BLADDER_REGIONS, 0)
-    builder.set(Quantity.SCALE + 2, a.deflated, regions=BLADDER_REGIONS, robots=robot)
-    _inflate_cores(builder, robot, cores, end - a.hold_steps, a, ramp_steps)
-    _set_friction(builder, robot, a.high_friction, skin, 0)
-    _set_friction(builder, robot, a.low_friction, cores.skin(FOOT_SEAM), 0)
-    _set_friction(builder, robot, a.high_friction / 3, BLADDER_REGIONS, 0)
-    builder.set(Quantity.GLOBAL_DAMPING, 0.0, regions=cores.everywhere, robots=robot)
-
-
-def _inflate_cores(
-    builder: Builder, robot: int, cores: InflatedCores, full: int, a: InflatableActuation, ramp_steps: int | None
-) -> None:
-    """All cores at the same rate, each until its own pressure, the highest by step ``full``; or all by that step."""
-    ramps = [a.initial_steps(float(value_of(pressure)), ramp_steps) for pressure in cores.each]
-    for core, (pressure, ramp) in enumerate(zip(cores.each, ramps, strict=True)):
-        skin = skin_regions(SKIN_REGIONS, core)
-        rate = a.pressure_ramp if ramp_steps is None else pressure / ramp_steps
-        builder.set(Quantity.PRESSURE, 0.0, rate=rate, regions=skin, robots=robot)
-        builder.set(Quantity.PRESSURE, pressure, regions=skin, step=full - (max(ramps) - ramp), robots=robot)
-
-
-def stand_on(
-    builder: Builder,
-    robot: int,
-    cores: InflatedCores,
-    tilted: Vector,
-    carried: Floats,
-    step: int,
-    a: InflatableActuation,
-) -> None:
-    """Change the ground under a robot at a step: weights of skin and bladders, and the friction of both.
-
-    Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
-    """
-    skin = cores.skin(SKIN_REGIONS)
-    set_weight(builder, robot, tilted, skin, step)
-    share = np.ones(BLADDER_COUNT) if a.weight == "physical" else carried
-    set_weight(builder, robot, _times(share, tilted), BLADDER_REGIONS, step)
-    _set_friction(builder, robot, a.high_friction, skin, step)
-    _set_friction(builder, robot, a.high_friction / 3, BLADDER_REGIONS, step)
-
-
-def _set_surroundings(
-    builder: Builder, robot: int, cores: InflatedCores, column: Column, step: int, first: bool, a: InflatableActuation
-) -> None:
-    """What a column's motion begins with: damping, grip of the feet, change of the pressure of all cores."""
-    builder.set(Quantity.GLOBAL_DAMPING, a.moving_damping, regions=cores.everywhere, step=step, robots=robot)
-    grip = (1.0 - column.grip) * a.low_friction + column.grip * a.high_friction
-    for core in range(len(cores.each)):
-        _set_friction(builder, robot, grip, skin_regions(FOOT_REGIONS, core), step)
-    _set_friction(builder, robot, a.low_friction if first else a.high_friction, cores.skin(FOOT_SEAM), step)
-    if column.pressures:
-        before, after = column.pressures
-        rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
-        skin = cores.skin(SKIN_REGIONS)
-        builder.set(Quantity.PRESSURE, before + rate, rate=rate, regions=skin, step=step, robots=robot)
-        builder.set(Quantity.PRESSURE, after, regions=skin, step=settle, robots=robot)
-
-
-def _move_bladders(
-    builder: Builder, robot: int, column: Column, step: int, pressure: Scalar, a: InflatableActuation
-) -> None:
-    """Bladders change together, each until it is done."""
-    moves, arrives = np.flatnonzero(column.moving), np.flatnonzero(column.arrives)
-    done = step + column.moving[arrives]
-    rate = column.direction * a.inflation_rate
-    for axis, share in enumerate(_growth(pressure, a)):
-        if axis == 1 and column.pressures:
-            _lengthen(builder, robot, column, step, a)
-            continue
-        base = 1.0 - share * a.deflated if axis < 2 else 0.0
-        grown, ends = base + share * (column.levels + rate), base + share * column.ends
-        builder.set(
-            Quantity.SCALE + axis,
-            grown[moves],
-            rate=(share * rate)[moves],
-            regions=FIRST_BLADDER + moves,
-            step=step,
-            robots=robot,
-        )
-        builder.set(Quantity.SCALE + axis, ends[arrives], regions=FIRST_BLADDER + arrives, step=done, robots=robot)
-
-
-def _lengthen(builder: Builder, robot: int, column: Column, step: int, a: InflatableActuation) -> None:
-    """Lengths of bladders while the core pressure changes: by the law at the beginning, on arrival and in the end.
-
-    In between they change linearly, as channels do.
-    """
-    assert column.pressures and column.arrival is not None
-    before, after = column.pressures
-    time = column.arrival + column.moving.astype(float)
-    moves, along = np.flatnonzero(column.moving), Quantity.SCALE + 1
-    pressures = (before, before + (after - before) * (time / column.motion_steps), after)
-    levels = (column.levels, column.ends, column.ends)
-    start, arrived, end = (
-        1.0 + _growth(p, a)[1] * (level - a.deflated) for p, level in zip(pressures, levels, strict=True)
-    )
-    rate = (arrived - start)[moves] / time[moves]
-    builder.set(along, start[moves] + rate, rate=rate, regions=FIRST_BLADDER + moves, step=step, robots=robot)
-    rate = (end - arrived) / (column.motion_steps - time)
-    value = arrived + rate * (1.0 - column.arrival)
-    builder.set(along, value, rate=rate, regions=BLADDER_REGIONS, step=step + column.moving, robots=robot)
-    builder.set(along, end, regions=BLADDER_REGIONS, step=step + column.motion_steps, robots=robot)
-
-
-def _set_bladder_weights(builder: Builder, robot: int, column: Column, step: int, tilted: Vector) -> None:
-    """The published quirk: none while a bladder moves or is inflated; partly inflated, it has part of its weight.
-
-    The step in which a bladder arrives is shared between the two, so that weight is continuous in the inflation.
-    """
-    lifted = np.flatnonzero((column.moving > 0) | ~column.lands)
-    set_weight(builder, robot, NO_WEIGHT, FIRST_BLADDER + lifted, step)
-    lands = np.flatnonzero(column.lands)
-    done, regions = step + column.moving[lands], FIRST_BLADDER + lands
-    carried = (1.0 - column.inflation)[lands]
-    if column.arrival is not None:
-        shared = carried * (1.0 - column.arrival[lands])
-        set_weight(builder, robot, _times(shared, tilted), regions, done)
-        done = done + 1
-    set_weight(builder, robot, _times(carried, tilted), regions, done)
-
-
-def _times(factor: Real | Floats, vector: Vector) -> Vector:
-    return factor * vector[0], factor * vector[1], factor * vector[2]
-
-
-def bladder_scales(pressure: float, levels: Floats, a: InflatableActuation) -> Floats:
-    """Rest sizes of bladders of some thickness, shape (8,), in voxels per voxel: across, along, through, (8, 3).
-
-    The pressure [Pa] is that which bladders feel, see ``InflatedCores``.
-    """
-    across, along, _ = (1.0 + np.asarray(share) * (levels - a.deflated) for share in _growth(pressure, a))
-    return np.column_stack([across, along, levels])
-
-
-def _growth(pressure: Scalar, a: InflatableActuation) -> Vector:
-    """Growth of a bladder per growth in thickness: across, along, through."""
-    along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * pressure / a.round_pressure
-    return a.widening, 1 / along, 1.0

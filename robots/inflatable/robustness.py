@@ -10,18 +10,21 @@ ch. 5, "Results").
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
-from robots.inflatable import gaits
-from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, nominal_steps
-from robots.inflatable.gaits import GaitDesign, steps_of
-from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
+from robots.inflatable import simulation
+from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.slip import slip_under_load
+from robots.inflatable.timing import gait_steps, nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import Compute, ComputeOptions
 
 RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
@@ -148,56 +151,42 @@ class GaitJudgement(NoisySpeeds):
 
 
 def judge_gait(
-    design: GaitDesign,
+    design: InflatableDesign,
     terrain: Terrain | None = None,
     *,
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
     runs: int = RUNS,
     seed: int = 0,
-    precision: str = "f64",
-    device: str = "cpu",
-    threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
 ) -> GaitJudgement:
     """Simulate a gait with noise, under harder conditions, and watch its feet.
 
     Args:
-        design: on-off or graded.
+        design: what the robot does.
         terrain: flat ground by default.
         geometry: of the robot.
         actuation: how it is driven, but for the harder conditions.
         runs: with noise, under either condition; at least 2.
         seed: of the noise.
-        precision: see ``robots.inflatable.simulate``, as the others.
-        device: see there.
-        threads: see there.
-        progress: see there.
+        progress: called now and then with the fraction done.
+        compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
-        ValueError: in one line, for what is not allowed.
+        ValueError: if an argument is not allowed.
     """
     whole_number("runs", runs, 2)
     terrain = terrain or Terrain()
-    usual, hard = _both_ways(
-        [design] * runs,
-        terrain,
-        RECORD_EVERY,
-        progress,
-        geometry=geometry,
-        actuation=actuation,
-        seed=seed,
-        precision=precision,
-        device=device,
-        threads=threads,
-    )
+    noisy = _Noisy([design] * runs, terrain, geometry, actuation, seed, Compute.given(compute))
+    usual, hard = noisy.both_ways(RECORD_EVERY, progress)
     slip = np.stack([slip_under_load(usual, design, actuation, robot) for robot in range(runs)])
     return GaitJudgement(
         usual.speed,
         hard.speed,
         slip,
         usual.distance,
-        steps_of(design, actuation),
+        gait_steps(design.schedule, actuation),
         terrain.slope == 0,
         nominal_steps(PUBLISHED_COLUMNS, actuation),
         actuation.on(harder(terrain, actuation)[0]).low_friction,
@@ -230,53 +219,73 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
 
 
 def play_with_noise(
-    designs: Sequence[GaitDesign],
+    designs: Sequence[InflatableDesign],
     terrain: Terrain,
     runs: int,
     *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    seed: int = 0,
     progress: Callable[[float], None] | None = None,
-    **options: Any,
+    **compute: Unpack[ComputeOptions],
 ) -> tuple[Floats, Floats]:
-    """Speeds of designs of one kind, as usual and under the harder conditions, shape (N, R) each.
+    """Speeds of designs as usual and under the harder conditions, shape (N, R) each.
 
     Args:
         designs: N of them.
-        terrain: see :func:`judge_gait`, as for the others.
+        terrain: where.
         runs: R, of each design under either condition, as two batches; at least 1.
-        progress: see there.
-        options: of ``robots.inflatable.gaits.simulate``.
+        geometry: of the robot.
+        actuation: how it is driven, but for the harder conditions.
+        seed: of the noise.
+        progress: called now and then with the fraction done.
+        compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
-        ValueError: in one line, for what is not allowed.
+        ValueError: if an argument is not allowed.
     """
     whole_number("runs", runs, 1)
     copies = [design for design in designs for _ in range(runs)]
-    usual, hard = _both_ways(copies, terrain, None, progress, **options)
+    noisy = _Noisy(copies, terrain, geometry, actuation, seed, Compute.given(compute))
+    usual, hard = noisy.both_ways(None, progress)
     return usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)
 
 
-def _both_ways(
-    designs: Sequence[GaitDesign],
-    terrain: Terrain,
-    record_every: int | None,
-    progress: Callable[[float], None] | None,
-    *,
-    actuation: InflatableActuation = ACTUATION,
-    **options: Any,
-) -> tuple[InflatableResult, InflatableResult]:
-    """Results with noise, as usual and under the harder conditions; frames of the former."""
-    conditions = ((terrain, actuation, record_every), (*harder(terrain, actuation), None))
-    report = progress or (lambda fraction: None)
-    usual, hard = (
-        gaits.simulate(
-            designs,
-            where,
-            actuation=drive,
-            **options,
+@dataclass(frozen=True, eq=False)
+class _Noisy:
+    """A batch of designs that start with noise."""
+
+    designs: Sequence[InflatableDesign]
+    terrain: Terrain
+    geometry: InflatableGeometry
+    actuation: InflatableActuation
+    seed: int
+    compute: Compute
+
+    def both_ways(
+        self, record_every: int | None, progress: Callable[[float], None] | None
+    ) -> tuple[InflatableResult, InflatableResult]:
+        """Results as usual and under the harder conditions; frames of the former."""
+        report = progress or (lambda fraction: None)
+        hard, weighed = harder(self.terrain, self.actuation)
+        usual = self._simulate(self.terrain, self.actuation, record_every, lambda f: report(0.5 * f))
+        return usual, self._simulate(hard, weighed, None, lambda f: report(0.5 + 0.5 * f))
+
+    def _simulate(
+        self,
+        terrain: Terrain,
+        actuation: InflatableActuation,
+        record_every: int | None,
+        progress: Callable[[float], None],
+    ) -> InflatableResult:
+        return simulation.simulate(
+            self.designs,
+            terrain,
+            geometry=self.geometry,
+            actuation=actuation,
+            record_every=record_every,
             perturbation=NOISE,
-            record_every=every,
-            progress=lambda f, half=half: report(0.5 * (half + f)),
+            seed=self.seed,
+            progress=progress,
+            **self.compute.options,
         )
-        for half, (where, drive, every) in enumerate(conditions)
-    )
-    return usual, hard

@@ -1,36 +1,62 @@
-"""When the actuators of the inflatable robot are on.
+"""The schedule of a gait: how far every actuator of the inflatable robot is on, column by column.
 
-Source: Powers 2021 dissertation, ch. 5, "Optimization": a binary matrix of ten actuators and T columns, and
-per actuator a code of a frequency f and an offset phi.
+Source: Powers 2021 dissertation, ch. 5, "Optimization": a binary matrix of ten actuators and T columns, and per
+actuator a code of a frequency f and an offset phi. Levels between 0 and 1, core pressures of columns and times of
+their own go beyond it.
 """
 
+import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import whole_number
+from taichi_sim.base.checks import number, whole_number
 
 BLADDERS = 8
 FEET = 2
 ROWS = BLADDERS + FEET
 MOST_COLUMNS, MOST_REPEATS = 10_000, 100_000  # published gaits have 8, played twice
+# Safety limit of the core in the simulator [Pa]. The search space ends at 12 kPa; published evaluations reach 13,281.
+MAXIMUM_PRESSURE = 15e3
+LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
+NO_SHARPENING = 1e-8  # sharpness below which sharpening changes no digit
+TABLES = ("inflation", "grip", "core_pressure", "motion_steps", "settle_steps")  # in files, in the order written
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaitSchedule:
-    """A gait as a binary matrix; equal, and of equal hash, when bits and repeats are.
+    """How far ten actuators are on, from 0 (off) to 1 (on), in T columns that are played one after the other.
+
+    Equal, and of equal hash, when all fields are.
 
     Attributes:
-        bits: shape (10, T), T at least 1, read-only: rows are bladders 1 to 8 (inflated) and feet 1 and 2
-            (gripping), columns are actuation states in order of time.
+        levels: shape (10, T), T at least 1, 0 to 1, read-only: rows are bladders 1 to 8 and feet 1 and 2, columns are
+            actuation states in order of time. A bladder goes that fraction of the way from empty to full; the friction
+            of a foot is that fraction of the way from low to high.
         repeats: how often the columns are played.
+        core_pressure: of all cores at the end of each column's motion [Pa], shape (T,), read-only; it changes linearly
+            in time. None keeps the pressure of the design.
+        motion_steps: time steps that each column's motion lasts, or as many more as its slowest bladder needs, shape
+            (T,), read-only; None is as published.
+        settle_steps: time steps between the end of each column's motion and the next column, shape (T,), read-only;
+            None is as published.
+        skip_idle: whether a column in which no bladder is switched ends after one step of motion, as published; else
+            it lasts as long as a full stroke. Only a schedule of on and off without the three tables above can skip
+            columns (others get False), because only there such a column moves nothing.
     """
 
-    bits: Bools
+    levels: Floats
     repeats: int = 2
+    core_pressure: Floats | None = None
+    motion_steps: Ints | None = None
+    settle_steps: Ints | None = None
+    skip_idle: bool = True
 
     row_names: ClassVar[tuple[str, ...]] = (
         *(f"bladder{i + 1}" for i in range(BLADDERS)),
@@ -38,31 +64,23 @@ class GaitSchedule:
     )
 
     def __post_init__(self) -> None:
-        try:
-            given = np.asarray(self.bits)
-        except ValueError:
-            raise ValueError(f"schedule: rows differ in length; give {ROWS} equally long rows") from None
-        if given.ndim != 2 or given.shape[0] != ROWS or given.shape[1] < 1:
-            raise ValueError(
-                f"schedule: shape {given.shape} is not allowed; give ({ROWS}, T), T at least 1: "
-                f"{BLADDERS} bladders, then {FEET} feet"
-            )
-        if given.dtype.kind not in "biuf":
-            raise ValueError(f"schedule: values of type {given.dtype} are not allowed; give 0 and 1")
-        wrong = np.argwhere((given != 0) & (given != 1))
-        if wrong.size:
-            row, column = wrong[0]
-            place = f"{self.row_names[row]}, column {column + 1}"
-            raise ValueError(f"schedule: {given[row, column]} of {place} is not allowed; give 0 or 1")
-        bits = given.astype(np.bool_)
-        bits.setflags(write=False)
-        object.__setattr__(self, "bits", bits)
+        levels = _checked_levels(self.levels)
+        columns = levels.shape[1]
+        object.__setattr__(self, "levels", levels)
         object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1, MOST_REPEATS))
+        if self.core_pressure is not None:
+            pressure = _table("core_pressure", self.core_pressure, MAXIMUM_PRESSURE, (columns,))
+            object.__setattr__(self, "core_pressure", pressure)
+        for field in ("motion_steps", "settle_steps"):
+            if (steps := getattr(self, field)) is not None:
+                object.__setattr__(self, field, _step_counts(field, steps, columns))
+        plain = not self.has_own_times and self.core_pressure is None and self.is_on_off
+        object.__setattr__(self, "skip_idle", bool(self.skip_idle) and plain)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, GaitSchedule):
             return NotImplemented
-        return self.repeats == other.repeats and np.array_equal(self.bits, other.bits)
+        return self.repeats == other.repeats and self.to_text() == other.to_text()
 
     def __hash__(self) -> int:
         return hash((self.to_text(), self.repeats))
@@ -73,21 +91,92 @@ class GaitSchedule:
     @property
     def columns(self) -> int:
         """T, the number of different columns."""
-        return len(self.bits[0])
+        return self.levels.shape[1]
 
     @property
-    def levels(self) -> Floats:
-        """The bits as numbers, shape (10, T)."""
-        return self.bits.astype(float)
+    def inflation(self) -> Floats:
+        """Levels of the bladders, shape (8, T)."""
+        return self.levels[:BLADDERS]
 
     @property
-    def played(self) -> Bools:
-        """The columns as they are played, shape (10, T * repeats)."""
-        return np.tile(self.bits, self.repeats)
+    def grip(self) -> Floats:
+        """Levels of the feet, shape (2, T)."""
+        return self.levels[BLADDERS:]
+
+    @property
+    def is_on_off(self) -> bool:
+        """Whether all levels are 0 or 1."""
+        return bool(((self.levels == 0) | (self.levels == 1)).all())
+
+    @property
+    def has_own_times(self) -> bool:
+        """Whether columns last as long as the schedule says, in time steps of the published robot."""
+        return self.motion_steps is not None or self.settle_steps is not None
+
+    @cached_property
+    def bits(self) -> Bools:
+        """The levels of a schedule of on and off as truth values, shape (10, T), read-only.
+
+        Raises:
+            ValueError: if a level lies between 0 and 1.
+        """
+        if not self.is_on_off:
+            raise ValueError("schedule: levels between 0 and 1 are no bits; take levels, or project() first")
+        bits = self.levels == 1
+        bits.setflags(write=False)
+        return bits
+
+    @property
+    def played(self) -> Floats:
+        """The levels of all columns as they are played, shape (10, T * repeats)."""
+        return np.tile(self.levels, self.repeats)
+
+    @property
+    def indecision(self) -> float:
+        """Mean of 4 u (1 - u) over all levels u: 0 for on and off, 1 where all are halfway."""
+        return float((4 * self.levels * (1 - self.levels)).mean())
 
     def cut(self, columns: int | None, repeats: int | None) -> Self:
-        """The first so many columns, played so often; None keeps what there is."""
-        return replace(self, bits=self.bits[:, :columns], repeats=self.repeats if repeats is None else repeats)
+        """The schedule of the first ``columns`` columns, played ``repeats`` times; None keeps what there is."""
+        names = ("levels", "core_pressure", "motion_steps", "settle_steps")
+        tables = {name: table[..., :columns] for name in names if (table := getattr(self, name)) is not None}
+        return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)
+
+    def project(self, threshold: float = 0.5) -> Self:
+        """The schedule of on and off that is on where this one's levels are at least at the threshold.
+
+        Raises:
+            ValueError: if columns have core pressures or times of their own, which on and off cannot say.
+        """
+        if self.has_own_times:
+            raise ValueError("steps: times of its own are not allowed; on and off have the published ones")
+        if self.core_pressure is not None:
+            raise ValueError("core_pressure: one per column is not allowed; on and off keep that of the design")
+        return self.decided(threshold)
+
+    def decided(self, threshold: float = 0.5) -> Self:
+        """Like :meth:`project`, but leaves core pressures and times out."""
+        return type(self)((self.levels >= number("threshold", threshold, 0.0, 1.0)).astype(float), self.repeats)
+
+    def sharpened(self, sharpness: float) -> Self:
+        """The schedule with every level u pushed away from 1/2, further for larger sharpness; 0, 1/2 and 1 stay.
+
+        u' = (tanh(b/2) + tanh(b (u - 1/2))) / (2 tanh(b/2)), the projection of topology optimisation (Wang, Lazarov &
+        Sigmund, Structural and Multidisciplinary Optimization 43, 767-784, 2011) about 1/2; b = 0 is its limit u' = u.
+        """
+        b = number("sharpness", sharpness, 0.0)
+        if b < NO_SHARPENING:
+            return self
+        edge, u = math.tanh(b / 2), self.levels
+        levels = np.clip((edge + np.tanh(b * (u - 0.5))) / (2 * edge), 0.0, 1.0)
+        return replace(self, levels=np.where(np.isin(u, (0.0, 0.5, 1.0)), u, levels))  # rounding must not move them
+
+    def sharpening_slope(self, sharpness: float) -> Floats:
+        """Derivative of :meth:`sharpened` levels by the levels, shape (10, T)."""
+        b = number("sharpness", sharpness, 0.0)
+        if b < NO_SHARPENING:
+            return np.ones_like(self.levels)
+        return b * (1 - np.tanh(b * (self.levels - 0.5)) ** 2) / (2 * math.tanh(b / 2))
 
     @classmethod
     def from_codes(cls, f: ArrayLike, phi: ArrayLike, columns: int = 8, repeats: int = 2) -> Self:
@@ -112,27 +201,117 @@ class GaitSchedule:
         """The code (f, phi), each of shape (10,): for every row the smallest f, then the smallest phi.
 
         Raises:
-            ValueError: when a row has no code, because its activations are not evenly spaced from one end of
-                the schedule to the other.
+            ValueError: if a row has no code, because its activations are not evenly spaced from one end of the
+                schedule to the other, or lie between on and off.
         """
         codes = np.array([_row_code(row, name) for row, name in zip(self.bits, self.row_names, strict=True)])
         return codes[:, 0], codes[:, 1]
 
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What there is of ``TABLES``, as lists of numbers."""
+        given = {name: getattr(self, name) for name in TABLES}
+        return {name: table.tolist() for name, table in given.items() if table is not None}
+
     @classmethod
-    def from_text(cls, text: str, repeats: int = 2) -> Self:
-        """The schedule of ten rows of 0 and 1 separated by ``/``, such as ``"10/10/01/..."``.
+    def from_tables(cls, tables: Mapping[str, Any], repeats: int = 2) -> Self:
+        """The schedule of tables as :attr:`tables` gives them; only inflation and grip are needed.
 
         Raises:
-            ValueError: in one line, for any other text.
+            KeyError: with the name of a table that is missing.
+            ValueError: if tables are unknown or not allowed.
         """
+        if unknown := sorted(set(tables) - set(TABLES)):
+            raise ValueError(f"{unknown[0]}: is unknown; a gait's tables are {', '.join(TABLES)}")
+        inflation = _table("inflation", tables["inflation"], 1.0, (BLADDERS, None))
+        grip = _table("grip", tables["grip"], 1.0, (FEET, inflation.shape[1]))
+        others = {name: tables.get(name) for name in TABLES[2:]}
+        return cls(np.concatenate([inflation, grip]), repeats, **others, skip_idle=False)
+
+    def to_text(self) -> str:
+        """The schedule in one line without its repeats; :meth:`from_text` reads it, and numbers are exact.
+
+        One that skips idle columns is its bits, rows joined by ``/``; others are their tables as JSON.
+        """
+        return "/".join(map(_row_text, self.bits)) if self.skip_idle else json.dumps(self.tables)
+
+    @classmethod
+    def from_text(cls, text: str, repeats: int = 2) -> Self:
+        """The schedule of a line that :meth:`to_text` wrote, such as ten rows of 0 and 1 like ``"10/10/01/..."``.
+
+        Raises:
+            ValueError: if it is anything else.
+        """
+        if text.lstrip().startswith("{"):
+            return cls._from_json(text, repeats)
         rows = [row.strip() for row in text.split("/")]
         if set("".join(rows)) - {"0", "1"} or len(set(map(len, rows))) != 1:
             raise ValueError(f"schedule: {text!r} is not allowed; give {ROWS} rows of 0 and 1, joined by /")
         return cls(np.array([[character == "1" for character in row] for row in rows]), repeats)
 
-    def to_text(self) -> str:
-        """The bits as text, rows joined by ``/``; :meth:`from_text` reads it."""
-        return "/".join(map(_row_text, self.bits))
+    @classmethod
+    def _from_json(cls, text: str, repeats: int) -> Self:
+        try:
+            return cls.from_tables(json.loads(text), repeats)
+        except KeyError as missing:
+            raise ValueError(f"schedule: {missing} is missing") from None
+        except (json.JSONDecodeError, TypeError):
+            raise ValueError("schedule: its text is damaged; give the tables of a gait as JSON") from None
+
+
+def _checked_levels(given: object) -> Floats:
+    """A read-only copy of levels, shape (10, T)."""
+    try:
+        levels = np.asarray(given)
+    except ValueError:
+        raise ValueError(f"schedule: rows differ in length; give {ROWS} equally long rows") from None
+    if levels.ndim != 2 or levels.shape[0] != ROWS or levels.shape[1] < 1:
+        raise ValueError(
+            f"schedule: shape {levels.shape} is not allowed; give ({ROWS}, T), T at least 1: "
+            f"{BLADDERS} bladders, then {FEET} feet"
+        )
+    if levels.dtype.kind not in "biuf":
+        raise ValueError(f"schedule: values of type {levels.dtype} are not allowed; give numbers from 0 to 1")
+    wrong = np.argwhere(~((levels >= 0) & (levels <= 1)))
+    if wrong.size:
+        row, column = wrong[0]
+        place = f"{GaitSchedule.row_names[row]}, column {column + 1}"
+        raise ValueError(f"schedule: {levels[row, column]} of {place} is not allowed; give 0 (off) to 1 (on)")
+    return _read_only(levels.astype(float))
+
+
+def _step_counts(field: str, given: ArrayLike, columns: int) -> Ints:
+    """A read-only copy of whole numbers, one per column."""
+    table = _table(field, given, float(LONGEST_COLUMN), (columns,))
+    wrong = table[table != np.rint(table)]
+    if wrong.size:
+        raise ValueError(f"{field}: {wrong[0]} is not allowed; give whole numbers")
+    steps = table.astype(np.int64)
+    steps.setflags(write=False)
+    return steps
+
+
+def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, ...]) -> Floats:
+    """A read-only copy of numbers from 0 to ``high``; None in the shape is any length of at least 1."""
+    allowed = f"give shape ({', '.join('T' if n is None else str(n) for n in shape)}{',' * (len(shape) == 1)})"
+    try:
+        table = np.array(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{field}: {type(given).__name__} is not allowed; {allowed}") from None
+    if len(table.shape) != len(shape) or any(
+        n < 1 or m not in (None, n) for n, m in zip(table.shape, shape, strict=True)
+    ):
+        raise ValueError(f"{field}: shape {table.shape} is not allowed; {allowed}")
+    wrong = table[~((table >= 0) & (table <= high))]
+    if wrong.size:
+        raise ValueError(f"{field}: {wrong[0]} is not allowed; give numbers from 0 to {high:g}")
+    return _read_only(table)
+
+
+def _read_only(table: Floats) -> Floats:
+    table[np.signbit(table)] = 0.0  # so that equal schedules have equal texts
+    table.setflags(write=False)
+    return table
 
 
 def _codes(field: str, given: ArrayLike, columns: int) -> Ints:

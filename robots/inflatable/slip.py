@@ -6,15 +6,17 @@ Coulomb's law a foot that grips either sticks or slides, so slip is a property o
 
 import numpy as np
 
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import FOOT_REGIONS, kinds_of
-from robots.inflatable.gaits import GaitDesign, played
-from robots.inflatable.robot import ACTUATION, InflatableActuation, InflatableResult
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, FEET
+from robots.inflatable.simulation import InflatableResult
+from robots.inflatable.timing import gait_timeline
 from taichi_sim.base.arrays import Floats
 
 
 def slip_under_load(
-    result: InflatableResult, design: GaitDesign, actuation: InflatableActuation = ACTUATION, robot: int = 0
+    result: InflatableResult, design: InflatableDesign, actuation: InflatableActuation = ACTUATION, robot: int = 0
 ) -> Floats:
     """The way that each foot slips, as far as it grips and as its load feels it [m], shape (2,).
 
@@ -49,9 +51,9 @@ def slip_under_load(
     return slip
 
 
-def _gripping(design: GaitDesign, actuation: InflatableActuation, steps: Floats) -> Floats:
+def _gripping(design: InflatableDesign, actuation: InflatableActuation, steps: Floats) -> Floats:
     """How much each foot grips all the time between two frames, from 0 to 1, shape (F - 1, 2)."""
-    gait = played(design, actuation)
+    gait = gait_timeline(design, actuation)
     grips = np.ones((len(steps) - 1, FEET))
     for begin, end, told in zip(gait.edges[:-1], gait.settles, gait.levels[BLADDERS:].T, strict=True):
         moving = (steps[1:] > begin) & (steps[:-1] < end)

@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.relaxed_motion import full_stroke_steps
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
-from robots.inflatable.schedule import BLADDERS, FEET
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from robots.inflatable.timing import full_stroke_steps
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
 
@@ -36,7 +36,7 @@ def change_of_shape(
     times: tuple[float, float] = (INFLATION_TIME, VACUUM_TIME),
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
-) -> RelaxedDesign:
+) -> InflatableDesign:
     """A gait of which the shape is the purpose: all bladders are emptied, the core goes from a pressure to another.
 
     Args:
@@ -56,15 +56,10 @@ def change_of_shape(
     if together:
         motion, core, settling = [max(emptying, change)], [after], [settle]
     columns = len(motion)
-    gait = RelaxedSchedule(
-        np.zeros((BLADDERS, columns)),
-        np.full((FEET, columns), grip),
-        1,
-        np.array(core),
-        np.array(motion),
-        np.array(settling),
-    )
-    return RelaxedDesign(before, orientation, gait)
+    levels = np.zeros((ROWS, columns))
+    levels[BLADDERS:] = grip
+    gait = GaitSchedule(levels, 1, np.array(core), np.array(motion), np.array(settling))
+    return InflatableDesign(before, orientation, gait)
 
 
 def shape_error(positions: Floats, target: Floats) -> float:

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from robots.inflatable.relaxed_schedule import Schedule
+from robots.inflatable.schedule import GaitSchedule
 from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Camera, Polygons
 from taichi_sim.base.arrays import Floats
 
@@ -81,7 +81,7 @@ def covered(points: Floats, camera: Camera) -> Floats:
     return np.stack([places.min(axis=0), places.max(axis=0)], axis=1)
 
 
-def draw_schedule(axes: "Axes", schedule: Schedule, edges: ArrayLike | None = None) -> None:
+def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None = None) -> None:
     """Draw when the actuators of the inflatable robot are on, as played: ten rows, bladder 1 on top.
 
     Args:

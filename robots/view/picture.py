@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from robots.inflatable import simulation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.cores import kilopascals
-from robots.inflatable.gaits import GaitDesign, simulate, steps_of
-from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableGeometry, InflatableResult
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.simulation import InflatableResult
+from robots.inflatable.timing import gait_steps
 from robots.robot import Robot, World
 from robots.view.drawing import draw_levels, label_rows
 from robots.view.film import draw_strip, poses_of
@@ -58,7 +62,7 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
 
 
 def save_motion_picture(
-    design: GaitDesign,
+    design: InflatableDesign,
     terrain: Terrain,
     path: str | PathLike[str],
     *,
@@ -85,8 +89,10 @@ def save_motion_picture(
         ValueError: for a value that is not allowed.
     """
     frames = whole_number("frames", frames, 2)
-    every = max(steps_of(design, actuation) // ((frames - 1) * PATH_POINTS), 1)
-    result = simulate(design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every)
+    every = max(gait_steps(design.schedule, actuation) // ((frames - 1) * PATH_POINTS), 1)
+    result = simulation.simulate(
+        design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every
+    )
     if counted_steps is not None:
         result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
     figure = inflatable_picture(result, design, terrain, actuation=actuation, frames=frames)
@@ -107,7 +113,7 @@ def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
 
 def inflatable_picture(
     result: InflatableResult,
-    design: GaitDesign,
+    design: InflatableDesign,
     terrain: Terrain,
     *,
     actuation: InflatableActuation = ACTUATION,
@@ -127,7 +133,7 @@ def inflatable_picture(
     return motion_picture(motion, frames=frames, title=title)
 
 
-def inflatable_title(result: InflatableResult, design: GaitDesign, terrain: Terrain, robot: int = 0) -> str:
+def inflatable_title(result: InflatableResult, design: InflatableDesign, terrain: Terrain, robot: int = 0) -> str:
     """Speed, terrain, core pressure and heading of an inflatable robot in a line."""
     cores = "cores" if isinstance(design.pressure, tuple) else "core"
     body = f"{cores} at {kilopascals(design.pressure)}, heading {design.orientation:.3g}°"

@@ -6,14 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.inflatable.robot import (
-    ACTUATION,
-    PUBLISHED,
-    InflatableActuation,
-    InflatableDesign,
-    InflatableGeometry,
-    simulate,
-)
+from robots.inflatable import simulation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
 from robots.view import shape
 from robots.view.scene import INK, PAIRS
@@ -66,7 +62,9 @@ def shape_curves(
         raise ValueError("pressures: there are none; give at least one")
     designs = [InflatableDesign(pressure, 0.0, IDLE) for pressure in pressures]
     still = replace(actuation, settle_steps=1)
-    result = simulate(designs, geometry=geometry, actuation=still, precision=precision, threads=threads, record_every=1)
+    result = simulation.simulate(
+        designs, geometry=geometry, actuation=still, precision=precision, threads=threads, record_every=1
+    )
     measures = (shape.width, shape.height, shape.ratio, shape.curvature)
     curves = [np.array([measure(result, robot) for robot in range(len(designs))]) for measure in measures]
     return ShapeCurves(np.asarray(pressures, float), *curves)

@@ -9,7 +9,7 @@ from scipy.sparse import csgraph
 
 from robots.frames import Frames
 from robots.inflatable.body import FIRST_BLADDER, kinds_of
-from robots.inflatable.robot import InflatableResult
+from robots.inflatable.simulation import InflatableResult
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners, rotate

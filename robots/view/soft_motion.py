@@ -6,6 +6,7 @@ import numpy as np
 
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
     FIRST_BLADDER,
@@ -17,10 +18,11 @@ from robots.inflatable.body import (
     cores_of,
     kinds_of,
 )
-from robots.inflatable.gaits import GaitDesign, PlayedGait, played
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg
-from robots.inflatable.robot import ACTUATION, InflatableActuation, InflatableResult
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.simulation import InflatableResult
+from robots.inflatable.timing import GaitTimeline, gait_timeline
 from robots.lattice_robot import LatticeRobot, LatticeRobotResult
 from robots.lattice_robot.drive import UNITS
 from robots.view.lattice_states import LatticeStates
@@ -35,7 +37,7 @@ from taichi_sim.lattice.faces import mean_of_face_corners, rotate
 
 def inflatable_motion(
     result: InflatableResult,
-    design: GaitDesign,
+    design: InflatableDesign,
     terrain: Terrain | None = None,
     *,
     actuation: InflatableActuation = ACTUATION,
@@ -63,7 +65,7 @@ def inflatable_motion(
     cores = int(cores_of(regions).max()) + 1
     if regions.max() + 1 != REGION_COUNT + FIRST_BLADDER * (cores - 1):
         raise ValueError(f"frames: they are of a body with {regions.max() + 1} regions; give the inflatable robot's")
-    gait, pressure = played(design, actuation), np.broadcast_to(np.array(design.pressure), cores)
+    gait, pressure = gait_timeline(design, actuation), np.broadcast_to(np.array(design.pressure), cores)
     return _voxels(
         name,
         frames,
@@ -101,8 +103,8 @@ def journey_motion(
         ValueError: in one line, for results without frames.
     """
     frames = _recorded(result.frames, result.body, robot)
-    parts, starts = [played(leg.design, actuation) for leg in legs], np.append(0, np.cumsum(result.steps))
-    gait = PlayedGait(
+    parts, starts = [gait_timeline(leg.design, actuation) for leg in legs], np.append(0, np.cumsum(result.steps))
+    gait = GaitTimeline(
         edges=np.concatenate(
             [*(part.edges[:-1] + start for part, start in zip(parts, starts, strict=False)), starts[-1:]]
         ),
@@ -241,7 +243,7 @@ def _way(path: Floats, direction: Floats) -> Floats:
     return np.append(0.0, np.cumsum(along))
 
 
-def _gait_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
+def _gait_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
     """What actuators are told, as played."""
     colours = [_colour(c) for c in (*BLADDERS, *FEET)]
     names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in GaitSchedule.row_names]
@@ -250,7 +252,7 @@ def _gait_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
     return [Channel(name, "", times, row, colour, switch=True) for name, row, colour in rows]
 
 
-def _core_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
+def _core_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
     """The core pressure, or those of several cores, which change until the motion of a column ends."""
     if gait.pressures.ndim == 1:
         return [_core_channel("core pressure", gait, gait.pressures, time_step)]
@@ -258,7 +260,7 @@ def _core_channels(gait: PlayedGait, time_step: float) -> list[Channel]:
     return [_core_channel(f"core pressure {number}", gait, pressures, time_step) for number, pressures in several]
 
 
-def _core_channel(name: str, gait: PlayedGait, pressures: Floats, time_step: float) -> Channel:
+def _core_channel(name: str, gait: GaitTimeline, pressures: Floats, time_step: float) -> Channel:
     steps, pascals = gait.edges[[0, -1]], pressures[[0, -1]]
     if np.ptp(pressures) > 0:
         steps = np.append(0, np.column_stack([gait.settles, gait.edges[1:]]))

@@ -77,6 +77,11 @@ def slope_of(number: float | Real) -> Floats:
     return number.slope if isinstance(number, Dual) else np.zeros(1)
 
 
+def revalued(number: Real, values: Floats) -> Real:
+    """Other values, of the same shape, with the derivatives of a number."""
+    return Dual(values, number.slope) if isinstance(number, Dual) else values
+
+
 def variables(values: Floats, first: int, count: int) -> Dual:
     """The parameters ``first``, ``first + 1``, ... of ``count``, in the order of ``values``."""
     slope = np.zeros((values.size, count))

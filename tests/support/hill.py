@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from optim.studies.beyond.gait_hunt.study import _search
-from robots.inflatable import gaits
-from robots.inflatable.gaits import as_graded, steps_of
+from robots.inflatable import simulation
+from robots.inflatable.program import WHOLE
+from robots.inflatable.timing import gait_steps
 
 
 class Hill:
@@ -16,12 +17,12 @@ class Hill:
     def __init__(self):
         self.calls = 0
 
-    def __call__(self, designs, terrain=None, *, warm_up=0, stages=1, actuation=None, perturbation=0.0, **options):
+    def __call__(self, designs, terrain=None, *, counting=WHOLE, actuation=None, perturbation=0.0, **options):
         self.calls += 1
-        graded = [as_graded(design) for design in designs]
-        strides = np.array([np.ptp(design.schedule.inflation[:2], axis=1).mean() for design in graded])
+        warm_up, stages = counting.warm_up, counting.stages
+        strides = np.array([np.ptp(design.schedule.inflation[:2], axis=1).mean() for design in designs])
         speed = 0.05 * strides - (0.03 if actuation and actuation.weight == "physical" else 0.0)
-        steps = np.array([steps_of(design) for design in designs]) - warm_up
+        steps = np.array([gait_steps(design.schedule) for design in designs]) - warm_up
         distance = speed * steps * 1.0602478e-4 * 0.22
         parts = np.repeat(distance[:, None] / stages, stages, axis=1)
         status = np.full(len(designs), "ok")
@@ -33,7 +34,7 @@ class Hill:
         options.pop("memory", None)
         count, columns = len(designs), designs[0].schedule.columns
         return SimpleNamespace(
-            result=self(designs, terrain, **{k: v for k, v in options.items() if k != "ramp_steps"}),
+            result=self(designs, terrain, **options),
             orientation=np.zeros(count),
             pressure=np.zeros(count),
             inflation=np.full((count, 8, columns), 0.01),
@@ -43,10 +44,10 @@ class Hill:
 
 def search(folder, hunt, name, seed, where, progress):
     """A run of the hunt, with the stand-in for the simulator in whatever process it is; a file tells which."""
-    before, gaits.simulate = gaits.simulate, Hill()
+    before, simulation.simulate = simulation.simulate, Hill()
     try:
         found = _search(folder, hunt, name, seed, where, progress)
     finally:
-        gaits.simulate = before
+        simulation.simulate = before
     (folder / "runs" / f"{name}-{seed}" / str(os.getpid())).touch()
     return found

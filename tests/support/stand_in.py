@@ -5,8 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from robots.inflatable import ACTUATION, PUBLISHED, gaits
-from robots.inflatable.robot import travel_directions
+from robots.inflatable import ACTUATION, PUBLISHED
+from robots.inflatable.simulation import travel_directions
+from robots.inflatable.timing import gait_steps
 from robots.world import one_each
 
 
@@ -33,7 +34,7 @@ class Simulator:
         slope = np.array([ground.slope for ground in terrains])
         speed = np.where(failed, np.nan, bits * pressure - abs(orientation - slope / 20))
         begins = [ACTUATION.initial_steps(float(np.max(design.pressure))) for design in designs]
-        steps = np.array(begins) + [gaits.steps_of(design) for design in designs]
+        steps = np.array(begins) + [gait_steps(design.schedule) for design in designs]
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")
         return SimpleNamespace(

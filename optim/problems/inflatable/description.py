@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from optim.problem import GAIT, check_kind
 from optim.problems.inflatable.outcomes import NEXT
 from robots.calibration import Properties
-from robots.inflatable.relaxed_schedule import schedule_of_text
+from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def problem_of_description(kind: "type[GaitProblem]", description: Mapping[str, 
         if "properties" in settings:
             settings["properties"] = Properties(**settings["properties"])
         if "schedule" in settings:
-            settings["schedule"] = schedule_of_text(settings["schedule"], settings["repeats"])
+            settings["schedule"] = GaitSchedule.from_text(settings["schedule"], settings["repeats"])
         problem = kind(**settings)
     except (KeyError, TypeError) as error:
         raise ValueError(f"problem: its description is damaged ({error})") from None

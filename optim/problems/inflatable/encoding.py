@@ -3,7 +3,6 @@
 import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +10,9 @@ from optim.space import Variable
 from robots.control.pattern import PatternWiring
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from robots.inflatable.timing import cycle_starts, most_repeats, play
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
-
-if TYPE_CHECKING:
-    from robots.inflatable.relaxed_schedule import RelaxedSchedule, Schedule
 
 LEAST_MOTION = 100  # time steps of a graded column; valves switch no faster
 LEVEL_STEP = 0.2  # of a graded level, from -0.5 to 1.5
@@ -43,15 +40,12 @@ class GaitEncoding(ABC):
         """The genes."""
 
     @abstractmethod
-    def schedule(self, values: Floats) -> "Schedule":
+    def schedule(self, values: Floats) -> GaitSchedule:
         """The schedule of a genome; every genome has one."""
 
-    def relaxed(self, values: Floats, sharpness: float) -> "RelaxedSchedule":
+    def relaxed(self, values: Floats, sharpness: float) -> GaitSchedule:
         """The schedule of a genome whose binary genes lie between 0 and 1, sharpened; here of one without such."""
-        from robots.inflatable.relaxed_schedule import RelaxedSchedule
-
-        schedule = self.schedule(values)
-        return RelaxedSchedule.from_schedule(schedule) if isinstance(schedule, GaitSchedule) else schedule
+        return dataclasses.replace(self.schedule(values), skip_idle=False)
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
         """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers."""
@@ -66,13 +60,13 @@ class FixedGait(GaitEncoding):
         given: the schedule.
     """
 
-    given: "Schedule"
+    given: GaitSchedule
 
     def variables(self) -> list[Variable]:
         """None."""
         return []
 
-    def schedule(self, values: Floats) -> "Schedule":
+    def schedule(self, values: Floats) -> GaitSchedule:
         """The one given."""
         return self.given
 
@@ -100,9 +94,9 @@ class BitwiseGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The bits as they are."""
-        return GaitSchedule(self._matrix(values) == 1, self.repeats)
+        return GaitSchedule((self._matrix(values) == 1).astype(float), self.repeats)
 
-    def relaxed(self, values: Floats, sharpness: float) -> "RelaxedSchedule":
+    def relaxed(self, values: Floats, sharpness: float) -> GaitSchedule:
         """Bits between 0 and 1, sharpened."""
         return self._levels(values).sharpened(sharpness)
 
@@ -113,11 +107,8 @@ class BitwiseGait(GaitEncoding):
     def _matrix(self, values: Floats) -> Floats:
         return np.asarray(values, float).reshape(ROWS, self.columns)
 
-    def _levels(self, values: Floats) -> "RelaxedSchedule":
-        from robots.inflatable.relaxed_schedule import RelaxedSchedule
-
-        levels = self._matrix(values)
-        return RelaxedSchedule(inflation=levels[:BLADDERS], grip=levels[BLADDERS:], repeats=self.repeats)
+    def _levels(self, values: Floats) -> GaitSchedule:
+        return GaitSchedule(self._matrix(values), self.repeats, skip_idle=False)
 
 
 @dataclass(frozen=True)
@@ -157,19 +148,18 @@ class GradedGait(GaitEncoding):
         columns = range(1, self.columns + 1)
         return [Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns]
 
-    def schedule(self, values: Floats) -> "RelaxedSchedule":
+    def schedule(self, values: Floats) -> GaitSchedule:
         """With feet that grip or slide."""
         return self.relaxed(values, 0.0)
 
-    def relaxed(self, values: Floats, sharpness: float) -> "RelaxedSchedule":
+    def relaxed(self, values: Floats, sharpness: float) -> GaitSchedule:
         """With feet that grip a little, sharpened; as often as the steps allow."""
-        from robots.inflatable.relaxed_motion import cycle_starts, most_repeats
-
         gait, drive = self._graded(values), self.actuation
         repeats = most_repeats(gait, self.steps, drive)
         while self.warm_up and cycle_starts(dataclasses.replace(gait, repeats=repeats), drive)[-1] < self.warm_up:
             repeats += 1
-        return dataclasses.replace(gait, grip=gait.sharpened(sharpness).grip, repeats=repeats)
+        levels = np.concatenate([gait.inflation, gait.sharpened(sharpness).grip])
+        return dataclasses.replace(gait, levels=levels, repeats=repeats)
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
         """By levels that are not cut, and by grip, through the sharpening; zero by times."""
@@ -181,18 +171,16 @@ class GradedGait(GaitEncoding):
         )
 
     @staticmethod
-    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Floats:
+    def genome(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> Floats:
         """Genes of all columns that a schedule plays, one after the other.
 
         Raises:
             ValueError: in one line, for what they cannot say: times of motion, and core pressures of columns.
         """
-        from robots.inflatable.relaxed_motion import relaxed_columns
-
-        if schedule.pressure is not None:
+        if schedule.core_pressure is not None:
             raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
         same = dataclasses.replace(schedule, motion_steps=np.full(schedule.columns, LEAST_MOTION))
-        moves = [[column.motion_steps for column in relaxed_columns(gait, actuation)[0]] for gait in (schedule, same)]
+        moves = [[column.motion_steps for column in play(gait, actuation)[0]] for gait in (schedule, same)]
         if schedule.settle_steps is None or moves[0] != moves[1]:
             raise ValueError(
                 f"motion_steps: graded genes move as fast as bladders do; give at most {LEAST_MOTION}, and settle_steps"
@@ -204,13 +192,12 @@ class GradedGait(GaitEncoding):
         table = np.asarray(values, float).reshape(-1, self.columns)
         return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
 
-    def _graded(self, values: Floats) -> "RelaxedSchedule":
+    def _graded(self, values: Floats) -> GaitSchedule:
         """Played once, its feet as the genes have them."""
-        from robots.inflatable.relaxed_schedule import RelaxedSchedule
-
-        inflation, grip, settle = self._tables(values)
-        steps = {"motion_steps": np.full(self.columns, LEAST_MOTION), "settle_steps": np.rint(np.maximum(settle, 0.0))}
-        return RelaxedSchedule(np.clip(inflation, 0.0, 1.0), grip, 1, **steps)
+        inflation, grip, genes = self._tables(values)
+        levels = np.concatenate([np.clip(inflation, 0.0, 1.0), grip])
+        motion, settle = np.full(self.columns, LEAST_MOTION), np.rint(np.maximum(genes, 0.0)).astype(np.int64)
+        return GaitSchedule(levels, 1, motion_steps=motion, settle_steps=settle)
 
 
 # Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.
@@ -237,7 +224,7 @@ class PatternGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The sign of the network's output."""
-        return GaitSchedule(_pattern(values, self.columns) > 0, self.repeats)
+        return GaitSchedule((_pattern(values, self.columns) > 0).astype(float), self.repeats)
 
 
 class GradedPatternGait(GradedGait):
@@ -278,7 +265,7 @@ class GradedWaveGait(GradedGait):
     slopes = GaitEncoding.slopes  # zero: waves are searched without gradients
 
     @staticmethod
-    def genome(schedule: "RelaxedSchedule", actuation: InflatableActuation = ACTUATION) -> Floats:
+    def genome(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> Floats:
         """Genes of a wave.
 
         Raises:

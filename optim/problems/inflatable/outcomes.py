@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import OK
-from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation, nominal_steps
-from robots.inflatable.gaits import GaitDesign, played
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS
+from robots.inflatable.timing import gait_timeline, nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats, Indices
 
@@ -46,12 +47,16 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Designs to be simulated by ``run``; with their points, shape (N, D), to be differentiated."""
+    """Designs to be simulated by ``run``; with their points, shape (N, D), to be differentiated.
+
+    ``relaxed`` says whether they are designs of relaxed points.
+    """
 
     run: Callable[..., Any]
     designs: Sequence[Any]
     points: Floats | None = None
     sharpness: float = 0.0
+    relaxed: bool = False
 
     def part(self, chosen: Indices) -> "Batch":
         """Some of them."""
@@ -130,7 +135,7 @@ def capped(found: Mapping[str, Outcome], conditions: Sequence[Condition], most: 
     return result
 
 
-def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tuple[float, Floats]:
+def effort(design: InflatableDesign, steps: int, actuation: InflatableActuation) -> tuple[float, Floats]:
     """How much the bladders are moved, and its derivative by what they are told in each column, shape (8, T).
 
     The effort is 1 where every bladder makes a full stroke in every column of a published gait: the mean over the
@@ -141,7 +146,7 @@ def effort(design: GaitDesign, steps: int, actuation: InflatableActuation) -> tu
         steps: by which its speed is counted.
         actuation: how it is driven.
     """
-    levels = played(design, actuation).levels[:BLADDERS]
+    levels = gait_timeline(design, actuation).levels[:BLADDERS]
     strokes = np.diff(levels, axis=1, prepend=0.0)  # bladders begin empty
     unit = BLADDERS * PUBLISHED_COLUMNS * steps / nominal_steps(PUBLISHED_COLUMNS, actuation)
     way = np.sign(strokes)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,20 +22,20 @@ from optim.problems.inflatable.shape import EMPTY_CORE, ShapeGenes
 from optim.problems.inflatable.told import GaitDesigning
 from optim.space import Space
 from robots.calibration import Properties, robot_of
-from robots.inflatable import gaits
-from robots.inflatable.actuation import PUBLISHED_COLUMNS, nominal_steps
+from robots.inflatable import gradient, simulation
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
+from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.cores import Pressure, checked_pressure, each_pressure
-from robots.inflatable.gaits import GaitDesign, design_of
-from robots.inflatable.relaxed_schedule import RelaxedDesign, Schedule
-from robots.inflatable.robot import NAMED_GEOMETRIES, InflatableActuation, InflatableGeometry, InflatableResult
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import save_design
+from robots.inflatable.program import Counting
 from robots.inflatable.robustness import harder
-from robots.inflatable.schedule import FEET, MOST_COLUMNS, MOST_REPEATS
+from robots.inflatable.schedule import FEET, MOST_COLUMNS, MOST_REPEATS, GaitSchedule
+from robots.inflatable.simulation import InflatableResult
+from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import choice, number, whole_number
-
-if TYPE_CHECKING:
-    from robots.inflatable.gradient import InflatableGradient
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
@@ -94,7 +94,7 @@ class GaitProblem(GaitDesigning):
     terrains: tuple[Terrain, ...]
     orientation: float | None = None
     pressure: Pressure | None = None
-    schedule: Schedule | None = None
+    schedule: GaitSchedule | None = None
     columns: int = 8
     repeats: int = 2
     encoding: str = "codes"
@@ -228,19 +228,20 @@ class GaitProblem(GaitDesigning):
         """The free variables; the steps of their mutation are the published ones."""
         return Space((*self.shape.variables(), *self._control.variables()))
 
-    def design(self, point: ArrayLike) -> GaitDesign:
+    def design(self, point: ArrayLike) -> InflatableDesign:
         """The design of a point, shape (D,)."""
-        return design_of(*self.shape.values(point), self._control.schedule(self._genes(self.space.validate(point))))
+        schedule = self._control.schedule(self._genes(self.space.validate(point)))
+        return InflatableDesign(*self.shape.values(point), schedule)
 
     def in_full(self) -> "GaitProblem":
         """The same with gaits of the full length."""
         return dataclasses.replace(self, steps=None, warm_up=0, stages=1)
 
-    def counted_steps(self, design: GaitDesign) -> int:
+    def counted_steps(self, design: InflatableDesign) -> int:
         """Time steps by which the speed of a design is counted."""
         if self.steps is None:
-            return gaits.counted_steps(design, self.actuation)
-        return max(self.steps, gaits.steps_of(design, self.actuation))
+            return counted_steps(design.schedule, self.actuation)
+        return max(self.steps, gait_steps(design.schedule, self.actuation))
 
     def _genes(self, point: ArrayLike) -> Floats:
         """What a point, shape (D,), says of the schedule; it comes last."""
@@ -262,38 +263,31 @@ class GaitProblem(GaitDesigning):
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
         designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judged(Batch(gaits.simulate, designs), self._stages)
-
-    @property
-    def _stages(self) -> dict[str, int]:
-        """Arguments that only graded gaits have."""
-        return {"warm_up": self.warm_up, "stages": self.stages} if self.graded else {}
+        return self._judged(Batch(simulation.simulate, designs))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """The same for points of the relaxed space, with the gradient of the mean speed if wanted.
+        """Like :meth:`evaluate` for points of the relaxed space, with the gradient of the mean speed if wanted.
 
         Without a value between 0 and 1 it can still be another judgement than :meth:`evaluate`: by ``ramp_steps``,
-        and by columns in which nothing moves, see ``RelaxedSchedule``.
+        and because no idle columns are skipped, see ``GaitSchedule``.
         """
-        from robots.inflatable.gradient import differentiate, simulate_relaxed  # no other search needs it
-
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
-        way = {"ramp_steps": self._relaxed_ramp, **self._stages}
         if not gradients:
-            return self._judged(Batch(simulate_relaxed, designs), way)
-        return self._judged(Batch(differentiate, designs, points, sharpness), way)
+            return self._judged(Batch(simulation.simulate, designs, relaxed=True))
+        return self._judged(Batch(gradient.differentiate, designs, points, sharpness, relaxed=True))
 
     @property
-    def _relaxed_ramp(self) -> int | None:
-        """Steps of the ramp of the core pressure in relaxed evaluations."""
-        return RAMP_STEPS if self.ramp_steps is None and self.pressure is None else self.ramp_steps
+    def _relaxed_actuation(self) -> InflatableActuation:
+        """How the robot is driven in relaxed evaluations."""
+        ramp_steps = RAMP_STEPS if self.ramp_steps is None and self.pressure is None else self.ramp_steps
+        return dataclasses.replace(self.actuation, ramp_steps=ramp_steps)
 
-    def relaxed_design(self, point: ArrayLike, sharpness: float) -> RelaxedDesign:
+    def relaxed_design(self, point: ArrayLike, sharpness: float) -> InflatableDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        return RelaxedDesign(*self.shape.values(point), self._control.relaxed(self._genes(point), sharpness))
+        return InflatableDesign(*self.shape.values(point), self._control.relaxed(self._genes(point), sharpness))
 
-    def _slopes(self, run: "InflatableGradient", points: Floats, sharpness: float) -> Floats:
+    def _slopes(self, run: gradient.InflatableGradient, points: Floats, sharpness: float) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
         levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
@@ -315,7 +309,7 @@ class GaitProblem(GaitDesigning):
     @property
     def _timed(self) -> bool:
         """Whether gaits have times of their own."""
-        return self.graded if self.schedule is None else gaits.is_timed(self.schedule)
+        return self.graded if self.schedule is None else self.schedule.has_own_times
 
     def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
@@ -324,12 +318,12 @@ class GaitProblem(GaitDesigning):
         lengths = self.stages * result.stages.min(axis=1) / self.body.body_length
         return lengths / (self._counted(result) * result.time_step)
 
-    def _judged(self, batch: Batch, more: Mapping[str, Any]) -> Evaluation:
+    def _judged(self, batch: Batch) -> Evaluation:
         """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
         found = outcomes(
             self.conditions,
             len(batch.designs),
-            lambda number, condition, chosen: self._outcome(batch.part(chosen), condition, more, number),
+            lambda number, condition, chosen: self._outcome(batch.part(chosen), condition, number),
         )
         mean = self.objectives == "mean"
         counted = capped(found, self.conditions, self.ahead) if self.ladder and mean else found
@@ -357,16 +351,19 @@ class GaitProblem(GaitDesigning):
             row[len(point) - len(genes) :] = self._control.slopes(genes, batch.sharpness, levels)
         return np.array([used for used, _ in each]), slopes
 
-    def _outcome(self, batch: Batch, condition: Condition, more: Mapping[str, Any], number: int) -> Outcome:
+    def _outcome(self, batch: Batch, condition: Condition, number: int) -> Outcome:
         """Of one simulation of a batch, under the condition of that number."""
         where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
+        actuation = condition.actuation
+        if batch.relaxed:
+            actuation = dataclasses.replace(actuation, ramp_steps=self._relaxed_actuation.ramp_steps)
         run = batch.run(
             batch.designs,
             condition.terrain,
             geometry=self.body,
-            actuation=condition.actuation,
+            actuation=actuation,
+            counting=Counting(self.warm_up, self.stages),
             **where,
-            **more,
             progress=self._progress_on(number),
         )
         if batch.points is None:
@@ -393,13 +390,13 @@ class GaitProblem(GaitDesigning):
         """
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
-        ramp_steps, drive = self._relaxed_ramp if relaxed else None, self.actuation
-        each = np.array([gaits.simulated_steps(design, drive, ramp_steps) for design in designs])
+        drive = self._relaxed_actuation if relaxed else self.actuation
+        each = np.array([predicted_steps(design, drive) for design in designs])
         return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design of a point as JSON, for ``robots.inflatable.gaits.load_gait``."""
-        gaits.save_gait(self.design(point), path)
+        """Write the design of a point as JSON, for ``robots.inflatable.load_design``."""
+        save_design(self.design(point), path)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""

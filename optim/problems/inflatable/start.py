@@ -2,15 +2,13 @@
 
 import dataclasses
 
-import numpy as np
-
 from optim.problems.inflatable.encoding import ENCODINGS, BitwiseGait, GradedGait, GradedWaveGait
 from optim.problems.inflatable.problem import GaitProblem
 from robots.inflatable.cores import each_pressure
-from robots.inflatable.gaits import GaitDesign, as_graded
+from robots.inflatable.design import InflatableDesign
 
 
-def start_values(problem: GaitProblem, design: GaitDesign) -> dict[str, float]:
+def start_values(problem: GaitProblem, design: InflatableDesign) -> dict[str, float]:
     """The variables of a problem, by name, of a design; what is fixed is not among them.
 
     A core that is empty begins in the middle of the pressures that say so, see ``optim.problems.inflatable.shape``.
@@ -30,16 +28,16 @@ def start_values(problem: GaitProblem, design: GaitDesign) -> dict[str, float]:
     return dict(zip(problem.space.names, values, strict=True))
 
 
-def _genes(problem: GaitProblem, design: GaitDesign) -> list[float]:
+def _genes(problem: GaitProblem, design: InflatableDesign) -> list[float]:
     """Of the schedule."""
     encoding, columns = ENCODINGS[problem.encoding], design.schedule.columns
     if encoding not in (BitwiseGait, GradedGait, GradedWaveGait):
         raise ValueError(f"start: encoding {problem.encoding!r} cannot say a gait; choose bits, graded or graded-wave")
     if columns != problem.columns:
         raise ValueError(f"start: a gait of {columns} columns is not allowed; the search has {problem.columns}")
-    schedule = as_graded(design).schedule
+    schedule = design.schedule
     if encoding is GradedGait or encoding is GradedWaveGait:
         return [float(gene) for gene in encoding.genome(dataclasses.replace(schedule, repeats=1), problem.actuation)]
-    if schedule.timed or np.any((schedule.levels != 0) & (schedule.levels != 1)):
+    if schedule.has_own_times or not schedule.is_on_off:
         raise ValueError("start: bits cannot say levels between 0 and 1, nor times; choose encoding graded")
     return [float(level) for level in schedule.levels.ravel()]

@@ -9,7 +9,8 @@ import numpy as np
 from optim.experiments.results import Costs, Progress, cached, part_of
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
-from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.inflatable.body import NAMED_GEOMETRIES
+from robots.inflatable.design import INCHING, ROLLING
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 

@@ -23,8 +23,9 @@ from optim.runs.history import read_history, read_result
 from optim.runs.loop import FolderSearch
 from optim.runs.requests import Request, judge
 from optim.search import HillClimb
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.cores import highest_pressure
-from robots.inflatable.robot import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

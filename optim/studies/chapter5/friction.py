@@ -15,7 +15,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, lette
 from optim.experiments.results import Budget, Progress, write_summary
 from optim.experiments.study import Study
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
-from robots.inflatable.robot import INCHING
+from robots.inflatable.design import INCHING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder

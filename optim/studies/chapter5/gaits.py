@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.results import Progress, cached_in_turn
-from robots.inflatable import robot as inflatable
-from robots.inflatable.robot import ACTUATION, PUBLISHED, InflatableActuation, InflatableDesign, InflatableGeometry
+from robots.inflatable import simulation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import NOISE
-from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -84,10 +85,10 @@ class Robot:
 
     def play(
         self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None
-    ) -> inflatable.InflatableResult:
+    ) -> simulation.InflatableResult:
         """All cases as one batch, the copies of each beside each other."""
         each = [case for case in cases for _ in range(self.copies)]
-        return inflatable.simulate(
+        return simulation.simulate(
             [case.design for case in each],
             [case.terrain for case in each],
             geometry=self.geometry,
@@ -112,7 +113,7 @@ def speeds_in_parts(
 
 def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:
     """A copy of a design whose columns are played so often."""
-    return replace(design, schedule=GaitSchedule(design.schedule.bits, repeats))
+    return replace(design, schedule=design.schedule.cut(None, repeats))
 
 
 def spread(speeds: ArrayLike) -> dict[str, float | int | None]:

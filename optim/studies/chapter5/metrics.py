@@ -19,9 +19,10 @@ from optim.experiments.study import Study
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman, wilson
 from optim.studies.chapter5.gaits import Case, Robot
-from robots.inflatable.actuation import nominal_steps
-from robots.inflatable.robot import InflatableDesign, travel_directions
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import ROWS, GaitSchedule
+from robots.inflatable.simulation import travel_directions
+from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Bools, Floats

@@ -18,8 +18,10 @@ from optim.experiments.results import Budget, Progress, cached_in_turn, write_su
 from optim.experiments.study import Study
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
-from robots.inflatable.actuation import nominal_steps
-from robots.inflatable.robot import ACTUATION, INCHING, PUBLISHED, ROLLING
+from robots.inflatable.actuation import ACTUATION
+from robots.inflatable.body import PUBLISHED
+from robots.inflatable.design import INCHING, ROLLING
+from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

@@ -18,7 +18,7 @@ from optim.experiments.study import Study
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
-from robots.inflatable.robot import INCHING, ROLLING
+from robots.inflatable.design import INCHING, ROLLING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder

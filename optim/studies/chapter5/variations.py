@@ -8,7 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from robots.inflatable.robot import ACTUATION, MAXIMUM_PRESSURE, PUBLISHED, InflatableActuation, InflatableGeometry
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.schedule import MAXIMUM_PRESSURE
 
 FULL_PRESSURE = ACTUATION.round_pressure  # Pa, of the round robot
 

@@ -251,7 +251,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(morpholab, simulator, monkeyp
                 patch.setattr(os, "replace", full)
             return call(*args, **options)
 
-        patch.setattr("robots.inflatable.robot.simulate", fills_the_disk)
+        patch.setattr("robots.inflatable.simulation.simulate", fills_the_disk)
         code, _, error = morpholab(f"{line} --out b")
     assert code == 1 and re.fullmatch(
         r"morpholab codesign: failed: b: cannot be written \(.*No space left on device\)+; "

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from graded import settling
+from graded import settling, tabled
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from run_products import log, products
@@ -13,9 +13,10 @@ from run_products import log, products
 from optim.problems.inflatable.encoding import LEAST_MOTION
 from robots.hardware import read_csv
 from robots.inflatable import INCHING
-from robots.inflatable.gaits import load_gait, played, save_gait
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import load_design, save_design
 from robots.inflatable.robustness import GaitJudgement
+from robots.inflatable.timing import gait_timeline
 from robots.view import scene
 from robots.view.drawing import draw_schedule
 
@@ -28,7 +29,7 @@ BRIEF = settling(np.repeat([[0.05, 0.1], [0.0, 0.02]], 5, axis=0), [40, 0], 2)
 @pytest.fixture
 def brief(tmp_path):
     """The file of a gait that takes little time."""
-    save_gait(RelaxedDesign(0.0, 90.0, BRIEF), tmp_path / "brief.json")
+    save_design(InflatableDesign(0.0, 90.0, BRIEF), tmp_path / "brief.json")
     return tmp_path / "brief.json"
 
 
@@ -36,8 +37,8 @@ def brief(tmp_path):
 def test_a_search_ends_with_the_files_of_its_gait_and_can_be_resumed(morpholab, tmp_path):
     code, out, _ = morpholab(f"codesign {SEARCH} --steps 60000 --out runs/a --json")
     assert code == 0 and json.loads(out)["files"] == ["best.json", "gait.csv", "robot_flat.png"]
-    best = load_gait(tmp_path / "runs/a/best.json")
-    assert isinstance(best, RelaxedDesign) and best.schedule.columns == 2 and best.schedule.timed
+    best = load_design(tmp_path / "runs/a/best.json")
+    assert isinstance(best, InflatableDesign) and best.schedule.columns == 2 and best.schedule.has_own_times
     assert read_csv(tmp_path / "runs/a/gait.csv").design.schedule == best.schedule
     config = (tmp_path / "runs/a/config.toml").read_text()
     assert 'encoding = "graded"' in config and "steps = 60000" in config
@@ -59,7 +60,7 @@ def test_a_search_ends_with_the_files_of_its_gait_and_can_be_resumed(morpholab, 
 def test_a_graded_gait_can_be_what_is_not_free(morpholab, tmp_path, brief):
     line = "codesign --terrain flat --free shape --gait brief.json --climbers 2 --generations 1 --quiet"
     assert morpholab(f"{line} --repeats 1 --out a")[0] == 0
-    assert load_gait(tmp_path / "a/best.json").schedule == BRIEF.cut(None, 1)
+    assert load_design(tmp_path / "a/best.json").schedule == BRIEF.cut(None, 1)
     assert morpholab("codesign --resume --generations 2 --out a --quiet")[0] == 0
 
 
@@ -81,15 +82,16 @@ def test_options_that_do_not_fit_are_one_line(morpholab, brief, options, message
 
 @pytest.mark.kernels
 def test_simulate_takes_files_and_rows_and_writes_what_it_writes_of_others(morpholab, tmp_path, brief):
-    code, out, _ = morpholab(f"simulate --gait brief.json --slope 5 --out a --record-every 200 --json {SMALL}")
+    code, out, err = morpholab(f"simulate --gait brief.json --slope 5 --out a --record-every 200 --json {SMALL}")
+    assert code == 0, err
     document = json.loads(out)
     assert code == 0 and document["status"] == "ok" and document["repeats"] == 2
     assert json.loads(document["schedule"])["settle_steps"] == [40, 0]
-    assert document["steps"] == played(load_gait(brief)).steps
+    assert document["steps"] == gait_timeline(load_design(brief)).steps
     assert abs(document["speed"]) < abs(document["speed_simulated"])
     names = {path.name for path in (tmp_path / "a").iterdir()}
     assert names == {"design.json", "result.json", "gait.csv", "robot.png", "frames.npz"}
-    assert load_gait(tmp_path / "a/design.json") == load_gait(brief)
+    assert load_design(tmp_path / "a/design.json") == load_design(brief)
     for option in ("", "--from-rows"):
         again = json.loads(morpholab(f"simulate --gait a/gait.csv {option} --slope 5 --json {SMALL}")[1])
         assert again | {"gait": 0} == document | {"gait": 0}
@@ -125,7 +127,7 @@ def test_gradients_are_checked_at_a_graded_gait_away_from_empty_and_full(morphol
 
 def test_what_no_genes_say_has_no_gradient_check(morpholab, tmp_path):
     held = settling(INCHING.schedule.levels[:, :2], [0, 0], 1, [9999, 9])
-    save_gait(RelaxedDesign(0.0, 90.0, held), tmp_path / "held.json")
+    save_design(InflatableDesign(0.0, 90.0, held), tmp_path / "held.json")
     code, _, error = morpholab("gradient-check --gait held.json --quiet")
     assert (code, error) == (
         2,
@@ -138,7 +140,7 @@ def test_a_chart_fills_the_part_of_a_cell_that_is_on():
     axes = Figure().add_subplot()
     levels = np.zeros((10, 2))
     levels[:, 0] = np.arange(1, 11) / 10
-    draw_schedule(axes, RelaxedSchedule(levels[:8], levels[8:], 1), [0.0, 3.0, 4.0])
+    draw_schedule(axes, tabled(levels[:8], levels[8:], 1), [0.0, 3.0, 4.0])
     (cells,) = axes.collections
     on = ~np.isclose(cells.get_facecolor()[:, :3], to_rgb(scene.GROUND)).all(axis=1)
     boxes = [np.ptp(path.vertices[:4], axis=0) for path in np.array(cells.get_paths(), dtype=object)[on]]

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from graded import tabled
 from run_products import products
 
 from optim.problems.inflatable.outcomes import effort
@@ -14,10 +15,10 @@ from optim.problems.inflatable.start import start_values
 from optim.report.robot_run import RunSubject
 from optim.runs.comparison import JUDGED
 from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties
-from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, gaits
-from robots.inflatable.actuation import nominal_steps
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, simulation
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import harder, judge_gait
+from robots.inflatable.timing import gait_steps, nominal_steps
 from robots.world import Terrain
 
 FITTED = Properties(friction=1.2, low_friction=0.3, modulus=330e3, inflation_rate=2.0)
@@ -60,15 +61,15 @@ def test_stiff_skin_needs_shorter_time_steps(modulus, fits):
 def test_a_gait_lasts_as_long_in_a_softer_robot():
     """Its pause is simulated for the time that the file says: at the largest stable step it was 41 % longer."""
     levels = np.zeros((8, 1))
-    design = RelaxedDesign(0.0, 0.0, RelaxedSchedule(levels, np.ones((2, 1)), 1, None, [50], [300]))
+    design = InflatableDesign(0.0, 0.0, tabled(levels, np.ones((2, 1)), 1, None, [50], [300]))
     soft = dataclasses.replace(Properties.of(SMALL), modulus=200e3)
     published, softer = (
-        gaits.simulate(design, geometry=geometry, actuation=actuation, threads=1)
+        simulation.simulate(design, geometry=geometry, actuation=actuation, threads=1)
         for geometry, actuation in (robot_of("small", "published"), soft.robot(SMALL))
     )
     assert (published.status == "ok").all() and (softer.status == "ok").all()
     assert softer.steps * softer.time_step == pytest.approx(published.steps * published.time_step, rel=1e-9)
-    assert softer.steps[0] == gaits.steps_of(design) == 350
+    assert softer.steps[0] == gait_steps(design.schedule) == 350
 
 
 def test_a_robot_is_named_or_fitted():
@@ -103,10 +104,10 @@ def test_graded_gaits_of_a_slow_rig_are_played_less_often():
     assert published.most_steps == 186_719 and slow.most_steps == nominal_steps(16, slow.actuation) > 400_000
     for point in published.space.sample(np.random.default_rng(3), 20):
         usual, other = (dataclasses.replace(one, steps=186_719).design(point) for one in (published, slow))
-        assert gaits.steps_of(other, slow.actuation) <= 186_719 or other.schedule.repeats == 1
+        assert gait_steps(other.schedule, slow.actuation) <= 186_719 or other.schedule.repeats == 1
         assert other.schedule.repeats <= usual.schedule.repeats
         in_full = slow.design(point)
-        assert slow.counted_steps(in_full) == max(slow.most_steps, gaits.steps_of(in_full, slow.actuation))
+        assert slow.counted_steps(in_full) == max(slow.most_steps, gait_steps(in_full.schedule, slow.actuation))
 
 
 def test_effort_does_not_depend_on_how_fast_bladders_fill():
@@ -121,17 +122,17 @@ def test_effort_does_not_depend_on_how_fast_bladders_fill():
 
 def test_a_search_starts_at_a_gait_as_the_rig_plays_it():
     """A motion of 5000 steps is longer than a stroke of a fast rig, not than one of the published robot."""
-    gait = RelaxedSchedule(np.tile([1.0, 0.0], (8, 1)), np.ones((2, 2)), 1, None, [5000, 5000], [500, 500])
-    design = RelaxedDesign(0.0, 10.0, gait)
+    gait = tabled(np.tile([1.0, 0.0], (8, 1)), np.ones((2, 2)), 1, None, [5000, 5000], [500, 500])
+    design = InflatableDesign(0.0, 10.0, gait)
     published = GaitProblem((Terrain(),), columns=2, encoding="graded", steps=12_000)
     fast = dataclasses.replace(published, properties=dataclasses.replace(Properties.of(), inflation_rate=12.0))
     start = start_values(published, design)
     found = published.design(published.space.from_dict(start))
-    assert gaits.steps_of(found) == gaits.steps_of(dataclasses.replace(design, schedule=found.schedule))
+    assert gait_steps(found.schedule) == gait_steps(design.schedule.cut(None, found.schedule.repeats))
     with pytest.raises(ValueError, match=r"^motion_steps: graded genes move as fast as bladders do"):
         start_values(fast, design)
     slow = dataclasses.replace(published, properties=dataclasses.replace(Properties.of(), inflation_rate=0.7))
-    longer = RelaxedDesign(0.0, 10.0, dataclasses.replace(gait, motion_steps=[9000, 9000]))
+    longer = InflatableDesign(0.0, 10.0, dataclasses.replace(gait, motion_steps=[9000, 9000]))
     assert start_values(slow, longer) == start
     with pytest.raises(ValueError, match=r"^motion_steps"):
         start_values(published, longer)
@@ -145,7 +146,7 @@ def test_a_judgement_is_of_the_rig(monkeypatch):
         calls.append((terrain, actuation, options["geometry"]))
         return SimpleNamespace(speed=np.full(len(designs), -0.05), distance=np.full(len(designs), -1.0))
 
-    monkeypatch.setattr("robots.inflatable.gaits.simulate", stand_in)
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", stand_in)
     monkeypatch.setattr(
         "robots.inflatable.robustness.slip_under_load",
         lambda watched, design, actuation, robot: np.full(2, actuation.low_friction),
@@ -156,7 +157,7 @@ def test_a_judgement_is_of_the_rig(monkeypatch):
     assert [call[1].weight for call in calls] == ["published", "physical"]
     assert {dataclasses.replace(call[1], weight="published") for call in calls} == {actuation}
     assert [call[0].low_friction for call in calls] == [None, 0.3]
-    assert found.slip_ratio == pytest.approx(0.3) and found.steps == gaits.steps_of(INCHING, actuation) > 186_719
+    assert found.slip_ratio == pytest.approx(0.3) and found.steps == gait_steps(INCHING.schedule, actuation) > 186_719
     assert found.steps <= found.most_steps == nominal_steps(16, actuation)
     assert found.faults == (
         "-0.0500 BL/s remain with friction 0.3 of sliding feet and bladders that keep their weight, less than -0.01",

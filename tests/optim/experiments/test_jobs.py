@@ -14,7 +14,7 @@ from worker_checks import numbers, wait_for
 
 from optim.experiments.jobs import run_parallel
 from optim.studies.beyond.gait_hunt import study as hunting
-from robots.inflatable import gaits
+from robots.inflatable import simulation
 from taichi_sim.base import compute
 
 pytestmark = pytest.mark.long
@@ -96,7 +96,7 @@ def test_an_interrupt_ends_all(tmp_path):
 
 def test_a_hunt_in_two_processes_finds_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(hunting, "_search", search)
-    monkeypatch.setattr(gaits, "simulate", Hill())  # of the finalists
+    monkeypatch.setattr(simulation, "simulate", Hill())  # of the finalists
     settings = hunting.Hunt(20, (0, 1), ("genetic",), finalists=1, runs=1)
     hunting.study(tmp_path / "one", settings, threads=1)
     hunting.study(tmp_path / "two", settings, jobs=2)

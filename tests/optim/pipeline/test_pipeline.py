@@ -21,8 +21,8 @@ from optim.pipeline.task import read_task
 from robots.calibration import Properties, load_calibration, save_properties
 from robots.hardware import export_csv, read_csv
 from robots.inflatable import ACTUATION, INCHING, NAMED_GEOMETRIES, PUBLISHED, ROLLING, SMALL, transition
-from robots.inflatable.gaits import save_gait
-from robots.inflatable.relaxed_schedule import RelaxedDesign
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import save_design
 from taichi_sim.base.results_folder import ResultsFolder
 
 TIMES = (11.5, 4.7)
@@ -39,7 +39,7 @@ def task_of(tmp_path, text: str):
 
 
 def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
-    save_gait(INCHING, tmp_path / "climb.json")
+    save_design(INCHING, tmp_path / "climb.json")
     export_csv(ROLLING, tmp_path / "table.csv")
     task = task_of(
         tmp_path,
@@ -197,7 +197,7 @@ def task(tmp_path, monkeypatch):
     levels = np.zeros((10, 2))
     levels[:4, 0], levels[8:, 0] = 0.05, 1.0
     for name, pressure in (("round", 400.0), ("flat", 0.0)):
-        save_gait(RelaxedDesign(pressure, 90.0, settling(levels, [50, 50], 2)), tmp_path / f"{name}.json")
+        save_design(InflatableDesign(pressure, 90.0, settling(levels, [50, 50], 2)), tmp_path / f"{name}.json")
     (tmp_path / "rig.toml").write_text(RIG)
     (tmp_path / "task.toml").write_text(TASK)
     decided(monkeypatch)
@@ -232,7 +232,7 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
     assert {(change["from"], change["to"]) for change in machine["changes"]} == {("flat", "hill-5"), ("hill-5", "flat")}
     for change in machine["changes"]:
         played = read_csv(package / change["table"]).played().schedule
-        assert played.pressure[-1] == pytest.approx(0.0 if change["to"] == "hill-5" else 400.0, abs=1e-2)
+        assert played.core_pressure[-1] == pytest.approx(0.0 if change["to"] == "hill-5" else 400.0, abs=1e-2)
         assert 0.0 < change["shape_error"] < 0.05
     page = (package / "report.html").read_text()
     assert "Changes of shape" in page and "hill-5" in page
@@ -351,7 +351,7 @@ def damage(machine, path, value):
     ],
 )
 def test_a_damaged_state_machine_is_one_line(morpholab, tmp_path, monkeypatch, path, value, message):
-    monkeypatch.setattr("robots.inflatable.gaits.simulate", None)
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", None)
     machine = json.loads((EXAMPLE / "machine.json").read_text())
     damage(machine, path, value)
     (tmp_path / "machine.json").write_text(json.dumps(machine))

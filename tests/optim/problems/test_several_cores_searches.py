@@ -13,7 +13,7 @@ from optim.commands import options
 from optim.problems.inflatable.problem import EMPTY_CORE, GaitProblem
 from robots import inflatable
 from robots.inflatable import NAMED_GEOMETRIES
-from robots.inflatable.gaits import load_gait
+from robots.inflatable.files import load_design
 from robots.world import Terrain
 
 FULL = 12e3
@@ -75,7 +75,7 @@ def test_a_small_search_with_the_simulator_goes_on_where_it_stopped(morpholab, t
         assert morpholab(f"{line} --generations 1 --out b")[0] == 0
         assert morpholab("codesign --resume --generations 2 --out b --quiet")[0] == 0
     assert (tmp_path / "a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()
-    best = load_gait(tmp_path / "a/best.json")
+    best = load_design(tmp_path / "a/best.json")
     point = log(tmp_path / "a")[-1]["best_point"]
     assert best.pressure == (point["pressure_1"], point["pressure_2"])
     code, _, error = morpholab("export a --csv gait.csv")
@@ -100,7 +100,7 @@ def test_options_take_a_pressure_for_each_core(morpholab, tmp_path):
     code, out, _ = morpholab("simulate --gait rolling --geometry two-core --pressure 0,12000 --json")
     assert code == 0 and json.loads(out)["pressure"] == [0.0, FULL]
     assert morpholab("simulate --gait rolling --geometry two-core --pressure 0,12000 --out d")[0] == 0
-    assert not (tmp_path / "d/gait.csv").exists() and load_gait(tmp_path / "d/design.json").pressure == (0.0, FULL)
+    assert not (tmp_path / "d/gait.csv").exists() and load_design(tmp_path / "d/design.json").pressure == (0.0, FULL)
     for wrong in ("--pressure 1,x", "--pressure 1,,2", "--pressure=-1,2"):
         code, _, error = morpholab(f"simulate --gait rolling --geometry two-core {wrong}")
         assert code == 2 and "is not allowed; give a finite number, at least 0 Pa" in error

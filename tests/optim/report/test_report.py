@@ -19,7 +19,7 @@ from optim.problems.walker import WalkerProblem
 from optim.studies.chapter2.settings import Interference
 from robots.braitenberg import STARTS, VehicleTask
 from robots.inflatable import NAMED_GEOMETRIES, load_design
-from robots.inflatable.actuation import nominal_steps
+from robots.inflatable.timing import nominal_steps
 from robots.lattice_robot import load_robot
 from robots.lattice_robot.walker import WalkerActuation
 from taichi_sim.base.results_folder import ResultsFolder
@@ -314,7 +314,7 @@ def test_a_robot_of_ones_own_in_motion(reported, tmp_path):
 @pytest.mark.kernels
 def test_the_best_gait_in_motion(morpholab, reported, tmp_path, monkeypatch):
     with monkeypatch.context() as quick:
-        quick.setattr("robots.inflatable.robot.simulate", Simulator())
+        quick.setattr("robots.inflatable.simulation.simulate", Simulator())
         quick.setattr("robots.view.picture.save_motion_picture", lambda *a, **_: a[2].write_text(""))
         line = f"codesign {SIZE} --columns 1 --repeats 1 --terrain flat --climbers 2 --generations 0 --threads 1"
         assert morpholab(f"{line} --out a")[0] == 0

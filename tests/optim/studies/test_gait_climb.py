@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from graded import settling
+from graded import retabled, settling, tabled
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,9 +17,12 @@ from optim.runs.history import History
 from optim.studies.beyond.gait_hunt import climb
 from optim.studies.beyond.gait_hunt.kinds import APART, best_of_kinds, difference, heading_of
 from optim.studies.beyond.gait_hunt.program import GRADED, RUNGS, Plan, Program, Step
-from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, gaits, sideways
-from robots.inflatable.gaits import GaitDesign, as_graded, load_gait, simulate, steps_of
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways, simulation
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import load_design
+from robots.inflatable.program import WHOLE
+from robots.inflatable.simulation import simulate
+from robots.inflatable.timing import gait_steps
 
 BODY = NAMED_GEOMETRIES["published"]
 PLAN = Plan(
@@ -34,14 +37,14 @@ class Slopes:
     def __init__(self):
         self.calls = 0
 
-    def __call__(self, designs, terrain=None, *, warm_up=0, stages=1, actuation=None, perturbation=0.0, **options):
+    def __call__(self, designs, terrain=None, *, counting=WHOLE, actuation=None, perturbation=0.0, **options):
         self.calls += 1
-        graded = [as_graded(design) for design in designs]
-        strides = np.array([np.ptp(design.schedule.inflation[:4], axis=1).mean() for design in graded])
+        warm_up, stages = counting.warm_up, counting.stages
+        strides = np.array([np.ptp(design.schedule.inflation[:4], axis=1).mean() for design in designs])
         heavy = np.array([design.pressure for design in designs]) / 12e3 + terrain.slope / 15
         away = np.abs(np.array([design.orientation for design in designs]) - 80) / 80
         speed = 0.1 * strides - 0.05 * (heavy + away)
-        steps = np.array([steps_of(design) for design in designs]) - warm_up
+        steps = np.array([gait_steps(design.schedule) for design in designs]) - warm_up
         distance = speed * steps * 1.0602478e-4 * 0.22
         way = np.deg2rad(80.0)
         return SimpleNamespace(
@@ -58,21 +61,21 @@ class Slopes:
 @pytest.fixture
 def slopes(monkeypatch):
     stand_in = Slopes()
-    monkeypatch.setattr(gaits, "simulate", stand_in)
+    monkeypatch.setattr(simulation, "simulate", stand_in)
     return stand_in
 
 
-def cycle(levels, pressure=0.0, orientation=90.0) -> GaitDesign:
+def cycle(levels, pressure=0.0, orientation=90.0) -> InflatableDesign:
     table = np.asarray(levels, float)
-    gait = RelaxedSchedule(table, np.array([[0.0, 1.0], [1.0, 0.0]]), 2, None, np.full(2, 100), np.zeros(2))
-    return RelaxedDesign(pressure, orientation, gait)
+    gait = tabled(table, np.array([[0.0, 1.0], [1.0, 0.0]]), 2, None, np.full(2, 100), np.zeros(2))
+    return InflatableDesign(pressure, orientation, gait)
 
 
-def cycle_of_quick_strokes(orientation) -> GaitDesign:
+def cycle_of_quick_strokes(orientation) -> InflatableDesign:
     """A gait of few steps."""
     levels = np.zeros((10, 2))
     levels[:4, 0], levels[8, 1], levels[9, 0] = 0.05, 1.0, 1.0
-    return RelaxedDesign(0.0, orientation, settling(levels, [50, 50]))
+    return InflatableDesign(0.0, orientation, settling(levels, [50, 50]))
 
 
 def test_a_kind_is_what_moves_when():
@@ -81,8 +84,8 @@ def test_a_kind_is_what_moves_when():
     assert difference(INCHING, ROLLING, BODY) > APART
     top = np.zeros((8, 2))
     top[:4, 0] = 1.0
-    later = dataclasses.replace(cycle(top[:, ::-1]).schedule, grip=np.array([[1.0, 0.0], [0.0, 1.0]]))
-    assert difference(cycle(top), RelaxedDesign(0.0, 20.0, later), BODY) == 0.0
+    later = retabled(cycle(top[:, ::-1]).schedule, grip=np.array([[1.0, 0.0], [0.0, 1.0]]))
+    assert difference(cycle(top), InflatableDesign(0.0, 20.0, later), BODY) == 0.0
     assert difference(cycle(top), cycle(top, 6000.0), BODY) == 0.5
     half = np.zeros((8, 2))
     half[:4, 0] = 0.5
@@ -189,7 +192,7 @@ def test_a_seed_with_which_every_gait_fails_ends_as_such(slopes, tmp_path, monke
         found.status[:], found.speed[:], found.stages[:] = "diverged", np.nan, np.nan
         return found
 
-    monkeypatch.setattr(gaits, "simulate", lost)
+    monkeypatch.setattr(simulation, "simulate", lost)
     climb.study(tmp_path / "lost", FEW)
     (row,) = json.loads((tmp_path / "lost/summary.json").read_text())["seeds"]
     assert row["speed"] is None and row["found_by"] is None and not row["stays"] and row["robot_steps"] > 0
@@ -203,12 +206,12 @@ def test_a_study_of_the_program_goes_on_to_the_same_tables(slopes, tmp_path):
     assert seen == sorted(seen) and seen[-1] == 1.0
     known = {name: (tmp_path / "whole" / name).read_bytes() for name in ("steps.csv", "table.md")}
     row = json.loads((tmp_path / "whole" / "summary.json").read_text())["seeds"][0]
-    design = load_gait(tmp_path / "whole" / "gaits" / "seed-0.json")
+    design = load_design(tmp_path / "whole" / "gaits" / "seed-0.json")
     last = ("heading", "finish", "firm")
     kept = [json.loads((tmp_path / "whole" / "runs" / f"seed-0-{step}.json").read_text()) for step in last]
     fastest = [max(np.mean(speeds) for speeds, _ in one["speeds"]) for one in kept]  # all stay
     assert row["speed"] == max(fastest) and row["found_by"] == last[int(np.argmax(fastest))]
-    assert design.orientation == row["orientation"] and steps_of(design) <= 186_719
+    assert design.orientation == row["orientation"] and gait_steps(design.schedule) <= 186_719
     assert (tmp_path / "whole" / "climb.png").stat().st_size > 1000
     calls = slopes.calls
     climb.study(tmp_path / "whole", FEW)
@@ -233,7 +236,7 @@ def test_a_program_that_was_killed_goes_on_to_the_same_gait(slopes, tmp_path, mo
 
     slopes.calls = 0
     with monkeypatch.context() as patch:
-        patch.setattr(gaits, "simulate", killed)
+        patch.setattr(simulation, "simulate", killed)
         with pytest.raises(KeyboardInterrupt):
             climb.study(tmp_path / "parts", FEW)
     climb.study(tmp_path / "parts", FEW)

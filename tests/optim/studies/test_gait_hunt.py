@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from graded import tabled
 from hill import Hill
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,12 +23,11 @@ from optim.studies.beyond.gait_hunt import study as hunting
 from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, last_bests
 from optim.studies.beyond.gait_hunt.program import Plan
 from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
-from robots.inflatable import ACTUATION, INCHING, InflatableDesign, gaits
+from robots.inflatable import ACTUATION, INCHING, InflatableDesign, simulation
 from robots.inflatable import gradient as inflatable_gradient
-from robots.inflatable.gaits import load_gait, steps_of
-from robots.inflatable.relaxed_motion import cycle_starts
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.files import load_design
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import cycle_starts, gait_steps
 from robots.world import Terrain
 
 HILL = (Terrain(15),)
@@ -37,12 +37,7 @@ SMALL = {"encoding": "graded", "columns": 2, "steps": 62_240, "warm_up": 15_560,
 @pytest.fixture
 def hill(monkeypatch):
     stand_in = Hill()
-
-    def relaxed(designs, terrain=None, *, ramp_steps=None, **options):
-        return stand_in(designs, terrain, **options)
-
-    monkeypatch.setattr(gaits, "simulate", stand_in)
-    monkeypatch.setattr(inflatable_gradient, "simulate_relaxed", relaxed)
+    monkeypatch.setattr(simulation, "simulate", stand_in)
     monkeypatch.setattr(inflatable_gradient, "differentiate", stand_in.gradient)
     return stand_in
 
@@ -63,7 +58,7 @@ def test_what_a_generation_costs_is_what_is_simulated():
     problem = GaitProblem(HILL, **SMALL)
     points, speeds = problem.space.sample(np.random.default_rng(0), 3), np.array([0.1, -0.1, 0.0])
     judged = Evaluation(speeds, details={"speed_hill:15": speeds})
-    each = [gaits_initial(d.pressure) + steps_of(d) for d in map(problem.design, points)]
+    each = [gaits_initial(d.pressure) + gait_steps(d.schedule) for d in map(problem.design, points)]
     assert cost(problem, Request(points), judged) == 2 * each[0] + each[1] + each[2]
     assert least_cost(problem, Request(points)) == sum(each)
     relaxed = Request(points, "relaxed", 2.0)
@@ -101,7 +96,7 @@ def test_gaits_climb_a_ladder_as_far_as_they_are_fast_enough(hill):
     counted[:, :2] = np.minimum(counted[:, :2], ahead)
     np.testing.assert_allclose(found.objectives[:, 0], counted.mean(axis=1))
     simulations = problem.robot_steps(points, found) / [
-        gaits_initial(d.pressure) + steps_of(d) for d in map(problem.design, points)
+        gaits_initial(d.pressure) + gait_steps(d.schedule) for d in map(problem.design, points)
     ]
     assert simulations.tolist() == reached.sum(axis=1).tolist()
     with pytest.raises(ValueError, match=r"^ahead: 0\.01 is not allowed without a ladder$"):
@@ -132,10 +127,10 @@ def test_a_graded_pattern_tells_alike_what_lies_alike():
             point[place] = 0.0
     gait = problem.design(point).schedule
     assert np.all(gait.inflation[:4] == gait.inflation[0]) and np.all(gait.inflation[4:] == gait.inflation[4])
-    assert np.all((gait.grip == 0) | (gait.grip == 1)) and gait.timed
+    assert np.all((gait.grip == 0) | (gait.grip == 1)) and gait.has_own_times
     point[names.index("settle_1")], point[names.index("settle_2")] = 1234.4, -5.0
     assert problem.design(point).schedule.settle_steps.tolist() == [1234, 0]
-    assert steps_of(problem.design(point)) <= 62_240
+    assert gait_steps(problem.design(point).schedule) <= 62_240
     assert GaitProblem.from_description(problem.describe()).describe() == problem.describe()
 
 
@@ -145,7 +140,7 @@ def test_a_gait_is_played_until_some_of_it_counts(hill):
     names, point = problem.space.names, problem.space.low.copy()
     point[[names.index("bladder1_2"), names.index("settle_1"), names.index("settle_2")]] = 1.5, 4001, 2000
     gait = problem.design(point)
-    assert steps_of(gait) > 31_120 and gait.schedule.repeats == 3
+    assert gait_steps(gait.schedule) > 31_120 and gait.schedule.repeats == 3
     starts = cycle_starts(gait.schedule)
     assert starts[1] < 15_560 <= starts[2]
     assert np.isfinite(problem.evaluate(point[None]).objectives).all()
@@ -216,7 +211,7 @@ def test_finalists_are_the_last_improvements_in_full(hill, tmp_path):
     improved = [g for g, score in enumerate(scores) if g == 0 or score > scores[g - 1]]
     found = last_bests(history, problem, 3)
     assert [generation for _, generation in found] == improved[-3:]
-    assert all(150_000 < steps_of(design) <= 186_719 for design, _ in found)
+    assert all(150_000 < gait_steps(design.schedule) <= 186_719 for design, _ in found)
 
 
 def finalist(speed, hard):
@@ -270,8 +265,8 @@ def test_a_study_tells_of_every_search_and_goes_on(hill, tmp_path, monkeypatch):
         means = [summary["searches"][name]["speed"] for name in (first, second)]
         assert row["difference"] == pytest.approx(means[1] - means[0]) and row["p"] <= row["p_adjusted"] <= 1
     for row in summary["runs"]:
-        design = load_gait(tmp_path / "hunt" / "gaits" / f"{row['search']}-{row['seed']}.json")
-        assert design.pressure == row["pressure"] and steps_of(design) <= 186_719
+        design = load_design(tmp_path / "hunt" / "gaits" / f"{row['search']}-{row['seed']}.json")
+        assert design.pressure == row["pressure"] and gait_steps(design.schedule) <= 186_719
     before = {name: (tmp_path / "hunt" / name).read_bytes() for name in ("summary.json", "table.md")}
     calls = hill.calls
     hunting.study(tmp_path / "hunt", settings)
@@ -452,8 +447,8 @@ def test_slopes_of_effort_agree_with_differences(seed):
     levels, h = generator.uniform(0.05, 0.95, (8, 3)), 1e-6
 
     def used(table):
-        gait = RelaxedSchedule(table, np.ones((2, 3)), 2, None, np.zeros(3), np.zeros(3))
-        return effort(RelaxedDesign(0.0, 90.0, gait), 1000, ACTUATION)
+        gait = tabled(table, np.ones((2, 3)), 2, None, np.zeros(3), np.zeros(3))
+        return effort(InflatableDesign(0.0, 90.0, gait), 1000, ACTUATION)
 
     direction = generator.normal(size=levels.shape)
     change = (used(levels + h * direction)[0] - used(levels - h * direction)[0]) / (2 * h)

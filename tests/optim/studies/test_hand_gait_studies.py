@@ -12,9 +12,9 @@ from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.metrics import draw
 from optim.studies.chapter5.variations import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
 from robots.inflatable import ACTUATION, PUBLISHED, SMALL, InflatableDesign
-from robots.inflatable.actuation import nominal_steps
-from robots.inflatable.robot import travel_directions
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.simulation import travel_directions
+from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 
 TWO = Robot(copies=2)

@@ -332,7 +332,7 @@ def test_a_calibration_goes_from_a_file_to_simulate(morpholab, tmp_path, monkeyp
     properties, geometry = load_calibration(tmp_path / "fit/calibration.json")
     assert geometry == "small" and vars(properties) == record["properties"]
     used = {}
-    monkeypatch.setattr("robots.inflatable.robot.simulate", lambda *_, **given: used.update(given) or stand_in())
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", lambda *_, **given: used.update(given) or stand_in())
     code, _, _ = morpholab("simulate --gait inching --calibration fit/calibration.json")
     assert code == 0 and used["geometry"] == SMALL
     assert used["actuation"].high_friction == properties.friction

@@ -4,23 +4,24 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graded import QUICK, TINY, graded_designs, settling
+from graded import QUICK, TINY, graded_designs, settling, tabled, unskipped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.hardware import PlayedDesign, PneumaticRig, RigViolation, export_csv, gait_table, read_csv
+from robots.hardware import PneumaticRig, RigViolation, export_csv, gait_table, read_csv
 from robots.hardware.commands import TIME_STEP
 from robots.hardware.headroom import rig_report
-from robots.inflatable import INCHING, gaits
-from robots.inflatable.relaxed_motion import durations
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable import ACTUATION, INCHING, simulation
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import durations
 from robots.world import Terrain
 
 HALVES = np.array([*[[0.5, 0.0]] * 4, *[[0.0, 0.25]] * 4, [1.0, 0.5], [0.0, 1.0]])
 
 
-def graded(gait: RelaxedSchedule, pressure: float = 6e3) -> RelaxedDesign:
-    return RelaxedDesign(pressure, 30.0, gait)
+def graded(gait: GaitSchedule, pressure: float = 6e3) -> InflatableDesign:
+    return InflatableDesign(pressure, 30.0, gait)
 
 
 def lasting(table) -> list[float]:
@@ -35,12 +36,12 @@ def test_any_graded_design_survives_its_table(tmp_path_factory, design, units, r
     export_csv(design, path, units=units, rate=rate)
     read = read_csv(path)
     gait, played = design.schedule, read.played().schedule
-    assert read.design == PlayedDesign(design.pressure, design.orientation, gait)
+    assert read.design == InflatableDesign(design.pressure, design.orientation, gait)
     np.testing.assert_allclose(played.levels, gait.levels, atol=1e-6)
-    assert (played.repeats, played.timed) == (gait.repeats, gait.timed)
-    assert (played.pressure is None) == (gait.pressure is None)
-    if gait.pressure is not None:
-        np.testing.assert_allclose(played.pressure, gait.pressure, atol=6e-4)
+    assert (played.repeats, played.has_own_times) == (gait.repeats, gait.has_own_times)
+    assert (played.core_pressure is None) == (gait.core_pressure is None)
+    if gait.core_pressure is not None:
+        np.testing.assert_allclose(played.core_pressure, gait.core_pressure, atol=6e-4)
     assert read.played().pressure == pytest.approx(design.pressure, abs=6e-4)
 
 
@@ -81,17 +82,17 @@ def test_a_state_without_change_lasts_as_long_as_its_column_or_the_rig_needs():
 
 def test_without_times_of_its_own_states_last_as_those_of_the_binary_gait():
     binary = INCHING
-    ours, theirs = (gait_table(design) for design in (gaits.as_graded(binary), binary))
+    ours, theirs = (gait_table(design) for design in (unskipped(binary), binary))
     np.testing.assert_array_equal(ours.times, theirs.times)
     np.testing.assert_array_equal(ours.pressures, theirs.pressures)
-    assert not ours.played().schedule.timed
-    assert ours.played().schedule == gaits.as_graded(binary).schedule
+    assert not ours.played().schedule.has_own_times
+    assert ours.played().schedule == unskipped(binary).schedule
 
 
 def test_half_of_the_times_given_means_the_other_as_published():
     levels = HALVES
-    gait = RelaxedSchedule(levels[:8], levels[8:], 1, settle_steps=[100, 200])
-    least = [motion * TIME_STEP for motion, _ in durations(gait, gaits.ACTUATION)]
+    gait = tabled(levels[:8], levels[8:], 1, settle_steps=[100, 200])
+    least = [motion * TIME_STEP for motion, _ in durations(gait, ACTUATION)]
     expected = [max(1.0, least[0]) + 100 * TIME_STEP, max(1.0, least[1]) + 200 * TIME_STEP]
     np.testing.assert_allclose(lasting(gait_table(graded(gait)))[1:3], expected, atol=2e-6)
 
@@ -108,11 +109,11 @@ def test_the_main_loops_and_sampled_rows_dwell_to_whole_samples():
 
 
 def test_core_pressures_of_columns_are_on_the_line():
-    gait = dataclasses.replace(settling(HALVES, [0, 0]), pressure=[12e3, 0.0])
+    gait = dataclasses.replace(settling(HALVES, [0, 0]), core_pressure=[12e3, 0.0])
     table = gait_table(graded(gait))
     ends = table.pressures[np.flatnonzero(np.diff(table.states)), 0]
     assert ends.tolist() == [25.0, 50.0, -80.0, 50.0, -80.0]
-    assert table.played().schedule.pressure.tolist() == [12e3, 0.0]
+    assert table.played().schedule.core_pressure.tolist() == [12e3, 0.0]
 
 
 def test_limits_hold_for_graded_gaits():
@@ -139,19 +140,22 @@ def test_tiny_changes_have_times_that_increase(tmp_path):
 def test_rows_alone_reach_the_designed_speed(tmp_path):
     """In psi, sampled: states dwell to whole samples, as the rig would."""
     levels = np.random.default_rng(2).uniform(0, 1, (10, 2))
-    design = RelaxedDesign(2e3, 0.0, settling(levels, [400, 300], 2))
+    design = InflatableDesign(2e3, 0.0, settling(levels, [400, 300], 2))
     export_csv(design, tmp_path / "gait.csv", units="psi", rate=1000.0)
     played = read_csv(tmp_path / "gait.csv").played()
     assert np.abs(played.schedule.settle_steps - design.schedule.settle_steps).max() < 20
-    again = gaits.design_of(played.pressure, played.orientation, played.schedule)
-    found = gaits.simulate([design, again], Terrain(), geometry=TINY, actuation=QUICK).speed
+    again = InflatableDesign(played.pressure, played.orientation, played.schedule)
+    found = simulation.simulate([design, again], Terrain(), geometry=TINY, actuation=QUICK).speed
     assert abs(found[0]) > 1e-3 and found[1] == pytest.approx(found[0], rel=0.05)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: text.replace('"grip"', '"grips"'), r"header is damaged \(grips: is unknown; a graded gait has "),
+        (
+            lambda text: text.replace('"grip"', '"grips"'),
+            r"header is damaged \(grips: is unknown; a gait's tables are ",
+        ),
         (lambda text: text.replace('"settle_steps": [0', '"settle_steps": [1'), r"header is damaged \(robot_hash and"),
         (lambda text: text.replace("]}", "]"), r"header is damaged \(schedule: its text is damaged; give the tables"),
     ],

@@ -7,8 +7,9 @@ import pytest
 
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.actuation import PUBLISHED_STEPS
-from robots.inflatable.gaits import load_gait, steps_of
+from robots.inflatable.files import load_design
 from robots.inflatable.robustness import GaitJudgement, judge_gait
+from robots.inflatable.timing import gait_steps
 from robots.world import Terrain
 
 FOLDER = Path(__file__).parents[3] / "docs" / "gaits"
@@ -31,7 +32,7 @@ def test_every_found_gait_has_its_speeds_here():
 @pytest.mark.parametrize("name", LEAST)
 def test_a_found_gait_is_named_for_its_terrains_and_takes_no_longer_than_a_published_one(name):
     assert SLOPES[name.split("-")[0]] == set(LEAST[name])
-    assert steps_of(load_gait(FOLDER / f"{name}.json")) <= PUBLISHED_STEPS
+    assert gait_steps(load_design(FOLDER / f"{name}.json").schedule) <= PUBLISHED_STEPS
 
 
 def worth_its_file(name, slope, judged):
@@ -55,7 +56,7 @@ def test_gaits_by_hand_walk_where_they_belong(design, slope):
 @pytest.mark.parametrize(("file", "slope"), [("gaits/hill-program", 0.0), ("data/gait-hunt/gaits/genetic-2", 15.0)])
 def test_gaits_that_live_on_what_the_model_gives_do_not_walk(file, slope):
     """Both get ahead as the model is, the one on level ground as fast as any published one."""
-    judged = judge_gait(load_gait(FOLDER.parent / f"{file}.json"), Terrain(slope))
+    judged = judge_gait(load_design(FOLDER.parent / f"{file}.json"), Terrain(slope))
     assert judged.speed > 0.01 and not judged.physical, judged.to_document()
     assert "bladders that keep their weight" in judged.faults[-1]
 
@@ -63,5 +64,5 @@ def test_gaits_that_live_on_what_the_model_gives_do_not_walk(file, slope):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "slope"), [(name, slope) for name, speeds in LEAST.items() for slope in speeds])
 def test_a_found_gait_is_as_fast_as_told_and_physical(name, slope):
-    judged = judge_gait(load_gait(FOLDER / f"{name}.json"), Terrain(slope))
+    judged = judge_gait(load_design(FOLDER / f"{name}.json"), Terrain(slope))
     assert worth_its_file(name, slope, judged), judged.to_document()

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from graded import tabled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.inflatable.body import BLADDER_REGIONS, FIRST_BLADDER, FOOT_1, FOOT_SEAM, PUBLISHED, SKIN
-from robots.inflatable.gaits import played
-from robots.inflatable.relaxed_program import build_relaxed_program
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.program import build_program
+from robots.inflatable.timing import gait_timeline
 from robots.world import Terrain
 from taichi_sim.lattice import Quantity
 
@@ -37,7 +38,7 @@ class Replay:
             tau = np.abs(target - z) / RATE
             m = np.floor(tau).astype(int)
             length, settle = max(int(gait.motion_steps[t]), m.max() + 1), int(gait.settle_steps[t])
-            q = p if gait.pressure is None else gait.pressure[t]
+            q = p if gait.core_pressure is None else gait.core_pressure[t]
             a, b, c = along(z, p), along(target, p + (q - p) * tau / length), along(target, q)
             for k in range(length):
                 self.sizes.append(np.where(k < m, z + np.sign(target - z) * RATE * (k + 1), target))
@@ -63,11 +64,11 @@ def test_columns_do_what_the_page_says(seed, shapes):
     generator = np.random.default_rng(seed)
     levels, held = generator.uniform(0.0, 1.0, (10, 2)), generator.integers(0, 9000, 2)
     core = generator.uniform(0, 12e3, 2) if shapes else None
-    gait = RelaxedSchedule(levels[:8], levels[8:], 2, core, held, generator.integers(0, 3, 2) * 700)
-    design = RelaxedDesign(generator.uniform(0, 12e3), 40.0, gait)
+    gait = tabled(levels[:8], levels[8:], 2, core, held, generator.integers(0, 3, 2) * 700)
+    design = InflatableDesign(generator.uniform(0, 12e3), 40.0, gait)
     said, tilt = Replay(design), 9.80665 * math.cos(math.radians(180 + 15))
-    program = build_relaxed_program([design], Terrain(15.0)).program
-    assert program.lengths[0] == said.begin + len(said.sizes) == said.begin + played(design).steps
+    program = build_program([design], Terrain(15.0))
+    assert program.lengths[0] == said.begin + len(said.sizes) == said.begin + gait_timeline(design).steps
     steps = np.unique(
         np.concatenate(
             [

@@ -1,8 +1,8 @@
 """Gradient searches for gaits: the relaxed problem and the command line, most with a stand-in for the simulator."""
 
+import dataclasses
 import functools
 import json
-import sys
 import tomllib
 from types import SimpleNamespace
 
@@ -15,9 +15,9 @@ from optim.problems.inflatable.problem import RAMP_STEPS, GaitProblem
 from optim.space import Space
 from robots import inflatable
 from robots.inflatable import INCHING, ROLLING, load_design
-from robots.inflatable.actuation import nominal_steps
 from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
@@ -56,23 +56,18 @@ class Simulator:
         return SimpleNamespace(result=result, pressure=gait / 12e3, orientation=-2 * aim / 90, **gradient)
 
     def simulate(self, designs, terrain, *, progress=None, **options):
-        return self.judge(designs, terrain, [d.schedule.bits.astype(float) for d in designs], options).result
+        return self.differentiate(designs, terrain, **options).result
 
     def differentiate(self, designs, terrain, *, progress=None, **options):
-        levels = [np.concatenate([d.schedule.inflation, d.schedule.grip]) for d in designs]
-        return self.judge(designs, terrain, levels, options)
-
-    def simulate_relaxed(self, designs, terrain, **options):
-        return self.differentiate(designs, terrain, **options).result
+        return self.judge(designs, terrain, [d.schedule.levels for d in designs], options)
 
 
 @pytest.fixture
 def simulator(monkeypatch):
-    """The stand-in, for true and relaxed designs."""
+    """The stand-in, for simulations and gradients."""
     stand_in = Simulator()
-    monkeypatch.setattr("robots.inflatable.robot.simulate", stand_in.simulate)
-    gradient = SimpleNamespace(differentiate=stand_in.differentiate, simulate_relaxed=stand_in.simulate_relaxed)
-    monkeypatch.setitem(sys.modules, "robots.inflatable.gradient", gradient)
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", stand_in.simulate)
+    monkeypatch.setattr("robots.inflatable.gradient.differentiate", stand_in.differentiate)
     return stand_in
 
 
@@ -131,11 +126,9 @@ def test_points_without_values_between_are_judged_as_true_ones(simulator):
     assert between.objectives == pytest.approx(true.objectives)
     assert between.details.keys() == true.details.keys() == {"speed_flat", "speed_hill:15"}
     first, *_, last = simulator.calls
-    assert {**vars(first), "designs": 0, "terrain": 0, "ramp_steps": RAMP_STEPS} == {
-        **vars(last),
-        "designs": 0,
-        "terrain": 0,
-    }
+    assert last.actuation == dataclasses.replace(first.actuation, ramp_steps=RAMP_STEPS)
+    others = {"designs": 0, "terrain": 0, "actuation": 0}
+    assert {**vars(first), **others} == {**vars(last), **others}
 
 
 def test_the_ramp_of_the_pressure_is_as_published_unless_pressure_is_free(simulator):
@@ -143,7 +136,7 @@ def test_the_ramp_of_the_pressure_is_as_published_unless_pressure_is_free(simula
         relaxed = problem(**settings)
         relaxed.evaluate_relaxed(relaxed.space.low, 1.0, gradients=True)
         relaxed.evaluate_relaxed(relaxed.space.low, 1.0, gradients=False)
-        assert [call.ramp_steps for call in simulator.calls[-4:]] == [steps] * 4
+        assert [call.actuation.ramp_steps for call in simulator.calls[-4:]] == [steps] * 4
 
 
 def test_failures_have_no_gradient(simulator):
@@ -215,7 +208,7 @@ def test_codesign_by_gradients(morpholab, simulator, tmp_path):
     assert code == 0, error
     lines, document = log(tmp_path / "a"), json.loads(out)
     assert [line["evaluations"] for line in lines] == [3 * (i + 1) for i in range(7)]
-    assert ["ramp_steps" in vars(call) for call in simulator.calls] == [False, True] * 3 + [False]
+    assert [call.actuation.ramp_steps is not None for call in simulator.calls] == [False, True] * 3 + [False]
     assert lines[-1]["best"] > lines[0]["best"]
     best = load_design(tmp_path / "a/best.json")
     bits = [document["best_point"][f"{row}_{i + 1}"] for row in GaitSchedule.row_names for i in range(3)]

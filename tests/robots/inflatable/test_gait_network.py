@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import torch
+from graded import tabled
 
 from robots.inflatable import InflatableActuation, InflatableGeometry
 from robots.inflatable.autograd import travel
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import differentiate
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
 from robots.world import Terrain
 
 # Small, quick and with feet that reach the ground.
@@ -37,7 +38,7 @@ def test_gradients_are_those_of_the_robot():
     options = {k: v for k, v in OPTIONS.items() if k != "repeats"}
     for robot, terrain in enumerate(terrains):
         values = [p.detach().numpy()[robot] for p in parts]
-        design = RelaxedDesign(values[0], values[1], RelaxedSchedule(values[2], values[3], 1))
+        design = InflatableDesign(values[0], values[1], tabled(values[2], values[3], 1))
         alone = differentiate(design, terrain, **options)
         assert found[robot].item() == alone.result.distance[0]
         for tensor, part in zip(parts, ("pressure", "orientation", "inflation", "grip"), strict=True):

@@ -6,19 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from graded import tabled
 
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.shape import EMPTY_CORE
 from optim.problems.inflatable.start import start_values
 from robots.inflatable import INCHING, ROLLING
-from robots.inflatable.gaits import save_gait
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import save_design
 from robots.world import Terrain
 
 HILL = (Terrain(15.0),)
 LEVELS = np.random.default_rng(0).random((8, 2)).round(3)
 TIMES = {"motion_steps": np.full(2, 100), "settle_steps": np.array([0, 700])}
-GRADED = RelaxedDesign(3000.0, 70.0, RelaxedSchedule(LEVELS, np.eye(2), 5, **TIMES))
+GRADED = InflatableDesign(3000.0, 70.0, tabled(LEVELS, np.eye(2), 5, **TIMES))
 
 
 def point(problem, design):
@@ -70,7 +71,7 @@ def test_gaits_that_an_encoding_cannot_say_are_refused(encoding, columns, design
 
 @pytest.mark.usefixtures("simulator")
 def test_the_command_starts_at_a_file(tmp_path, morpholab):
-    save_gait(GRADED, tmp_path / "start.json")
+    save_design(GRADED, tmp_path / "start.json")
     code, _, error = morpholab(
         f"codesign --terrain flat --geometry small --encoding graded --columns 2 --steps 50 --method genetic "
         f"--population 2 --generations 0 --start {tmp_path / 'start.json'} --start-orientation 60 "

@@ -1,4 +1,4 @@
-"""Gaits with graded inflation and times of their own: what they do, their files, and their search."""
+"""Gaits with levels between 0 and 1 and times of their own: what they do, their files, and their search."""
 
 import dataclasses
 import json
@@ -6,26 +6,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from graded import GRIPPING, LOW, QUICK, TINY, graded_designs, settling
+from graded import GRIPPING, LOW, QUICK, TINY, graded_designs, retabled, settling, tabled, unskipped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optim.problems.inflatable.encoding import LEAST_MOTION, GradedGait
 from optim.problems.inflatable.problem import GaitProblem
-from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign, gaits
-from robots.inflatable.actuation import PUBLISHED_STEPS, play
-from robots.inflatable.gradient import differentiate, simulate_relaxed
-from robots.inflatable.relaxed_motion import (
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign, simulation
+from robots.inflatable.actuation import PUBLISHED_STEPS
+from robots.inflatable.files import load_design, save_design
+from robots.inflatable.gradient import differentiate
+from robots.inflatable.program import build_program
+from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import (
     MOST_COLUMNS,
+    counted_steps,
     full_stroke_steps,
     gait_steps,
+    gait_timeline,
     most_repeats,
-    nominal_gait_steps,
-    relaxed_columns,
+    nominal_steps,
+    play,
 )
-from robots.inflatable.relaxed_program import build_relaxed_program
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule, schedule_of_text
-from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 
 HILL = Terrain(5.0)
@@ -36,21 +38,21 @@ def random_levels(seed: int, columns: int = 2) -> np.ndarray:
     return np.random.default_rng(seed).uniform(0.1, 0.9, (10, columns))
 
 
-def graded(gait: RelaxedSchedule, pressure: float = 2e3) -> RelaxedDesign:
-    return RelaxedDesign(pressure, 40.0, gait)
+def graded(gait: GaitSchedule, pressure: float = 2e3) -> InflatableDesign:
+    return InflatableDesign(pressure, 40.0, gait)
 
 
 # what they do
 
 
 @pytest.mark.kernels
-def test_on_and_off_at_the_published_times_is_the_binary_gait_to_the_bit():
+def test_the_published_times_given_change_no_bit_of_on_and_off():
     binary = InflatableDesign(0.0, 90.0, INCHING.schedule.cut(2, 1))
-    on_off = gaits.as_graded(binary)
+    on_off = unskipped(binary)
     published = play(binary.schedule, QUICK)[0]
     motion, settle = [column.motion_steps for column in published], np.full(2, QUICK.settle_steps)
-    timed = RelaxedDesign(0.0, 90.0, settling(binary.schedule.levels, settle, 1, motion))
-    runs = [gaits.simulate(design, HILL, perturbation=1e-6, **ROBOT) for design in (binary, on_off, timed)]
+    timed = InflatableDesign(0.0, 90.0, settling(binary.schedule.levels, settle, 1, motion))
+    runs = [simulation.simulate(design, HILL, perturbation=1e-6, **ROBOT) for design in (binary, on_off, timed)]
     assert runs[0].status[0] == "ok" and abs(runs[0].distance[0]) > 1e-5
     for field in ("distance", "speed_simulated", "steps"):
         assert getattr(runs[0], field)[0] == getattr(runs[1], field)[0] == getattr(runs[2], field)[0]
@@ -62,10 +64,10 @@ def test_on_and_off_at_the_published_times_is_the_binary_gait_to_the_bit():
 def test_the_published_times_given_are_the_published_program(seed):
     """Of any levels: durations are data, whether a gait says them or not."""
     levels = random_levels(seed, 3)
-    plain = RelaxedSchedule(levels[:8], levels[8:], 1)
-    motion = [column.motion_steps for column in relaxed_columns(plain, QUICK)[0]]
+    plain = tabled(levels[:8], levels[8:], 1)
+    motion = [column.motion_steps for column in play(plain, QUICK)[0]]
     timed = settling(levels, np.full(3, QUICK.settle_steps), 1, motion)
-    programs = [build_relaxed_program([graded(gait)], HILL, QUICK).program for gait in (plain, timed)]
+    programs = [build_program([graded(gait)], HILL, QUICK) for gait in (plain, timed)]
     assert np.array_equal(programs[0].lengths, programs[1].lengths)
     assert np.array_equal(programs[0].events, programs[1].events)
 
@@ -73,32 +75,32 @@ def test_the_published_times_given_are_the_published_program(seed):
 def test_columns_last_as_long_as_their_slowest_bladder_moves_and_then_settle():
     levels = np.zeros((10, 2))
     levels[0, 0], levels[1, 0] = 0.5, 0.25
-    columns, steps = relaxed_columns(settling(levels, [7, 0], 2), QUICK)
+    columns, steps = play(settling(levels, [7, 0], 2), QUICK)
     stroke = full_stroke_steps(QUICK)
     motion = [column.motion_steps for column in columns]
     assert motion[0] == pytest.approx(stroke / 2, abs=2) and len(set(motion[1:])) == 1
     starts = [column.start for column in columns]
     assert np.diff(starts).tolist() == [motion[0] + 7, motion[1], motion[2] + 7]
     assert steps == sum(motion) + 14 == gait_steps(settling(levels, [7, 0], 2), QUICK)
-    held = relaxed_columns(settling(levels, [0, 0], 1, [stroke, 3]), QUICK)[0]
+    held = play(settling(levels, [0, 0], 1, [stroke, 3]), QUICK)[0]
     assert held[0].motion_steps == stroke and held[1].motion_steps == motion[1]
 
 
 @pytest.mark.kernels
 def test_a_column_without_change_that_does_not_settle_is_one_step():
     still = settling(np.full((10, 3), 0.5), [0, 0, 0])
-    assert [column.motion_steps for column in relaxed_columns(still, QUICK)[0]][1:] == [1, 1]
-    assert gaits.simulate(graded(still), HILL, **ROBOT).status[0] == "ok"
+    assert [column.motion_steps for column in play(still, QUICK)[0]][1:] == [1, 1]
+    assert simulation.simulate(graded(still), HILL, **ROBOT).status[0] == "ok"
 
 
-def test_what_is_played_is_told_alike_for_both_kinds():
+def test_a_timeline_tells_what_is_played():
     gait = InflatableDesign(3e3, 0.0, GaitSchedule(np.eye(10)[:, :3]))
-    both = [gaits.played(design, QUICK) for design in (gait, gaits.as_graded(gait))]
+    both = [gait_timeline(design, QUICK) for design in (gait, unskipped(gait))]
     for one, other in zip(*(dataclasses.astuple(each) for each in both), strict=True):
         assert np.array_equal(one, other)
-    assert both[0].levels.shape == (10, 6) and both[0].edges[-1] == both[0].steps == gaits.steps_of(gait, QUICK)
-    core = dataclasses.replace(gaits.as_graded(gait).schedule, pressure=[1e3, 2e3, 3e3])
-    changing = gaits.played(RelaxedDesign(0.0, 0.0, core), QUICK)
+    assert both[0].levels.shape == (10, 6) and both[0].edges[-1] == both[0].steps == gait_steps(gait.schedule, QUICK)
+    core = dataclasses.replace(unskipped(gait).schedule, core_pressure=[1e3, 2e3, 3e3])
+    changing = gait_timeline(InflatableDesign(0.0, 0.0, core), QUICK)
     assert changing.pressures.tolist() == [0, 1e3, 2e3, 3e3, 1e3, 2e3, 3e3]
     assert (changing.settles + QUICK.settle_steps == changing.edges[1:]).all()
 
@@ -106,24 +108,24 @@ def test_what_is_played_is_told_alike_for_both_kinds():
 @pytest.mark.kernels
 def test_speeds_are_counted_by_the_time_of_a_published_gait_or_by_more():
     brief, long = settling(random_levels(1), [0, 0]), settling(random_levels(1), [10, 10])
-    found = gaits.simulate([graded(brief), graded(long)], HILL, **ROBOT)
-    nominal = nominal_gait_steps(brief, 0, QUICK)
+    found = simulation.simulate([graded(brief), graded(long)], HILL, **ROBOT)
+    nominal = nominal_steps(16, QUICK)
     metres = found.distance / TINY.body_length / TINY.time_step
     assert found.speed == pytest.approx(metres / nominal, rel=1e-12)
     assert found.speed_simulated == pytest.approx(metres / found.steps, rel=1e-12)
-    assert nominal_gait_steps(brief, 1) == PUBLISHED_STEPS and nominal_gait_steps(brief, 200_000) == 200_000
-    assert gaits.counted_steps(graded(settling(random_levels(1), [150_000, 90_000]))) > 240_000
-    assert gaits.counted_steps(INCHING) == gaits.counted_steps(gaits.as_graded(ROLLING)) == PUBLISHED_STEPS
+    assert counted_steps(brief) == PUBLISHED_STEPS
+    assert counted_steps(settling(random_levels(1), [150_000, 90_000])) > 240_000
+    assert counted_steps(INCHING.schedule) == counted_steps(unskipped(ROLLING).schedule) == PUBLISHED_STEPS
     slow = settling(random_levels(1), [0, 2 * nominal])
-    found = gaits.simulate(graded(slow), HILL, **ROBOT)
+    found = simulation.simulate(graded(slow), HILL, **ROBOT)
     assert found.speed[0] == found.speed_simulated[0]
 
 
 @pytest.mark.kernels
-def test_kinds_can_be_mixed_and_order_is_kept():
+def test_on_and_off_and_levels_between_can_be_mixed_and_order_is_kept():
     designs = [InflatableDesign(1e3, 0.0, INCHING.schedule.cut(2, 1)), graded(settling(random_levels(4), [5, 0]))]
-    mixed = gaits.simulate(designs, HILL, **ROBOT)
-    alone = [gaits.simulate(gaits.as_graded(design), HILL, **ROBOT) for design in designs]
+    mixed = simulation.simulate(designs, HILL, **ROBOT)
+    alone = [simulation.simulate(unskipped(design), HILL, **ROBOT) for design in designs]
     assert mixed.distance.tolist() == [run.distance[0] for run in alone]
 
 
@@ -131,7 +133,7 @@ def test_kinds_can_be_mixed_and_order_is_kept():
 def test_gradients_agree_with_differences_while_durations_hold():
     """By levels and by grip, on the way up a hill; times of motion are long enough for every difference."""
     stroke = full_stroke_steps(LOW)
-    options = {"geometry": GRIPPING, "actuation": LOW, "ramp_steps": 500, "threads": 1}
+    options = {"geometry": GRIPPING, "actuation": dataclasses.replace(LOW, ramp_steps=500), "threads": 1}
     designs = [graded(settling(random_levels(seed), [20, 0], 1, [stroke, stroke])) for seed in (1, 2, 3)]
     found = differentiate(designs, HILL, **options)
     assert (found.result.steps == 2 * stroke + 20).all()
@@ -139,11 +141,11 @@ def test_gradients_agree_with_differences_while_durations_hold():
     for part, rows, scale in (("inflation", 8, 1.0), ("grip", 2, 10.0)):
         direction = scale * generator.normal(size=(3, rows, 2))
         moved = [
-            graded(dataclasses.replace(design.schedule, **{part: getattr(design.schedule, part) + h * change}))
+            graded(retabled(design.schedule, **{part: getattr(design.schedule, part) + h * change}))
             for h in steps
             for design, change in zip(designs, direction, strict=True)
         ]
-        distance = simulate_relaxed(moved, HILL, **options).distance.reshape(4, 3)
+        distance = simulation.simulate(moved, HILL, **options).distance.reshape(4, 3)
         far, near = (distance[::2] - distance[1::2]) / (steps[::2] - steps[1::2])[:, None]
         along = (getattr(found, part) * direction).reshape(3, -1).sum(axis=1)
         smooth = np.abs(far - near) < 1e-4 * np.abs(far)  # not where contact begins or ends in between
@@ -169,14 +171,15 @@ def test_gradients_agree_with_differences_while_durations_hold():
 )
 def test_bad_gaits_are_refused_in_one_line(change, message):
     with pytest.raises(ValueError, match=f"^{message}[^\n]*$"):
-        dataclasses.replace(settling(random_levels(0), [0, 0]), **change)
+        repeats = change.pop("repeats", 2)
+        dataclasses.replace(retabled(settling(random_levels(0), [0, 0]), **change), repeats=repeats)
 
 
 def test_on_and_off_cannot_say_times():
     gait = settling(random_levels(0), [0, 0])
-    with pytest.raises(ValueError, match=r"^steps: times of its own are not allowed; a GaitSchedule has"):
+    with pytest.raises(ValueError, match=r"^steps: times of its own are not allowed; on and off have"):
         gait.project()
-    assert gait.decided() == GaitSchedule(gait.levels >= 0.5, 1)
+    assert gait.decided() == GaitSchedule(gait.levels >= 0.5, 1) and gait.decided().skip_idle
 
 
 # files
@@ -186,18 +189,23 @@ def test_on_and_off_cannot_say_times():
 @settings(max_examples=50)
 def test_a_design_survives_its_file_and_its_text(tmp_path_factory, design):
     path = tmp_path_factory.mktemp("gait") / "gait.json"
-    gaits.save_gait(design, path)
-    assert gaits.load_gait(path) == design
+    save_design(design, path)
+    assert load_design(path) == design
     assert json.loads(path.read_text())["format"] == "morpholab-graded-design-1"
-    gait = schedule_of_text(design.schedule.to_text(), design.schedule.repeats)
+    gait = GaitSchedule.from_text(design.schedule.to_text(), design.schedule.repeats)
     assert gait == design.schedule and hash(gait) == hash(design.schedule)
     assert gait.cut(1, 1).columns == 1 and gait.cut(None, None) == gait
 
 
-def test_binary_designs_have_the_files_that_they_always_had(tmp_path):
-    gaits.save_gait(ROLLING, tmp_path / "gait.json")
-    assert gaits.load_gait(tmp_path / "gait.json") == ROLLING
-    assert schedule_of_text(ROLLING.schedule.to_text()) == ROLLING.schedule
+def test_on_and_off_have_the_files_that_they_always_had(tmp_path):
+    save_design(ROLLING, tmp_path / "gait.json")
+    assert load_design(tmp_path / "gait.json") == ROLLING
+    rows = ",\n    ".join(f'"{"0" * (7 - i)}1{"0" * i}"' for i in range(8))
+    head = '{\n  "format": "morpholab-inflatable-design-1",\n  "pressure": 12000.0,\n  "orientation": 0.0,'
+    feet = '"00000000",\n    "00000000"'
+    text = f'{head}\n  "schedule": [\n    {rows},\n    {feet}\n  ],\n  "repeats": 2\n}}\n'
+    assert (tmp_path / "gait.json").read_text() == text
+    assert GaitSchedule.from_text(ROLLING.schedule.to_text()) == ROLLING.schedule
 
 
 def test_equal_gaits_are_those_of_equal_numbers():
@@ -212,7 +220,7 @@ def test_equal_gaits_are_those_of_equal_numbers():
         ({"inflation": None}, r"inflation: shape \(\) is not allowed; give shape \(8, T\)"),
         ({"grip": [[0, 1]]}, r"grip: shape \(1, 2\) is not allowed; give shape \(2, 2\)"),
         ({"settle_steps": [1, 2, 3]}, r"settle_steps: shape \(3,\) is not allowed"),
-        ({"settle": [1, 2]}, "settle: is unknown; a graded gait has inflation, grip, core_pressure, motion_steps, s"),
+        ({"settle": [1, 2]}, "settle: is unknown; a gait's tables are inflation, grip, core_pressure, motion_steps, s"),
         ({"repeats": 1.5}, "repeats: 1.5 is not allowed"),
         ({"pressure": -1}, "pressure: -1 is not allowed"),
         ({"format": "morpholab-graded-design-2"}, "it is of the format 'morpholab-graded-design-2'; gaits of"),
@@ -222,30 +230,30 @@ def test_equal_gaits_are_those_of_equal_numbers():
 )
 def test_a_damaged_file_is_refused_in_one_line(tmp_path, change, message):
     path = tmp_path / "gait.json"
-    gaits.save_gait(graded(settling(random_levels(0), [0, 0])), path)
+    save_design(graded(settling(random_levels(0), [0, 0])), path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(ValueError, match=rf"^{path}: {message}[^\n]*$"):
-        gaits.load_gait(path)
+        load_design(path)
 
 
 @pytest.mark.parametrize("name", ["inflation", "grip", "repeats", "pressure", "orientation"])
 def test_what_is_missing_in_a_file_is_named(tmp_path, name):
     path = tmp_path / "gait.json"
-    gaits.save_gait(graded(settling(random_levels(0), [0, 0])), path)
+    save_design(graded(settling(random_levels(0), [0, 0])), path)
     record = json.loads(path.read_text())
     del record[name]
     path.write_text(json.dumps(record))
     with pytest.raises(ValueError, match=rf"^{path}: '{name}' is missing$"):
-        gaits.load_gait(path)
+        load_design(path)
     path.write_text(path.read_text()[:-3])
     with pytest.raises(ValueError, match=rf"^{path}: [^\n]*$"):
-        gaits.load_gait(path)
+        load_design(path)
 
 
 def test_a_damaged_text_is_refused_in_one_line():
     for text in ("{", "{}", '{"inflation": 3, "grip": 1}', '{"grip": []}'):
         with pytest.raises(ValueError, match=r"^(schedule|inflation): [^\n]*$"):
-            schedule_of_text(text)
+            GaitSchedule.from_text(text)
 
 
 # search
@@ -281,7 +289,7 @@ def test_genes_say_no_times_of_motion_and_no_pressures():
         with pytest.raises(ValueError, match=message):
             GradedGait.genome(dataclasses.replace(gait, motion_steps=other))
     with pytest.raises(ValueError, match=r"^core_pressure: one per column is not allowed; graded genes keep that of"):
-        GradedGait.genome(dataclasses.replace(gait, pressure=[0, 0]))
+        GradedGait.genome(dataclasses.replace(gait, core_pressure=[0, 0]))
 
 
 def test_a_gait_in_which_nothing_moves_is_not_played_without_end():
@@ -306,7 +314,7 @@ def problem(**more) -> GaitProblem:
         {},
         {"steps": 30_000, "pressure": 0.0},
         {"schedule": settling(random_levels(3), [4, 0], 5), "encoding": "codes"},
-        {"schedule": RelaxedSchedule(random_levels(3)[:8], random_levels(3)[8:]), "orientation": 90.0},
+        {"schedule": tabled(random_levels(3)[:8], random_levels(3)[8:]), "orientation": 90.0},
     ],
 )
 def test_a_problem_can_be_built_from_its_description(more):
@@ -315,7 +323,7 @@ def test_a_problem_can_be_built_from_its_description(more):
     assert again.describe() == described and again.schedule == more.get("schedule")
     assert ("steps" in described) == ("steps" in more)
     point = again.space.sample(np.random.default_rng(0), 1)[0]
-    assert isinstance(again.design(point), RelaxedDesign)
+    assert isinstance(again.design(point), InflatableDesign)
 
 
 @pytest.mark.parametrize(
@@ -333,14 +341,14 @@ def test_problems_refuse_what_is_not_allowed_in_one_line(more, message):
 
 
 class Counted:
-    """Stands in for ``simulate_relaxed``: every robot goes 1 m."""
+    """Stands in for ``simulate``: every robot goes 1 m."""
 
     def __init__(self, geometry):
         self.geometry = geometry
 
     def __call__(self, designs, terrain, **_):
         steps = np.array([gait_steps(d.schedule) for d in designs])
-        nominal = np.array([gaits.counted_steps(d) for d in designs])
+        nominal = np.array([counted_steps(d.schedule) for d in designs])
         metre = np.ones(len(designs)) / self.geometry.body_length / self.geometry.time_step
         return SimpleNamespace(
             speed=metre / nominal,
@@ -354,15 +362,15 @@ class Counted:
 @pytest.mark.parametrize("steps", [None, 20_000, 400_000])
 def test_speeds_scale_with_the_steps_that_gaits_may_take(monkeypatch, steps):
     geometry = NAMED_GEOMETRIES["small"]
-    monkeypatch.setattr("robots.inflatable.gaits.simulate_relaxed", Counted(geometry))
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", Counted(geometry))
     for columns, settle in ((2, 0.0), (18, 4001.0)):  # of 18 columns one cycle takes longer than a published gait
         hills = problem(steps=steps, columns=columns, pressure=0.0, orientation=90.0)
         levels = np.tile([0.0, 1.0], columns // 2)  # moves a full stroke in every column
         genes = np.concatenate([np.tile(levels, 10), np.full(columns, settle)])
         found = hills.evaluate(genes[None]).objectives[0, 0]
         design = hills.design(genes)
-        taken = max(gaits.steps_of(design), steps or PUBLISHED_STEPS)
-        assert hills.counted_steps(design) == taken and (columns == 2 or gaits.steps_of(design) > PUBLISHED_STEPS)
+        taken = max(gait_steps(design.schedule), steps or PUBLISHED_STEPS)
+        assert hills.counted_steps(design) == taken and (columns == 2 or gait_steps(design.schedule) > PUBLISHED_STEPS)
         assert found == pytest.approx(1 / geometry.body_length / geometry.time_step / taken, rel=1e-12)
 
 

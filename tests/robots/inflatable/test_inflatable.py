@@ -19,10 +19,10 @@ from robots.inflatable import (
     save_design,
     simulate,
 )
-from robots.inflatable.actuation import nominal_steps, play, stroke
 from robots.inflatable.body import FIRST_BLADDER, FOOT_1, FOOT_2, FOOT_SEAM, SEAM, SKIN
 from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import nominal_steps, play, stroke
 from robots.world import Terrain, gravity_vector
 from taichi_sim.lattice import Quantity
 from taichi_sim.lattice.faces import corners, half_extents, mean_of_face_corners

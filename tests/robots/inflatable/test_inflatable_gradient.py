@@ -1,17 +1,18 @@
-"""Relaxed designs in motion: the binary robot at its bits, and derivatives of distances."""
+"""Levels between 0 and 1 in motion: on and off at its bits, and derivatives of distances."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from graded import retabled, tabled, unskipped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
-from robots.inflatable.gradient import differentiate, distance_cotangents, simulate_relaxed
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
-from robots.inflatable.robot import summarise
+from robots.inflatable.gradient import differentiate, distance_cotangents
+from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.simulation import summarise
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeResult
 
@@ -27,37 +28,35 @@ UNITS = {"pressure": 1e4, "orientation": 1e3, "inflation": 1.0, "grip": 10.0, "c
 PARTS = tuple(UNITS)
 
 
-def random_design(seed: int, columns: int = 2, core: bool = False) -> RelaxedDesign:
+def random_design(seed: int, columns: int = 2, core: bool = False) -> InflatableDesign:
     generator = np.random.default_rng(seed)
     tables = generator.uniform(0.1, 0.9, (8, columns)), generator.uniform(0.1, 0.9, (2, columns))
     pressure = generator.uniform(1e3, 3e3, columns) if core else None
-    return RelaxedDesign(2e3, 40.0, RelaxedSchedule(*tables, 1, pressure))
+    return InflatableDesign(2e3, 40.0, tabled(*tables, 1, pressure))
 
 
-def moved(design: RelaxedDesign, part: str, change: np.ndarray | float) -> RelaxedDesign:
+def moved(design: InflatableDesign, part: str, change: np.ndarray | float) -> InflatableDesign:
     if part in ("pressure", "orientation"):
         return dataclasses.replace(design, **{part: getattr(design, part) + change})
-    name = part.removeprefix("core_")
-    gait = dataclasses.replace(design.schedule, **{name: getattr(design.schedule, name) + change})
+    gait = retabled(design.schedule, **{part: getattr(design.schedule, part) + change})
     return dataclasses.replace(design, schedule=gait)
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_binary_gaits_of_full_strokes_travel_as_far_to_the_bit(precision):
+def test_gaits_without_idle_columns_travel_as_far_to_the_bit(precision):
     generator = np.random.default_rng(3)
     bits = generator.random((2, 10, 4)) < 0.5
     bits[:, 0] = [True, False, True, False]  # a full stroke in every column
     designs = [InflatableDesign(p, 30.0, GaitSchedule(b, 1)) for p, b in zip((0.0, 5e3), bits, strict=True)]
     options = {"geometry": TINY, "actuation": QUICK, "precision": precision}
     binary = simulate(designs, HILL, perturbation=1e-6, seed=4, **options)
-    relaxed = simulate_relaxed(
-        [RelaxedDesign.from_design(d) for d in designs], HILL, perturbation=1e-6, seed=4, **options
-    )
+    relaxed = simulate([unskipped(d) for d in designs], HILL, perturbation=1e-6, seed=4, **options)
     assert (binary.status == "ok").all() and (np.abs(binary.distance) > 1e-4).all()
     for field in ("distance", "speed", "speed_simulated", "steps", "status"):
         assert np.array_equal(getattr(relaxed, field), getattr(binary, field))
 
 
+STILL = GaitSchedule(np.zeros((10, 1)), 1)
 WHOLE = np.array([[-1.0, 1.0]] * 3)  # from the first snapshot to the last
 
 
@@ -71,7 +70,8 @@ def fake_run(seed: int):
 
 
 def distances(run: LatticeResult, headings: np.ndarray) -> np.ndarray:
-    return summarise(run, np.array([[50, 100]] * 3), headings, np.full(3, 1), TINY).distance
+    designs = [InflatableDesign(0.0, float(heading), STILL) for heading in headings]
+    return summarise(run, build_program(designs, HILL, QUICK, geometry=TINY), designs, TINY, QUICK).distance
 
 
 @given(st.integers(0, 1000))
@@ -79,7 +79,7 @@ def distances(run: LatticeResult, headings: np.ndarray) -> np.ndarray:
 def test_cotangents_of_distances_agree_with_differences(seed):
     """In every argument in turn."""
     generator, run = fake_run(seed)
-    headings = generator.uniform(0, 90, 3)
+    headings = generator.uniform(1, 89, 3)
     found, h = distance_cotangents(TINY.body, run, headings, WHOLE), 1e-5
     for name in ("positions", "orientations", "strains", "sizes", "headings"):
         gradient = getattr(found, name)
@@ -110,9 +110,9 @@ def test_a_diverged_robot_has_no_cotangents():
 def test_derivatives_of_distances_agree_with_differences(core):
     """The whole way: design, program, lattice and back. Three robots, each part of a design in a random direction."""
     designs = [random_design(seed, core=core) for seed in (1, 2, 3)]
-    options = {"geometry": GRIPPING, "actuation": LOW, "ramp_steps": 500}
+    options = {"geometry": GRIPPING, "actuation": dataclasses.replace(LOW, ramp_steps=500)}
     found = differentiate(designs, HILL, **options)
-    assert np.array_equal(found.result.distance, simulate_relaxed(designs, HILL, **options).distance)
+    assert np.array_equal(found.result.distance, simulate(designs, HILL, **options).distance)
     assert (found.result.status == "ok").all()
     assert (found.core_pressure is not None) == core
     generator = np.random.default_rng(5)
@@ -121,7 +121,7 @@ def test_derivatives_of_distances_agree_with_differences(core):
         gradient = getattr(found, part)
         direction = UNITS[part] * generator.normal(size=gradient.shape)
         copies = [moved(d, part, h * v) for h in steps for d, v in zip(designs, direction, strict=True)]
-        distance = simulate_relaxed(copies, HILL, **options).distance.reshape(4, 3)
+        distance = simulate(copies, HILL, **options).distance.reshape(4, 3)
         far, near = (distance[::2] - distance[1::2]) / (steps[::2] - steps[1::2])[:, None]
         along = (gradient * direction).reshape(3, -1).sum(axis=1)
         assert (along != 0).all(), part
@@ -133,9 +133,9 @@ def test_derivatives_of_distances_agree_with_differences(core):
 def test_failed_robots_have_no_derivatives():
     """Bladders that jump to thousands of voxels tear a robot apart; its neighbour does not mind."""
     torn = random_design(1)
-    violent = InflatableActuation(inflated=5e3, inflation_rate=5e3, hold_steps=200, settle_steps=100)
+    violent = InflatableActuation(inflated=5e3, inflation_rate=5e3, hold_steps=200, settle_steps=100, ramp_steps=500)
     flat = moved(torn, "inflation", -torn.schedule.inflation)
-    found = differentiate([torn, flat], HILL, geometry=TINY, actuation=violent, ramp_steps=500)
+    found = differentiate([torn, flat], HILL, geometry=TINY, actuation=violent)
     assert found.result.status.tolist() == ["diverged", "ok"]
     for part in PARTS[:-1]:
         assert np.isnan(getattr(found, part)[0]).all() and np.isfinite(getattr(found, part)[1]).all()
@@ -144,11 +144,12 @@ def test_failed_robots_have_no_derivatives():
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: simulate_relaxed([]), "designs: give at least one RelaxedDesign"),
-        (lambda: differentiate([]), "designs: give at least one RelaxedDesign"),
-        (lambda: simulate_relaxed(random_design(0), ramp_steps=0), "ramp_steps: 0 is not allowed"),
-        (lambda: simulate_relaxed(random_design(0), perturbation=-1.0), "perturbation: -1.0 is not allowed"),
-        (lambda: simulate_relaxed(random_design(0), seed=-1), "seed: -1 is not allowed"),
+        (lambda: simulate([]), "designs: give at least one InflatableDesign"),
+        (lambda: differentiate([]), "designs: give at least one InflatableDesign"),
+        (lambda: simulate(random_design(0), precision="f16"), "precision: 'f16' is unknown"),
+        (lambda: differentiate([random_design(0), random_design(0, columns=3)]), "designs: a mixture is not allowed"),
+        (lambda: simulate(random_design(0), perturbation=-1.0), "perturbation: -1.0 is not allowed"),
+        (lambda: simulate(random_design(0), seed=-1), "seed: -1 is not allowed"),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(build, message):
@@ -159,7 +160,7 @@ def test_bad_arguments_are_refused_in_one_line(build, message):
 def test_groups_of_robots_have_the_gradients_of_each(monkeypatch):
     """More robots than run side by side are differentiated one group after the other."""
     designs = [random_design(i) for i in range(3)]
-    options = {"geometry": TINY, "actuation": QUICK, "ramp_steps": 50, "threads": 1}
+    options = {"geometry": TINY, "actuation": dataclasses.replace(QUICK, ramp_steps=50), "threads": 1}
     whole = differentiate(designs, HILL, **options)
     monkeypatch.setattr("robots.inflatable.gradient.NATIVE_WIDTH", {"f64": 2})
     reports = []
@@ -170,9 +171,14 @@ def test_groups_of_robots_have_the_gradients_of_each(monkeypatch):
     assert reports == sorted(reports) and reports[-1] == 1.0
 
 
-def test_what_has_no_gradient_is_refused():
-    design = InflatableDesign(0.0, 0.0, GaitSchedule(np.eye(10)[:, :3]))
-    with pytest.raises(ValueError, match=r"^designs: a binary schedule has no gradient; give RelaxedDesign\.from_"):
-        differentiate(design)
+def test_on_and_off_have_gradients_too():
+    design = InflatableDesign(3e3, 30.0, GaitSchedule(np.eye(10)[:, :2], 1))
+    options = {"geometry": TINY, "actuation": QUICK, "threads": 1}
+    found = differentiate(design, HILL, **options)
+    assert found.result.distance == simulate(design, HILL, **options).distance
+    assert found.inflation.shape == (1, 8, 2) and np.abs(found.inflation).max() > 0
+
+
+def test_too_little_memory_is_refused():
     with pytest.raises(ValueError, match=r"^memory: 1000 B is not allowed; .* need at least"):
         differentiate(random_design(0), geometry=TINY, actuation=QUICK, memory=1000)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robots.inflatable import PUBLISHED
-from robots.inflatable.gradient import simulate_relaxed
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import Leg, simulate_journey
-from robots.inflatable.relaxed_schedule import RelaxedDesign
+from robots.inflatable.simulation import simulate
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
 from robots.view.soft_motion import journey_motion
 from robots.world import Terrain
@@ -21,17 +21,17 @@ HILL = Terrain(10.0)
 OPTIONS = {"geometry": TINY, "actuation": QUICK, "threads": 1}
 RNG = np.random.default_rng(3)
 LEVELS = RNG.random((10, 4)).round(2)
-WALK = RelaxedDesign(1000.0, 60.0, settling(LEVELS, np.array([50, 80, 20, 60])))
+WALK = InflatableDesign(1000.0, 60.0, settling(LEVELS, np.array([50, 80, 20, 60])))
 
 
-def part(columns: slice) -> RelaxedDesign:
-    return RelaxedDesign(1000.0, 60.0, settling(LEVELS[:, columns], np.array([50, 80, 20, 60])[columns]))
+def part(columns: slice) -> InflatableDesign:
+    return InflatableDesign(1000.0, 60.0, settling(LEVELS[:, columns], np.array([50, 80, 20, 60])[columns]))
 
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_a_journey_of_one_leg_is_the_gait(precision):
-    alone = simulate_relaxed(WALK, HILL, precision=precision, record_every=100, **OPTIONS)
+    alone = simulate(WALK, HILL, precision=precision, record_every=100, **OPTIONS)
     found = simulate_journey([Leg(WALK, HILL)], precision=precision, record_every=100, **OPTIONS)
     assert found.distances[0, 0] == pytest.approx(alone.distance[0], rel=1e-6)
     assert found.steps[0] == alone.steps[0]
@@ -51,7 +51,7 @@ def test_a_gait_in_two_legs_goes_on_as_if_it_were_one():
 @pytest.mark.kernels
 def test_the_ground_changes_between_legs():
     """A robot whose feet slide stays on level ground, and slides down once the ground is tilted."""
-    still = RelaxedDesign(0.0, 90.0, settling(np.zeros((10, 1)), [400], motion=[400]))
+    still = InflatableDesign(0.0, 90.0, settling(np.zeros((10, 1)), [400], motion=[400]))
     level, down = Terrain(high_friction=0.0, low_friction=0.0), Terrain(20.0, high_friction=0.0, low_friction=0.0)
     found = simulate_journey([Leg(still, level), Leg(still, down)], **OPTIONS)
     assert abs(found.distances[0, 0]) < 1e-4 and found.distances[0, 1] < -1e-3
@@ -61,7 +61,7 @@ def test_the_ground_changes_between_legs():
 
 @pytest.mark.kernels
 def test_friction_is_that_of_the_ground_of_each_leg():
-    still = RelaxedDesign(0.0, 90.0, settling(np.zeros((10, 1)), [400], motion=[400]))
+    still = InflatableDesign(0.0, 90.0, settling(np.zeros((10, 1)), [400], motion=[400]))
     rough, slick = Terrain(20.0), Terrain(20.0, high_friction=0.0, low_friction=0.0)
     found = simulate_journey([Leg(still, slick), Leg(still, rough)], **OPTIONS)
     alone = simulate_journey([Leg(still, slick), Leg(still, slick)], **OPTIONS)
@@ -81,7 +81,7 @@ def test_runs_of_a_journey_differ_by_their_noise_alone():
 
 @pytest.mark.kernels
 def test_a_journey_that_diverges_is_no_number():
-    torn = RelaxedDesign(0.0, 0.0, settling(np.ones((10, 1)), [600], motion=[10]))
+    torn = InflatableDesign(0.0, 0.0, settling(np.ones((10, 1)), [600], motion=[10]))
     fast = replace(QUICK, inflation_rate=500.0, inflated=50_000.0)  # far beyond what any processor rounds away
     found = simulate_journey([Leg(torn, Terrain())], geometry=TINY, actuation=fast, threads=1)
     assert found.status[0] == "diverged" and np.isnan(found.distances).all()
@@ -107,9 +107,9 @@ def test_a_change_of_shape_takes_the_measured_times():
     up, down = (change_of_shape(*ends, 0.0).schedule for ends in ((0.0, 12e3), (12e3, 0.0)))
     seconds = [float(gait.motion_steps[-1]) * PUBLISHED.time_step for gait in (up, down)]
     assert seconds == pytest.approx([11.5, 4.7], abs=1e-4)
-    assert up.pressure.tolist() == [0.0, 12e3] and down.pressure.tolist() == [12e3, 0.0]
+    assert up.core_pressure.tolist() == [0.0, 12e3] and down.core_pressure.tolist() == [12e3, 0.0]
     together = change_of_shape(0.0, 12e3, 0.0, together=True).schedule
-    assert together.columns == 1 and together.pressure.tolist() == [12e3]
+    assert together.columns == 1 and together.core_pressure.tolist() == [12e3]
 
 
 @pytest.mark.kernels

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from robots.inflatable import PUBLISHED, InflatableDesign
-from robots.inflatable.actuation import ACTUATION, play
+from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import play
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeEngine, LatticeProgram
 

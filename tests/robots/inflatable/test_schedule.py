@@ -114,7 +114,7 @@ def test_bits_are_a_read_only_copy():
         ([[0, 1]] * 9 + [[0]], "rows differ in length"),
         (np.full((10, 2), np.nan), "nan of bladder1, column 1 is not allowed"),
         ([[0, 1]] * 9 + [[0, 2]], "2 of foot2, column 2 is not allowed"),
-        (np.full((10, 2), 0.5), "0.5 of bladder1, column 1 is not allowed"),
+        (np.full((10, 2), 1.5), "1.5 of bladder1, column 1 is not allowed"),
         (np.full((10, 2), "1"), "values of type <U1 are not allowed"),
     ],
 )

@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from graded import QUICK
+from graded import QUICK, tabled, unskipped
 from graded import TINY_TWO as TINY
 
 from optim.problems.inflatable.problem import GaitProblem
@@ -25,14 +25,19 @@ from robots.inflatable import (
     simulate,
 )
 from robots.inflatable.body import FIRST_BLADDER, FOOT_1, FOOT_2, FOOT_SEAM, REGION_COUNT, SEAM, cores_of, kinds_of
-from robots.inflatable.cores import InflatedCores, bladder_shares, checked_pressure, common_pressure, kilopascals
-from robots.inflatable.gaits import load_gait, played, save_gait
-from robots.inflatable.gradient import differentiate, simulate_relaxed
-from robots.inflatable.program import build_program
-from robots.inflatable.relaxed_program import build_relaxed_program
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.cores import (
+    InflatedCores,
+    bladder_shares,
+    checked_pressure,
+    common_pressure,
+    core_shapes,
+    kilopascals,
+)
+from robots.inflatable.files import load_design, save_design
+from robots.inflatable.gradient import differentiate
+from robots.inflatable.program import build_differentiable_program, build_program
 from robots.inflatable.schedule import GaitSchedule
-from robots.inflatable.shapes import core_shapes
+from robots.inflatable.timing import gait_timeline
 from robots.view.shape import height
 from robots.view.soft_motion import inflatable_motion
 from robots.world import Terrain
@@ -130,15 +135,15 @@ def test_one_core_is_the_published_body():
         (lambda: core_shapes(TINY, 0.0), "pressure: 0.0 is not allowed; give one above 0 Pa"),
         (lambda: core_shapes(TINY, 16e3), "pressure: 16000.0 is not allowed"),
         (
-            lambda: RelaxedDesign((1.0, 2.0), 0.0, RelaxedSchedule(np.zeros((8, 1)), np.zeros((2, 1)), 1, [5.0])),
+            lambda: InflatableDesign((1.0, 2.0), 0.0, tabled(np.zeros((8, 1)), np.zeros((2, 1)), 1, [5.0])),
             "pressure: 2 values are not allowed with a gait that has core pressures of its columns; give one",
         ),
         (
-            lambda: simulate_relaxed([graded(1.0), graded((1.0, 2.0))], geometry=TINY),
+            lambda: differentiate([graded(1.0), graded((1.0, 2.0))], geometry=TINY),
             "designs: a mixture is not allowed; give all one core pressure, or all one a core",
         ),
-        (lambda: gait_table(InflatableDesign((9e3, 0.0), 0.0, IDLE)), "pressure: 9000, 0 Pa are not allowed; a rig"),
-        (lambda: rig_report(InflatableDesign((9e3, 0.0), 0.0, IDLE)), "pressure: 9000, 0 Pa are not allowed; a rig"),
+        (lambda: gait_table(InflatableDesign((9e3, 0.0), 0.0, IDLE)), "pressure: 9 and 0 kPa are not allowed; a rig"),
+        (lambda: rig_report(InflatableDesign((9e3, 0.0), 0.0, IDLE)), "pressure: 9 and 0 kPa are not allowed; a rig"),
         (
             lambda: GaitProblem((Terrain(),), pressure=(1.0, 2.0)),
             "pressure: 2 values are not allowed; give one, for the one core",
@@ -158,9 +163,9 @@ def test_a_pressure_for_all_is_the_same_one_for_each():
     designs = [InflatableDesign(p, 30.0, INCHING.schedule) for p in (7e3, (7e3, 7e3))]
     first, second = (build_program([d], Terrain(5.0), geometry=TWO_CORE) for d in designs)
     assert np.array_equal(first.events, second.events) and np.array_equal(first.lengths, second.lengths)
-    graded_designs = [RelaxedDesign.from_design(d) for d in designs]
-    first, second = (build_relaxed_program([d], Terrain(5.0), geometry=TWO_CORE) for d in graded_designs)
-    assert np.array_equal(first.program.events, second.program.events)
+    graded_designs = [unskipped(d) for d in designs]
+    first, second = (build_program([d], Terrain(5.0), geometry=TWO_CORE) for d in graded_designs)
+    assert np.array_equal(first.events, second.events)
 
 
 def test_regions_of_one_core_get_what_they_got_when_there_was_one():
@@ -196,22 +201,23 @@ def test_bladders_lengthen_by_the_mean_pressure_over_the_rows_under_them():
 
 
 def test_core_pressures_of_columns_are_those_of_all_cores():
-    schedule = RelaxedSchedule(np.ones((8, 2)), np.ones((2, 2)), 1, [3e3, 9e3])
-    program = build_relaxed_program([RelaxedDesign(1e3, 0.0, schedule)], Terrain(), geometry=TWO_CORE).program
+    schedule = tabled(np.ones((8, 2)), np.ones((2, 2)), 1, [3e3, 9e3])
+    program = build_program([InflatableDesign(1e3, 0.0, schedule)], Terrain(), geometry=TWO_CORE)
     first, second = (events_of(program, Quantity.PRESSURE, [region]) for region in (0, REGION_COUNT + FOOT_SEAM))
     assert first == second and first[-1][2] == 9e3
 
 
-def graded(pressure) -> RelaxedDesign:
+def graded(pressure) -> InflatableDesign:
     """A gait of two columns, between off and on."""
     generator = np.random.default_rng(3)
-    return RelaxedDesign(pressure, 40.0, RelaxedSchedule(*(generator.uniform(0.1, 0.9, (n, 2)) for n in (8, 2)), 1))
+    return InflatableDesign(pressure, 40.0, tabled(*(generator.uniform(0.1, 0.9, (n, 2)) for n in (8, 2)), 1))
 
 
 def test_events_have_a_derivative_by_the_pressure_of_each_core():
     """Against differences of the program, for a ramp that takes as long at any pressure."""
     weights = np.random.default_rng(0)
-    build = functools.partial(build_relaxed_program, terrain=Terrain(), actuation=QUICK, ramp_steps=100, geometry=TINY)
+    actuation = dataclasses.replace(QUICK, ramp_steps=100)
+    build = functools.partial(build_differentiable_program, terrain=Terrain(), actuation=actuation, geometry=TINY)
     at = np.array([5e3, 9e3])
     program = build([graded(tuple(at))] * 2)
     values, rates = weights.normal(size=(2, len(program.program.events)))
@@ -292,7 +298,7 @@ def test_pictures_show_every_core(inflated):
         ("core pressure 1", 12.0, 12.0),
         ("core pressure 2", 0.0, 0.0),
     ]
-    assert played(designs[1], STEADY).pressures.tolist() == [[FULL, 0.0]] * 2
+    assert gait_timeline(designs[1], STEADY).pressures.tolist() == [[FULL, 0.0]] * 2
     starts, forces = motion.lattice.pressure_forces(0)
     pushed = np.linalg.norm(forces, axis=1) > 0
     assert pushed.any() and starts[pushed, 1].max() < starts[~pushed, 1].min()
@@ -302,12 +308,12 @@ def test_pictures_show_every_core(inflated):
 @pytest.mark.kernels
 def test_the_exact_gradient_by_each_core_is_that_of_differences():
     """Over a few steps, where the motion is smooth."""
-    brief = dataclasses.replace(QUICK, hold_steps=20, settle_steps=0, inflation_rate=0.2)
-    options = {"geometry": TINY, "actuation": brief, "ramp_steps": 40, "threads": 1}
+    brief = dataclasses.replace(QUICK, hold_steps=20, settle_steps=0, inflation_rate=0.2, ramp_steps=40)
+    options = {"geometry": TINY, "actuation": brief, "threads": 1}
     at, width = np.array([4e3, 7e3]), 0.1  # wider ones reach a contact that comes or goes
     found = differentiate([graded(tuple(at))], **options)
     sides = [graded(tuple(at + sign * step)) for step in np.eye(2) * width for sign in (1, -1)]
-    distance = simulate_relaxed(sides, **options).distance
+    distance = simulate(sides, **options).distance
     differences = (distance[::2] - distance[1::2]) / (2 * width)
     assert found.pressure.shape == (1, 2) and found.pressure[0] == pytest.approx(differences, rel=1e-3)
 
@@ -317,8 +323,8 @@ def test_the_exact_gradient_by_each_core_is_that_of_differences():
 
 @pytest.mark.parametrize("design", [InflatableDesign((FULL, 0.0), 5.0, IDLE), graded((1e3, 2e3)), graded(1e3)])
 def test_designs_survive_the_disk(tmp_path, design):
-    save_gait(design, tmp_path / "gait.json")
-    assert load_gait(tmp_path / "gait.json") == design
+    save_design(design, tmp_path / "gait.json")
+    assert load_design(tmp_path / "gait.json") == design
     written = json.loads((tmp_path / "gait.json").read_text())["pressure"]
     assert written == (list(design.pressure) if isinstance(design.pressure, tuple) else design.pressure)
 

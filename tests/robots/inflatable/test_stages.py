@@ -4,37 +4,38 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graded import QUICK, TINY, settling
+from graded import QUICK, TINY, retabled, settling
 
 from optim.problems.inflatable.problem import GaitProblem
-from robots.inflatable import INCHING, Frames, InflatableResult, gaits
+from robots.inflatable import INCHING, Frames, InflatableResult
 from robots.inflatable import robustness as judgement
 from robots.inflatable.body import FOOT_1, FOOT_2
-from robots.inflatable.gaits import PlayedGait
-from robots.inflatable.gradient import differentiate, simulate_relaxed
-from robots.inflatable.relaxed_motion import cycle_starts, stage_starts
-from robots.inflatable.relaxed_schedule import RelaxedDesign
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.gradient import differentiate
+from robots.inflatable.program import Counting
 from robots.inflatable.robustness import GaitJudgement, harder, judge_gait
+from robots.inflatable.simulation import simulate
 from robots.inflatable.slip import slip_under_load
+from robots.inflatable.timing import GaitTimeline, cycle_starts, gait_steps, stage_starts
 from robots.world import Terrain
 
 ROBOT = {"geometry": TINY, "actuation": QUICK, "precision": "f64"}
 
 
-def gait(seed: int = 0, repeats: int = 2) -> RelaxedDesign:
+def gait(seed: int = 0, repeats: int = 2) -> InflatableDesign:
     levels = np.random.default_rng(seed).uniform(0.1, 0.9, (10, 2))
-    return RelaxedDesign(2e3, 40.0, settling(levels, [60, 40], repeats, [90, 90]))
+    return InflatableDesign(2e3, 40.0, settling(levels, [60, 40], repeats, [90, 90]))
 
 
 @pytest.mark.kernels
 def test_stages_add_up_to_the_distance_and_what_warms_up_does_not_count():
-    whole = simulate_relaxed([gait(), gait(1)], **ROBOT)
-    staged = simulate_relaxed([gait(), gait(1)], stages=4, **ROBOT)
+    whole = simulate([gait(), gait(1)], **ROBOT)
+    staged = simulate([gait(), gait(1)], counting=Counting(stages=4), **ROBOT)
     assert staged.stages.shape == (2, 4) and whole.stages.shape == (2, 1)
     np.testing.assert_allclose(staged.stages.sum(axis=1), whole.distance, atol=1e-15)
     np.testing.assert_array_equal(staged.distance, whole.distance)
-    warm = int(gaits.steps_of(gait(), QUICK)) // 2
-    later = simulate_relaxed([gait(), gait(1)], warm_up=warm, **ROBOT)
+    warm = int(gait_steps(gait().schedule, QUICK)) // 2
+    later = simulate([gait(), gait(1)], counting=Counting(warm), **ROBOT)
     np.testing.assert_allclose(later.distance, staged.stages[:, 2:].sum(axis=1), atol=1e-15)
     assert later.steps.tolist() == [warm, warm]
 
@@ -54,16 +55,16 @@ def test_what_counts_after_a_warm_up_is_whole_cycles():
 def test_the_steps_of_a_result_are_those_of_the_cycles_that_count():
     levels = np.zeros((10, 2))
     levels[:4, 1], levels[8:] = 0.6, 1.0
-    design = RelaxedDesign(0.0, 90.0, settling(levels, [300, 300], 4))
+    design = InflatableDesign(0.0, 90.0, settling(levels, [300, 300], 4))
     warm = cycle_starts(design.schedule, QUICK)[1] + 1
-    found = simulate_relaxed(design, warm_up=warm, **ROBOT)
-    assert found.steps[0] == gaits.steps_of(design, QUICK) - cycle_starts(design.schedule, QUICK)[2]
+    found = simulate(design, counting=Counting(warm), **ROBOT)
+    assert found.steps[0] == gait_steps(design.schedule, QUICK) - cycle_starts(design.schedule, QUICK)[2]
 
 
 @pytest.mark.kernels
 def test_frames_are_the_same_with_stages():
-    plain = simulate_relaxed(gait(), record_every=50, **ROBOT).frames
-    staged = simulate_relaxed(gait(), record_every=50, stages=3, **ROBOT).frames
+    plain = simulate(gait(), record_every=50, **ROBOT).frames
+    staged = simulate(gait(), record_every=50, counting=Counting(stages=3), **ROBOT).frames
     np.testing.assert_array_equal(plain.positions, staged.positions)
     np.testing.assert_array_equal(plain.times, staged.times)
 
@@ -71,13 +72,13 @@ def test_frames_are_the_same_with_stages():
 @pytest.mark.kernels
 def test_the_gradient_is_that_of_the_worst_stage_times_their_number():
     design, count, h = gait(2), 3, 1e-6
-    found = differentiate(design, stages=count, warm_up=50, **ROBOT)
+    found = differentiate(design, counting=Counting(50, count), **ROBOT)
     sides = []
     for step in (h, -h):
         levels = design.schedule.inflation.copy()
         levels[2, 1] += step
-        moved = dataclasses.replace(design, schedule=dataclasses.replace(design.schedule, inflation=levels))
-        sides.append(simulate_relaxed(moved, stages=count, warm_up=50, **ROBOT).stages.min() * count)
+        moved = dataclasses.replace(design, schedule=retabled(design.schedule, inflation=levels))
+        sides.append(simulate(moved, counting=Counting(50, count), **ROBOT).stages.min() * count)
     assert found.inflation[0, 2, 1] == pytest.approx((sides[0] - sides[1]) / (2 * h), rel=1e-4)
 
 
@@ -91,7 +92,7 @@ def test_the_gradient_is_that_of_the_worst_stage_times_their_number():
 )
 def test_bad_parts_are_refused_in_one_line(options, message):
     with pytest.raises(ValueError, match=message):
-        simulate_relaxed(gait(), **options, **ROBOT)
+        simulate(gait(), counting=Counting(**options), **ROBOT)
 
 
 def slid(way: np.ndarray, depth: float, feet: tuple[int, ...]) -> InflatableResult:
@@ -116,8 +117,8 @@ def tell(monkeypatch):
 
     def told(*feet, settles=300):
         levels = np.append(np.ones(8), feet)[:, None]
-        played = PlayedGait(np.array([0, 500]), np.array([settles]), levels, np.zeros(2))
-        monkeypatch.setattr("robots.inflatable.slip.played", lambda *_: played)
+        played = GaitTimeline(np.array([0, 500]), np.array([settles]), levels, np.zeros(2))
+        monkeypatch.setattr("robots.inflatable.slip.gait_timeline", lambda *_: played)
 
     return told
 
@@ -225,7 +226,7 @@ def test_a_judgement_simulates_under_both_conditions(monkeypatch):
     found = judge_gait(
         design, Terrain(5.0), geometry=TINY, actuation=actuation, runs=2, precision="f32", progress=parts.append
     )
-    assert found.steps == gaits.steps_of(design, actuation) < 3000
+    assert found.steps == gait_steps(design.schedule, actuation) < 3000
     assert found.speeds.shape == found.hard_speeds.shape == (2,) and found.slip.shape == (2, 2)
     assert (found.slip > 0).any() and np.isfinite(found.slip_ratios).all()
     assert not np.array_equal(found.speeds, found.hard_speeds)
@@ -233,7 +234,7 @@ def test_a_judgement_simulates_under_both_conditions(monkeypatch):
 
 
 def test_there_are_no_harder_conditions_in_water_and_that_is_said_before_any_simulation(monkeypatch):
-    monkeypatch.setattr("robots.inflatable.gaits.simulate", None)
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", None)
     for refused in (
         lambda: judge_gait(INCHING, Terrain.water(), geometry=TINY, runs=2),
         lambda: GaitProblem((Terrain.water(),), encoding="graded", columns=2, hard=True),
@@ -247,16 +248,16 @@ def test_there_are_no_harder_conditions_in_water_and_that_is_said_before_any_sim
 def test_a_batch_of_gaits_of_any_lengths_is_each_of_them_alone(precision):
     """Robots of like length are simulated side by side; noise and frames are still each one's own."""
     gaits_ = [
-        RelaxedDesign(pressure, 60.0, settling(np.full((10, 2), 0.5), [settle, 20]))
+        InflatableDesign(pressure, 60.0, settling(np.full((10, 2), 0.5), [settle, 20]))
         for pressure, settle in ((2000.0, 10), (0.0, 300), (1000.0, 150))
     ]
     options = {"geometry": TINY, "actuation": QUICK, "precision": precision, "threads": 1}
-    together = simulate_relaxed(gaits_, Terrain(5.0), **options, record_every=100)
+    together = simulate(gaits_, Terrain(5.0), **options, record_every=100)
     for place, design in enumerate(gaits_):
-        alone = simulate_relaxed(design, Terrain(5.0), **options, record_every=100)
+        alone = simulate(design, Terrain(5.0), **options, record_every=100)
         assert alone.distance[0] == together.distance[place] and alone.steps[0] == together.steps[place]
         count = int(np.isfinite(together.frames.positions[:, place, 0, 0]).sum())
         np.testing.assert_array_equal(alone.frames.positions[:count, 0], together.frames.positions[:count, place])
-    noisy = simulate_relaxed(gaits_, Terrain(5.0), **options, perturbation=1e-6)
-    first = simulate_relaxed(gaits_[:1], Terrain(5.0), **options, perturbation=1e-6)
+    noisy = simulate(gaits_, Terrain(5.0), **options, perturbation=1e-6)
+    first = simulate(gaits_[:1], Terrain(5.0), **options, perturbation=1e-6)
     assert noisy.distance[0] == first.distance[0] != together.distance[0]

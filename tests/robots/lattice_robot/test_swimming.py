@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from graded import tabled, unskipped
 from matplotlib.collections import PolyCollection
 
 from optim.cli import main
 from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, load_design, simulate
-from robots.inflatable.gradient import differentiate, simulate_relaxed
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.gradient import differentiate
 from robots.inflatable.schedule import GaitSchedule
 from robots.lattice_robot.walker import ACTIVE, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker import simulate as simulate_walker
@@ -64,29 +64,27 @@ def test_in_vacuum_no_gait_travels_at_any_pressure():
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_a_relaxed_binary_gait_swims_as_far_to_the_bit(precision):
+def test_a_gait_without_idle_columns_swims_as_far_to_the_bit(precision):
     designs = [InflatableDesign(p, 30.0, g) for p, g in zip((0.0, 5e3), gaits(2), strict=True)]
     binary = simulate(designs, Terrain.water(), precision=precision, **OPTIONS)
-    relaxed = simulate_relaxed(
-        [RelaxedDesign.from_design(d) for d in designs], Terrain.water(), precision=precision, **OPTIONS
-    )
+    relaxed = simulate([unskipped(d) for d in designs], Terrain.water(), precision=precision, **OPTIONS)
     assert (np.abs(binary.distance) > 1e-5).all()
     assert np.array_equal(relaxed.distance, binary.distance)
 
 
 @pytest.mark.kernels
 def test_the_gradient_of_the_distance_in_water_agrees_with_differences():
-    quick = InflatableActuation(inflation_rate=0.02, pressure_ramp=50.0, hold_steps=100, settle_steps=50)
+    rates = {"inflation_rate": 0.02, "pressure_ramp": 50.0, "ramp_steps": 100}
+    quick = InflatableActuation(**rates, hold_steps=100, settle_steps=50)
     options = OPTIONS | {"actuation": quick}
     levels = np.random.default_rng(0).uniform(0.2, 0.8, (10, 2))
 
-    def design(pressure: float) -> RelaxedDesign:
-        return RelaxedDesign(pressure, 40.0, RelaxedSchedule(levels[:8], levels[8:], 1))
+    def design(pressure: float) -> InflatableDesign:
+        return InflatableDesign(pressure, 40.0, tabled(levels[:8], levels[8:], 1))
 
-    options |= {"ramp_steps": 100}
     slope = differentiate([design(3e3)], Terrain.water(), **options).pressure[0]
     step = 1e-3  # Pa; larger ones cross jumps, where links change to large angles
-    ends = simulate_relaxed([design(3e3 + step), design(3e3 - step)], Terrain.water(), **options).distance
+    ends = simulate([design(3e3 + step), design(3e3 - step)], Terrain.water(), **options).distance
     assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=2e-3)
 
 

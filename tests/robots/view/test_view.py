@@ -26,8 +26,8 @@ from robots.inflatable import (
     InflatableResult,
     simulate,
 )
-from robots.inflatable.gaits import played
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import gait_timeline
 from robots.view import scene, shape
 from robots.view.drawing import draw_schedule
 from robots.view.film import draw_strip
@@ -120,7 +120,7 @@ def test_nearer_faces_are_painted_later_and_hidden_ones_never():
 
 def test_sliding_feet_are_paler():
     both = GaitSchedule(np.concatenate([np.zeros((8, 2)), [[1, 0], [1, 0]]]), repeats=1)
-    length = played(InflatableDesign(0.0, 0.0, both), QUICK).steps * 1e-4
+    length = gait_timeline(InflatableDesign(0.0, 0.0, both), QUICK).steps * 1e-4
     motion = shown([(0.0, 0.0, 0.0)] * 2, both)
     motion = replace(motion, times=np.array([0.1, 0.9]) * length)
     gripping, sliding = (setting(motion, [frame]).polygons(frame).colours for frame in (0, 1))

@@ -22,7 +22,7 @@ from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_f
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
 from optim.studies.beyond.gait_hunt.searches import check_settings
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
-from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 

@@ -12,7 +12,8 @@ import numpy as np
 from optim.experiments.results import Progress
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
-from robots.inflatable.gaits import GaitDesign, save_gait
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.files import save_design
 from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE, NoisySpeeds, play_with_noise
 from robots.world import Terrain
 from taichi_sim.base.files import read_text, sha256, write_text
@@ -27,7 +28,7 @@ class Finalist(NoisySpeeds):
         generation: in which it was found.
     """
 
-    design: GaitDesign
+    design: InflatableDesign
     generation: int
 
     @property
@@ -47,9 +48,9 @@ def columns_of(best: Finalist | None) -> dict[str, Any]:
     }
 
 
-def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[GaitDesign, int]]:
+def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[InflatableDesign, int]]:
     """The last few designs that a run found better than all before, and the generations that found them."""
-    found: list[tuple[GaitDesign, int]] = []
+    found: list[tuple[InflatableDesign, int]] = []
     full, before = problem.in_full(), None
     for generation in history.generations:
         if generation.best_point is not None and generation.best_point != before:
@@ -59,7 +60,7 @@ def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple
 
 
 def judge_finalists(
-    found: Sequence[tuple[GaitDesign, int]],
+    found: Sequence[tuple[InflatableDesign, int]],
     terrain: Terrain,
     runs: int,
     *,
@@ -160,4 +161,4 @@ def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:
             path.unlink()
     for name, best in found.items():
         if best:
-            save_gait(best.design, folder / f"{name}.json")
+            save_design(best.design, folder / f"{name}.json")

@@ -17,10 +17,11 @@ from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt.spending import cost
-from robots.inflatable import gaits
+from robots.inflatable import simulation
+from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.cores import each_pressure
-from robots.inflatable.gaits import GaitDesign, as_graded
-from robots.inflatable.robot import InflatableGeometry
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.timing import predicted_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays, Floats
 
@@ -28,7 +29,7 @@ APART = 0.25  # of a full stroke, root mean square over all actuators and column
 PRESSURE = 12_000.0  # [Pa], which counts as a full stroke of everything
 
 
-def difference(one: GaitDesign, other: GaitDesign, body: InflatableGeometry) -> float:
+def difference(one: InflatableDesign, other: InflatableDesign, body: InflatableGeometry) -> float:
     """Distance between two gaits of as many columns, 0 to 1, wherever their cycles begin.
 
     Headings and times do not count: what moves when is the kind.
@@ -37,14 +38,16 @@ def difference(one: GaitDesign, other: GaitDesign, body: InflatableGeometry) -> 
         one, other: the gaits.
         body: of the robot, whose cores' pressures count too: the larger of both differences is the result.
     """
-    first, second = (_levels(design) for design in (one, other))
+    first, second = one.schedule.levels, other.schedule.levels
     turned = [np.roll(second, column, axis=1) for column in range(second.shape[1])]
     moves = min(float(np.sqrt(np.mean((first - levels) ** 2))) for levels in turned)
     pressures = [np.array(each_pressure(design.pressure, body)) for design in (one, other)]
     return max(moves, float(abs(pressures[0] - pressures[1]).max()) / PRESSURE)
 
 
-def best_of_kinds(designs: Sequence[GaitDesign], scores: Floats, count: int, body: InflatableGeometry) -> list[int]:
+def best_of_kinds(
+    designs: Sequence[InflatableDesign], scores: Floats, count: int, body: InflatableGeometry
+) -> list[int]:
     """Indices of the best designs of which none is of the kind of a better one, the best first.
 
     Args:
@@ -62,12 +65,6 @@ def best_of_kinds(designs: Sequence[GaitDesign], scores: Floats, count: int, bod
     return chosen
 
 
-def _levels(design: GaitDesign) -> Floats:
-    """Levels of all actuators in every column of a gait, shape (10, T)."""
-    schedule = as_graded(design).schedule
-    return np.concatenate([schedule.inflation, schedule.grip])
-
-
 def heading_of(displacement: Floats) -> Floats:
     """The heading, 0 to 90 degrees, along which robots that go so far get furthest.
 
@@ -79,26 +76,26 @@ def heading_of(displacement: Floats) -> Floats:
     return np.asarray(np.clip(away, 0.0, 90.0))
 
 
-def turned(problem: GaitProblem, designs: Sequence[GaitDesign], options: Mapping[str, Any]) -> Arrays:
+def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: Mapping[str, Any]) -> Arrays:
     """Turn designs to where they go on flat ground, and judge them.
 
     Args:
         problem: that judges them, of graded gaits.
         designs: N of them.
-        options: of the simulation on flat ground, see ``robots.inflatable.gaits.simulate``.
+        options: of the simulation on flat ground, see ``robots.inflatable.simulate``.
 
     Returns:
         ``points`` of the problem, shape (N, D); ``scores``, shape (N,), NaN of what failed; ``speeds`` on every
         terrain, shape (N, T); ``spent`` [robot-steps] and ``wall_s`` on both simulations.
     """
     started = time.perf_counter()
-    flat = gaits.simulate(designs, Terrain(), **options)
+    flat = simulation.simulate(designs, Terrain(), **options)
     ok = np.asarray(flat.status) == "ok"
     headings = heading_of(np.where(ok[:, None], flat.displacement, 0.0))
     facing = [replace(design, orientation=float(angle)) for design, angle in zip(designs, headings, strict=True)]
     points = np.array([problem.space.from_dict(start_values(problem, design)) for design in facing])
     judged = problem.evaluate(points)
-    looked = sum(gaits.simulated_steps(design) for design in designs)
+    looked = sum(predicted_steps(design) for design in designs)
     return {
         "points": points,
         "scores": np.where(ok, judged.objectives[:, 0], np.nan),

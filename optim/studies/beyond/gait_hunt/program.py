@@ -36,7 +36,7 @@ from optim.runs.history import History, read_result
 from optim.studies.beyond.gait_hunt.kinds import best_of_kinds, history_of, turned
 from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
 from optim.studies.beyond.gait_hunt.spending import read_spent, search_within
-from robots.inflatable.gaits import GaitDesign
+from robots.inflatable.design import InflatableDesign
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.results_folder import ResultsFolder
@@ -147,7 +147,7 @@ class Step:
         return found
 
     @property
-    def design(self) -> GaitDesign:
+    def design(self) -> InflatableDesign:
         """The best gait, as long as it was judged; raises ``NothingFound`` if all failed."""
         if self.last.best_point is None:
             raise NothingFound
@@ -185,10 +185,10 @@ class Program:
         except NothingFound:
             return ()
 
-    def _kinds(self) -> list[GaitDesign]:
+    def _kinds(self) -> list[InflatableDesign]:
         """The best of each kind among random gaits, turned to where they go."""
         points = {"population": self.plan.kept, "starts": self.plan.looks, "seed": self.seed}
-        found: list[GaitDesign] = []
+        found: list[InflatableDesign] = []
         for name, pressure in (("look-empty", 0.0), ("look-any", None)):
             problem = replace(self._on((0.0,), LOOK), orientation=MIDDLE, pressure=pressure)
             step = self._search(name, problem, points, 0)
@@ -196,7 +196,7 @@ class Program:
                 found += [problem.design(point) for point in best.points]
         return self._turn(found)
 
-    def _turn(self, designs: Sequence[GaitDesign]) -> list[GaitDesign]:
+    def _turn(self, designs: Sequence[InflatableDesign]) -> list[InflatableDesign]:
         """Designs with headings where they go on flat ground; of each kind the best on the ladder."""
         problem = replace(self._on(RUNGS, GRADED), ladder=True)
         settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
@@ -211,7 +211,7 @@ class Program:
         chosen = best_of_kinds(facing, known["scores"], self.plan.kinds, problem.body)
         return [facing[number] for number in chosen]
 
-    def _halve(self, designs: Sequence[GaitDesign]) -> Step:
+    def _halve(self, designs: Sequence[InflatableDesign]) -> Step:
         """The best of searches near each design, of which the worse halves end early."""
         left, generations = list(enumerate(designs)), 0
         ladder = replace(self._on(RUNGS, GRADED), ladder=True)
@@ -227,13 +227,13 @@ class Program:
             left = [pair[1] for pair in found[: (len(found) + 1) // 2]]
         return found[0][0]
 
-    def _lead(self, design: GaitDesign) -> GaitDesign:
+    def _lead(self, design: InflatableDesign) -> InflatableDesign:
         """Searches by the mean of an easier slope and the steepest, one from the other's best."""
         for number, part in enumerate(self.plan.leads):
             design = self._refine(f"lead-{number + 1}", (part, 1.0), design).design
         return design
 
-    def _face(self, design: GaitDesign) -> Step:
+    def _face(self, design: InflatableDesign) -> Step:
         """A gait with the best of some headings near its own, in full on the steepest slope."""
         gait = self._on((1.0,), GRADED).in_full()
         full = gait.design(gait.space.from_dict(start_values(gait, design)))
@@ -244,7 +244,7 @@ class Program:
         self,
         name: str,
         rungs: Sequence[float],
-        start: GaitDesign,
+        start: InflatableDesign,
         options: Mapping[str, Any] = GRADED,
         sigma: float = SIGMA,
     ) -> Step:
@@ -256,7 +256,7 @@ class Program:
         self,
         name: str,
         problem: GaitProblem,
-        start: GaitDesign,
+        start: InflatableDesign,
         method: str,
         population: int,
         generations: int,

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from optim.problems.inflatable.problem import GaitProblem
-from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base import checks
 

@@ -28,7 +28,7 @@ from optim.runs.history import History
 from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, columns_of, write_gaits
 from optim.studies.beyond.gait_hunt.searches import SEARCHES, check_settings
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
-from robots.inflatable.robot import NAMED_GEOMETRIES
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.robustness import LEAST_HARD_SPEED
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats

@@ -1,18 +1,16 @@
-"""The program of relaxed designs: what bladders do, how it meets the binary program, and its derivatives."""
+"""Programs of levels between 0 and 1: what bladders do, how they meet on and off, and derivatives."""
 
 import numpy as np
 import pytest
+from graded import tabled, unskipped
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from robots.inflatable import ACTUATION, INCHING, ROLLING, InflatableActuation, InflatableDesign
-from robots.inflatable.actuation import play
 from robots.inflatable.body import BLADDER_REGIONS, FIRST_BLADDER, FOOT_1, FOOT_2, REGION_COUNT, SKIN
-from robots.inflatable.program import build_program
-from robots.inflatable.relaxed_motion import full_stroke_steps, rest_levels
-from robots.inflatable.relaxed_program import build_relaxed_program
-from robots.inflatable.relaxed_schedule import RelaxedDesign, RelaxedSchedule
+from robots.inflatable.program import Counting, build_differentiable_program, build_program
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.timing import full_stroke_steps, play, rest_levels
 from robots.world import Terrain, gravity_vector
 from taichi_sim.lattice import LatticeProgram, Quantity
 
@@ -20,23 +18,21 @@ QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=
 HILL = Terrain(slope=15.0)
 
 
-def random_design(generator: np.random.Generator, columns: int = 3, core: bool = False) -> RelaxedDesign:
+def random_design(generator: np.random.Generator, columns: int = 3, core: bool = False) -> InflatableDesign:
     tables = generator.uniform(0.05, 0.95, (8, columns)), generator.uniform(0.05, 0.95, (2, columns))
     pressure = generator.uniform(2e3, 9e3, columns) if core else None
-    return RelaxedDesign(
-        generator.uniform(2e3, 9e3), generator.uniform(10.0, 80.0), RelaxedSchedule(*tables, 2, pressure)
-    )
+    return InflatableDesign(generator.uniform(2e3, 9e3), generator.uniform(10.0, 80.0), tabled(*tables, 2, pressure))
 
 
-def moved(design: RelaxedDesign, direction: dict[str, np.ndarray], h: float) -> RelaxedDesign:
+def moved(design: InflatableDesign, direction: dict[str, np.ndarray], h: float) -> InflatableDesign:
     """The design, h further in a direction given like a ``DesignGradient``."""
     gait = design.schedule
-    core = None if gait.pressure is None else gait.pressure + h * direction["core_pressure"]
+    core = None if gait.core_pressure is None else gait.core_pressure + h * direction["core_pressure"]
     inflation, grip = gait.inflation + h * direction["inflation"], gait.grip + h * direction["grip"]
-    return RelaxedDesign(
+    return InflatableDesign(
         design.pressure + h * direction["pressure"],
         design.orientation + h * direction["orientation"],
-        RelaxedSchedule(inflation, grip, gait.repeats, core),
+        tabled(inflation, grip, gait.repeats, core),
     )
 
 
@@ -102,21 +98,33 @@ def full_stroke_gaits(draw):
         [ACTUATION, QUICK, InflatableActuation(weight="physical"), InflatableActuation(inflation_rate=0.013)]
     ),
 )
-def test_gaits_of_full_strokes_have_the_binary_program_to_the_bit(schedule, pressure, orientation, actuation):
+def test_gaits_without_idle_columns_have_one_program_to_the_bit(schedule, pressure, orientation, actuation):
     design = InflatableDesign(pressure, orientation, schedule)
-    binary = build_program([design], HILL, actuation)
-    relaxed = build_relaxed_program([RelaxedDesign.from_design(design)], HILL, actuation).program
-    assert relaxed.lengths.tolist() == binary.lengths.tolist()
-    assert relaxed.snapshots.tolist() == binary.snapshots.tolist()
-    assert essential(relaxed) == essential(binary)
+    skipping = build_program([design], HILL, actuation)
+    waiting = build_program([unskipped(design)], HILL, actuation)
+    assert waiting.lengths.tolist() == skipping.lengths.tolist()
+    assert waiting.snapshots.tolist() == skipping.snapshots.tolist()
+    assert essential(waiting) == essential(skipping)
 
 
-def test_the_published_gaits_have_the_binary_program_in_one_batch():
+def test_the_published_gaits_have_no_idle_columns():
     designs = [INCHING, ROLLING, InflatableDesign(5e3, 30.0, INCHING.schedule)]
-    relaxed = build_relaxed_program([RelaxedDesign.from_design(d) for d in designs], HILL)
-    binary = build_program(designs, HILL)
-    assert essential(relaxed.program) == essential(binary)
-    assert relaxed.program.lengths.tolist() == binary.lengths.tolist()
+    waiting = build_program([unskipped(d) for d in designs], HILL)
+    skipping = build_program(designs, HILL)
+    assert essential(waiting) == essential(skipping)
+    assert waiting.lengths.tolist() == skipping.lengths.tolist()
+
+
+def test_idle_columns_end_after_one_step_unless_the_schedule_waits():
+    bits = np.zeros((10, 4), bool)
+    bits[0, 1:3] = True  # columns 1 and 3 move nothing
+    design = InflatableDesign(0.0, 0.0, GaitSchedule(bits, 1))
+    moving, idle = 7668 + 4001, 1 + 4001
+    program = build_program([design, unskipped(design)], Terrain())
+    assert np.diff(program.snapshots).ravel().tolist() == [
+        2 * moving + 2 * idle + 1,
+        2 * moving + 2 * (7669 + 4001) + 1,
+    ]
 
 
 def test_empty_and_full_are_where_published_strokes_end():
@@ -124,24 +132,24 @@ def test_empty_and_full_are_where_published_strokes_end():
     assert full_stroke_steps(ACTUATION) == 7668
 
 
-def held(inflation: list[float], grip: float = 0.0, repeats: int = 1, **others) -> RelaxedDesign:
+def held(inflation: list[float], grip: float = 0.0, repeats: int = 1, **others) -> InflatableDesign:
     """All bladders the same in every column."""
     table = np.tile(inflation, (8, 1))
-    return RelaxedDesign(6e3, 90.0, RelaxedSchedule(table, np.full((2, len(inflation)), grip), repeats, **others))
+    return InflatableDesign(6e3, 90.0, tabled(table, np.full((2, len(inflation)), grip), repeats, **others))
 
 
 @settings(max_examples=50)
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=5), st.sampled_from([0.05, 0.0031]))
 def test_bladders_go_to_their_level_at_their_rate_and_arrive_exactly(inflation, rate):
     """Against the rule itself, step by step: the level is the target's, held within n rates of where it began."""
-    actuation = InflatableActuation(inflation_rate=rate, hold_steps=0, settle_steps=7)
+    actuation = InflatableActuation(inflation_rate=rate, hold_steps=0, settle_steps=7, ramp_steps=1)
     empty, full = rest_levels(actuation)
-    program = build_relaxed_program([held(inflation)], Terrain(), actuation, ramp_steps=1).program
+    program = build_program([held(inflation)], Terrain(), actuation)
     thickness = channel(program, FIRST_BLADDER, Quantity.SCALE + 2)
     timing = play(held(inflation).schedule.project(), actuation)[0]
     level, step = actuation.deflated, 1
     for u, column in zip(inflation, timing, strict=True):
-        steps = (column.motion_steps if column.moving.any() else full_stroke_steps(actuation) + 1) + 7
+        steps = (column.motion_steps if column.motion.moving.any() else full_stroke_steps(actuation) + 1) + 7
         n = np.arange(1, steps + 1)
         target = empty + u * (full - empty)
         path = np.clip(target, level - n * rate, level + n * rate)
@@ -153,7 +161,7 @@ def test_bladders_go_to_their_level_at_their_rate_and_arrive_exactly(inflation, 
 
 
 def test_half_a_bladder_has_half_the_growth_and_half_the_weight_and_half_a_grip_half_the_friction():
-    program = build_relaxed_program([held([0.5], grip=0.5)], HILL).program
+    program = build_program([held([0.5], grip=0.5)], HILL)
     last = program.lengths[0] - 1
     settle = last - ACTUATION.settle_steps
     empty, full = rest_levels(ACTUATION)
@@ -179,8 +187,8 @@ def test_the_program_is_continuous_where_arrivals_change_their_step(seed, core):
     pressure = np.array([3e3, 8e3]) if core else None
 
     def run(h: float) -> np.ndarray:
-        gait = RelaxedSchedule(whole + h, np.full((2, 2), 0.3), 2, pressure)
-        return history(build_relaxed_program([RelaxedDesign(5e3, 30.0, gait)], HILL, QUICK).program)
+        gait = tabled(whole + h, np.full((2, 2), 0.3), 2, pressure)
+        return history(build_program([InflatableDesign(5e3, 30.0, gait)], HILL, QUICK))
 
     assert np.abs(run(1e-9) - run(-1e-9)).max() < 1e-9 * 20 * (full - empty) / QUICK.inflation_rate
 
@@ -194,14 +202,14 @@ def test_the_program_is_continuous_where_arrivals_change_their_step(seed, core):
 def test_derivatives_agree_with_differences(core, weight, ramp_steps, seed):
     """Of every event's value and rate, through cotangents on all of them."""
     generator = np.random.default_rng(seed)
-    actuation = InflatableActuation(inflation_rate=0.05, settle_steps=30, weight=weight)
+    actuation = InflatableActuation(inflation_rate=0.05, settle_steps=30, weight=weight, ramp_steps=ramp_steps)
     designs = [random_design(generator, core=core) for _ in range(2)]
     directions = [random_direction(generator) for _ in designs]
-    build = lambda h: build_relaxed_program(  # noqa: E731
-        [moved(d, v, h) for d, v in zip(designs, directions, strict=True)], HILL, actuation, ramp_steps
+    build = lambda h: build_differentiable_program(  # noqa: E731
+        [moved(d, v, h) for d, v in zip(designs, directions, strict=True)], HILL, actuation
     )
     h = 1e-4
-    relaxed, moves = build(0.0), [build(n * h).program.events for n in (1, -1, 2, -2)]
+    program, moves = build(0.0), [build(n * h).program.events for n in (1, -1, 2, -2)]
     labels = ["robot", "region", "quantity"] + ["step"] * (ramp_steps is not None)
     assume(all(np.array_equal(events[n], moves[0][n]) for events in moves for n in labels))
     for field, other in (("value", "rate"), ("rate", "value")):
@@ -209,7 +217,7 @@ def test_derivatives_agree_with_differences(core, weight, ramp_steps, seed):
         change = (8 * (one - minus_one) - (two - minus_two)) / (12 * h)
         for event in generator.choice(np.flatnonzero(np.abs(change) > 1e-6), 40):
             cotangents = {field: np.arange(len(change)) == event, other: np.zeros(len(change))}
-            found = relaxed.pull_back(cotangents["value"], cotangents["rate"])
+            found = program.pull_back(cotangents["value"], cotangents["rate"])
             along = sum(
                 np.sum(getattr(found, part)[robot] * direction[part])
                 for robot, direction in enumerate(directions)
@@ -232,19 +240,19 @@ def summed(program: LatticeProgram, quantity: int) -> tuple[float, np.ndarray, n
 
 
 @pytest.mark.parametrize("quantity", [*range(3), *range(Quantity.ACCELERATION, Quantity.ACCELERATION + 3)])
-def test_derivatives_of_binary_gaits_look_inwards(quantity):
+def test_derivatives_of_on_and_off_look_inwards(quantity):
     """Where bladders fill up in whole steps: of sums over time, to the share of one step."""
     bits = np.eye(8, 3, dtype=bool) | np.eye(8, 3, -3, dtype=bool)
     table, h = bits.astype(float), 1e-6
     actuation = InflatableActuation(inflation_rate=3e-3, hold_steps=5, settle_steps=100)
 
     def build():
-        gait = RelaxedSchedule(table, np.zeros((2, 3)), 2)
-        return build_relaxed_program([RelaxedDesign(6e3, 30.0, gait)], HILL, actuation)
+        gait = tabled(table, np.zeros((2, 3)), 2)
+        return build_differentiable_program([InflatableDesign(6e3, 30.0, gait)], HILL, actuation)
 
-    relaxed = build()
-    total, values, rates = summed(relaxed.program, quantity)
-    gradient = relaxed.pull_back(values, rates).inflation[0]
+    program = build()
+    total, values, rates = summed(program.program, quantity)
+    gradient = program.pull_back(values, rates).inflation[0]
     for bladder, t in np.argwhere(bits):
         table[bladder, t] = 1 - h
         change = (total - summed(build().program, quantity)[0]) / h
@@ -254,7 +262,7 @@ def test_derivatives_of_binary_gaits_look_inwards(quantity):
 
 def test_the_pull_back_has_the_shapes_of_the_designs_and_adds_up_over_events():
     generator = np.random.default_rng(0)
-    program = build_relaxed_program([random_design(generator, 4, core=True) for _ in range(3)], HILL, QUICK)
+    program = build_differentiable_program([random_design(generator, 4, core=True) for _ in range(3)], HILL, QUICK)
     count = len(program.program.events)
     values, rates = generator.normal(size=(2, count))
     whole, first = program.pull_back(values, rates), program.pull_back(values, np.zeros(count))
@@ -272,15 +280,15 @@ def test_a_constant_core_pressure_is_the_pressure_of_the_design():
     generator = np.random.default_rng(1)
     plain = random_design(generator)
     gait = plain.schedule
-    told = RelaxedSchedule(gait.inflation, gait.grip, 2, np.full(3, plain.pressure))
-    with_core = RelaxedDesign(plain.pressure, plain.orientation, told)
-    one, two = (history(build_relaxed_program([d], HILL, QUICK).program) for d in (plain, with_core))
+    told = tabled(gait.inflation, gait.grip, 2, np.full(3, plain.pressure))
+    with_core = InflatableDesign(plain.pressure, plain.orientation, told)
+    one, two = (history(build_program([d], HILL, QUICK)) for d in (plain, with_core))
     assert one == pytest.approx(two, abs=1e-9)
 
 
 def test_the_core_pressure_changes_linearly_during_motion_and_bladders_lengthen_with_it():
-    design = held([1.0, 0.5], repeats=2, pressure=[12e3, 0.0])
-    program = build_relaxed_program([design], Terrain(), ACTUATION, ramp_steps=6000).program
+    design = held([1.0, 0.5], repeats=2, core_pressure=[12e3, 0.0])
+    program = build_program([design], Terrain(), InflatableActuation(ramp_steps=6000))
     pressure = channel(program, SKIN, Quantity.PRESSURE)
     begin, column = 8000, 7668 + 4001
     assert pressure[[3000, 6000, begin - 1]] == pytest.approx([3e3, 6e3, 6e3])
@@ -296,27 +304,33 @@ def test_the_core_pressure_changes_linearly_during_motion_and_bladders_lengthen_
 
 def test_a_ramp_of_given_steps_makes_all_programs_equally_long():
     gait = held([0.3, 0.8]).schedule
-    designs = [RelaxedDesign(p, 0.0, gait) for p in (0.0, 6e3, 15e3)]
-    program = build_relaxed_program(designs, Terrain(), ACTUATION, ramp_steps=3000).program
+    designs = [InflatableDesign(p, 0.0, gait) for p in (0.0, 6e3, 15e3)]
+    program = build_program(designs, Terrain(), InflatableActuation(ramp_steps=3000))
     assert len(set(program.lengths.tolist())) == 1 and (program.snapshots[:, 0] == 5000).all()
     ramp = channel(program, SKIN, Quantity.PRESSURE, robot=1)
     assert ramp[[0, 1500, 2999, 3000, 5000]] == pytest.approx([0.0, 3e3, 6e3 * 2999 / 3000, 6e3, 6e3])
 
 
 def test_columns_without_a_stroke_last_as_long_as_one():
-    quiet = build_relaxed_program([held([0.4, 0.4])], Terrain(), ACTUATION).program
+    quiet = build_program([held([0.4, 0.4])], Terrain(), ACTUATION)
     assert np.diff(quiet.snapshots[0]) == 2 * (7669 + 4001)
 
 
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: build_relaxed_program([], HILL), "designs: give at least one RelaxedDesign"),
-        (lambda: build_relaxed_program([INCHING], HILL), "designs: a binary schedule has no gradient"),
-        (lambda: build_relaxed_program([held([0.1]), held([0.1, 0.2])], HILL), "designs: a mixture is not allowed"),
-        (lambda: build_relaxed_program([held([0.1]), held([0.1], pressure=[0.0])], HILL), "designs: a mixture"),
-        (lambda: build_relaxed_program([held([0.1])], HILL, QUICK, 0), "ramp_steps: 0 is not allowed"),
-        (lambda: build_relaxed_program([held([0.1])], HILL).pull_back([1.0], [1.0]), r"values: shape \(1,\) is not"),
+        (lambda: build_differentiable_program([held([0.1]), held([0.1, 0.2])], HILL), "designs: a mix"),
+        (lambda: build_differentiable_program([held([0.1]), held([0.1], core_pressure=[0.0])], HILL), "designs: a mix"),
+        (lambda: InflatableActuation(ramp_steps=0), "ramp_steps: 0 is not allowed"),
+        (lambda: Counting(warm_up=-1), "warm_up: -1 is not allowed"),
+        (
+            lambda: build_program([held([0.1])], HILL, QUICK, counting=Counting(10**6)),
+            "warm_up: 1000000 is not allowed",
+        ),
+        (
+            lambda: build_differentiable_program([held([0.1])], HILL).pull_back([1.0], [1.0]),
+            r"values: shape \(1,\) is not",
+        ),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(build, message):

@@ -1,0 +1,220 @@
+"""What inflatable robots do on a terrain.
+
+Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
+et al., Nature Machine Intelligence 3, 51-59, 2021.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.frames import Frames, frames_of
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.cores import each_pressure
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.program import WHOLE, Counting, build_program
+from robots.inflatable.timing import counted_steps, predicted_steps
+from robots.world import Terrain, one_each
+from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
+from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
+
+PER_ROBOT = ("distance", "speed", "speed_simulated", "status", "stages", "steps", "displacement")  # of a result
+
+
+@dataclass(frozen=True, eq=False)
+class InflatableResult:
+    """What a batch of designs did.
+
+    Attributes:
+        distance: along the direction of travel, positive uphill [m], shape (B,); NaN unless the status is "ok".
+        speed: body lengths per second by the published convention: the time is that of a gait in which every column
+            moves (19.7968 s for the published robot), whatever the number of steps; shape (B,).
+        speed_simulated: body lengths per second of the time simulated, shape (B,).
+        status: "ok" or "diverged", shape (B,).
+        stages: distances of equally long parts of the gait [m], shape (B, N), N 1 unless more were asked for.
+        steps: time steps after the initialisation; those before divergence for a robot that diverged, shape (B,).
+        time_step: dt [s].
+        frames: recorded poses, or None.
+        body: the lattice.
+        displacement: in the plane of the ground, along x, where a robot rolls, and y, where it inches, whatever its
+            heading [m], shape (B, 2); NaN unless the status is "ok". How far it drifts, too.
+    """
+
+    distance: np.ndarray
+    speed: np.ndarray
+    speed_simulated: np.ndarray
+    status: np.ndarray
+    stages: np.ndarray
+    steps: np.ndarray
+    time_step: float
+    frames: Frames | None
+    body: LatticeBody
+    displacement: np.ndarray
+
+
+def simulate(
+    designs: Sequence[InflatableDesign] | InflatableDesign,
+    terrain: Terrain | Sequence[Terrain] | None = None,
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    counting: Counting = WHOLE,
+    record_every: int | None = None,
+    perturbation: float = 0.0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
+) -> InflatableResult:
+    """Simulate a batch of designs on a terrain.
+
+    Args:
+        designs: one design or several; one is a batch of one.
+        terrain: one for all designs, flat ground by default; or one for each.
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates.
+        counting: which part of a gait counts; all of it by default. The speeds divide by the time of all of it.
+        record_every: record the poses every so many time steps from the end of the initialisation on.
+        perturbation: standard deviation of noise on the start positions [m]; contact makes long runs chaotic, so a
+            few perturbed copies show how far a speed can be trusted.
+        seed: of that noise; robot i of a batch always draws the same.
+        progress: called now and then with the fraction done.
+        compute: ``precision`` ("f64" or "f32"), ``device`` ("cpu", "cuda", "vulkan" or "metal") and ``threads`` (CPU
+            threads, all cores by default), see ``taichi_sim.base.compute.Compute``.
+
+    Raises:
+        ValueError: one line that names the argument, the value and what is allowed.
+    """
+    designs = checked_designs(designs, geometry, actuation)
+    terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
+    perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
+    seed = whole_number("seed", seed, 0)
+    record_every = None if record_every is None else whole_number("record_every", record_every, 1)
+    # Robots of a block wait for its slowest: put those of like length together.
+    order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
+    sorted_designs, grounds = [designs[i] for i in order], [terrains[i] for i in order]
+    program = build_program(sorted_designs, grounds, actuation, record_every, geometry, counting)
+    engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute))
+    if perturbation > 0:
+        engine.set_positions(scattered(geometry.body, perturbation, seed, order))
+    run = engine.run(program, progress)
+    found = summarise(run, program, sorted_designs, geometry, actuation, counting, record_every)
+    return reordered(found, np.argsort(order))
+
+
+def checked_designs(
+    designs: Sequence[InflatableDesign] | InflatableDesign, geometry: object, actuation: object
+) -> list[InflatableDesign]:
+    """The designs of a batch as a list, if a robot of this geometry and actuation can have them.
+
+    Raises:
+        ValueError: one line that names the argument, the value and what is allowed.
+    """
+    listed = [designs] if isinstance(designs, InflatableDesign) else list(designs)
+    if not listed or not all(isinstance(design, InflatableDesign) for design in listed):
+        raise ValueError("designs: give at least one InflatableDesign")
+    for name, value, kind, example in (
+        ("geometry", geometry, InflatableGeometry, "NAMED_GEOMETRIES['small']"),
+        ("actuation", actuation, InflatableActuation, "ACTUATION"),
+    ):
+        if not isinstance(value, kind):
+            raise ValueError(f"{name}: {value!r} is not allowed; give an {kind.__name__}, such as {example}")
+    for design in listed:
+        each_pressure(design.pressure, geometry)  # type: ignore[arg-type]
+    return listed
+
+
+def engine_of(batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute) -> LatticeEngine:
+    """An engine of so many robots of a geometry, at rest."""
+    return LatticeEngine(
+        geometry.body,
+        batch,
+        time_step=geometry.time_step,
+        **terrain.medium,
+        device=compute.device,
+        precision=compute.precision,
+        threads=compute.threads,
+    )
+
+
+def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
+    """The result of a batch with its robots in another order, shape (B,)."""
+    frames = result.frames
+    if frames is not None:
+        per_frame = ("positions", "orientations", "extents", "sizes")
+        frames = replace(frames, **{name: getattr(frames, name)[:, order] for name in per_frame})
+    return replace(result, **{name: getattr(result, name)[order] for name in PER_ROBOT}, frames=frames)
+
+
+def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
+    """Start positions [m] with Gaussian noise of a standard deviation [m], shape (B, V, 3); a robot has its own."""
+    noise = [np.random.default_rng([seed, r]).normal(0.0, deviation, body.voxels.shape) for r in np.asarray(robots)]
+    return body.start_positions + np.array(noise)
+
+
+def travel_directions(headings: np.ndarray) -> np.ndarray:
+    """Unit vectors in the plane, shape (B, 2), of headings [degrees], shape (B,)."""
+    angles = np.deg2rad(headings)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def sideways(displacement: ArrayLike, headings: ArrayLike) -> np.ndarray:
+    """How far robots have drifted to the left of their headings [m], shape (B,).
+
+    Args:
+        displacement: of ``InflatableResult`` [m], shape (B, 2).
+        headings: [degrees], shape (B,).
+    """
+    x, y = np.asarray(displacement, float).T
+    ahead = travel_directions(np.asarray(headings, float)).T
+    return np.asarray(y * ahead[0] - x * ahead[1])
+
+
+def summarise(
+    run: LatticeResult,
+    program: LatticeProgram,
+    designs: Sequence[InflatableDesign],
+    geometry: InflatableGeometry,
+    actuation: InflatableActuation,
+    counting: Counting = WHOLE,
+    record_every: int | None = None,
+) -> InflatableResult:
+    """Read distances, speeds and frames off the snapshots of a run of ``build_program``'s program."""
+    body, dt, marks = geometry.body, geometry.time_step, program.snapshots
+    first = counting.stages + 1
+    begin, end = marks[:, 0], marks[:, 1]
+    extents = half_extents(body, run.strains, run.sizes)
+    middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
+    headings = travel_directions(np.array([d.orientation for d in designs]))
+    nominal = np.array([counted_steps(d.schedule, actuation) for d in designs])
+    way = (middle[..., :2] * headings[:, None]).sum(axis=-1)
+    ok = run.status == "ok"
+    parts = np.where(ok[:, None], np.diff(way[:, stage_order(first - 1)], axis=1), np.nan)
+    displacement = np.where(ok[:, None], middle[:, 1, :2] - middle[:, 0, :2], np.nan)
+    distance = (displacement * headings).sum(axis=1)
+    lengths = distance / geometry.body_length
+    frames = None
+    if record_every:
+        frames = frames_of(run, extents, first, np.arange(marks.shape[1] - first) * record_every * dt)
+    return InflatableResult(
+        distance,
+        lengths / (nominal * dt),
+        lengths / ((end - begin) * dt),
+        run.status,
+        parts,
+        np.where(ok, end - begin, np.maximum(run.steps - begin, 0)),
+        dt,
+        frames,
+        body,
+        displacement,
+    )
+
+
+def stage_order(stages: int) -> list[int]:
+    """Numbers of the first snapshots of a program in order of time: the ends of stages come after the gait's end."""
+    return [0, *range(2, stages + 1), 1]

@@ -1,0 +1,290 @@
+"""When the inflatable robot does what: strokes of its bladders, columns in time, and the steps by which speeds count.
+
+A bladder told a level u goes towards the thickness empty + u (full - empty) at the rate of the published robot, and
+shortens its last step so that it arrives exactly. Empty and full are where full strokes of the published rule end;
+where u is 0 or 1 and the stroke is full, the published rule counts its steps. As published, a bladder at or below
+``deflated`` is not deflated further.
+
+Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, InflatableActuation
+from robots.inflatable.body import BLADDER_COUNT
+from robots.inflatable.cores import highest_pressure
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
+from taichi_sim.autodiff.dual import Real, revalued, value_of, where
+from taichi_sim.base.arrays import Bools, Floats, Ints
+
+ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
+MOST_COLUMNS = 2000  # that are played to fill time; shorter ones hardly move, and programs of more grow long
+
+
+@lru_cache(maxsize=4096)
+def stroke(actuation: InflatableActuation, level: float, inflate: bool) -> tuple[int, float]:
+    """Steps that a bladder of this thickness still changes when told to inflate or deflate, and its last thickness.
+
+    Counted by repeated addition, as the experiment did: rounding decides between 7667 and 7668 steps.
+    """
+    if (level >= actuation.inflated) if inflate else (level <= actuation.deflated):
+        return 0, level
+    rate = actuation.inflation_rate if inflate else -actuation.inflation_rate
+    span = actuation.inflated - level if inflate else level - actuation.deflated
+    path = np.full(math.ceil(span / actuation.inflation_rate) + 3, rate)
+    path[0] = level
+    path = np.add.accumulate(path)
+    steps = int(np.argmax(path >= actuation.inflated if inflate else path <= actuation.deflated))
+    return steps, float(path[steps])
+
+
+def rest_levels(actuation: InflatableActuation) -> tuple[float, float]:
+    """Thickness of an empty and of a full bladder: 0.1997 and 2.5001, the ends of full strokes, as published."""
+    _, full = stroke(actuation, actuation.deflated, True)
+    return stroke(actuation, full, False)[1], full
+
+
+def full_stroke_steps(actuation: InflatableActuation) -> int:
+    """Steps of the longer of the two full strokes, up and down."""
+    empty, full = rest_levels(actuation)
+    return max(stroke(actuation, empty, True)[0], stroke(actuation, full, False)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How bladders go from one thickness to another, shape (8,) each. ``Real`` numbers may carry derivatives.
+
+    Attributes:
+        levels: thickness at the beginning.
+        ends: thickness at the end.
+        direction: 1 for bladders that grow, -1 for those that shrink, 0 for those that stay.
+        moving: steps in which each bladder changes at the full rate.
+        arrival: part of a further step that each bladder needs to arrive.
+        arrives: bladders that are set to their ``ends`` after that.
+    """
+
+    levels: Real
+    ends: Real
+    direction: Floats
+    moving: Ints
+    arrival: Real
+    arrives: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of a schedule as it is played: motion, then settling.
+
+    Attributes:
+        start: step of the gait at which it begins.
+        motion_steps: steps until it settles.
+        inflation: what the bladders are told, from 0 (deflate) to 1 (inflate), shape (8,).
+        grip: of the feet, from 0 (slide) to 1 (grip), shape (2,).
+        motion: of the bladders.
+        pressures: of the core when it begins and when it settles [Pa]; None where the design's is kept.
+    """
+
+    start: int
+    motion_steps: int
+    inflation: Real
+    grip: Real
+    motion: Motion
+    pressures: tuple[float | Real, float | Real] | None = None
+
+
+def approach(levels: Real, told: Real, strokes_only: bool, actuation: InflatableActuation) -> Motion:
+    """The motion of bladders of a thickness that are told to inflate by 0 to 1, shape (8,) each.
+
+    With ``strokes_only``, all are told 0 or 1 and the published rule counts all steps.
+    """
+    empty, full = rest_levels(actuation)
+    rate = actuation.inflation_rate
+    target = (1.0 - told) * empty + told * full
+    now, goal, wanted = value_of(levels), value_of(target), value_of(told)
+    gap = np.where(np.abs(goal - now) < ROUNDING * rate, 0.0, goal - now)
+    stays = np.where(now == actuation.deflated, gap <= 0, (gap < 0) & (now < actuation.deflated))
+    direction = np.where(stays, 0.0, np.sign(gap))
+    time = direction * (target - levels) / rate
+    moving = np.floor(value_of(time)).astype(np.int64)
+    arrival, ends = value_of(time) - moving.astype(float), np.where(stays, now, goal)
+    counted = np.full(BLADDER_COUNT, True) if strokes_only else _are_strokes(now, wanted, actuation)
+    for i in np.flatnonzero(counted):
+        (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(wanted[i])), 0.0
+    return Motion(
+        levels, revalued(where(stays, levels, target), ends), direction, moving, revalued(time, arrival), ~stays
+    )
+
+
+def _are_strokes(levels: Floats, told: Floats, a: InflatableActuation) -> Bools:
+    """Which bladders do what the published rule says: those empty or full, and told 0 or 1."""
+    rests = np.array([*rest_levels(a), a.deflated])
+    resting: Bools = (np.abs(levels[:, None] - rests) < ROUNDING * a.inflation_rate).any(axis=1)
+    return resting & ((told == 0) | (told == 1))
+
+
+def play(
+    schedule: GaitSchedule,
+    actuation: InflatableActuation = ACTUATION,
+    *,
+    told: Real | None = None,
+    core: tuple[float | Real, Real] | None = None,
+    levels: Real | None = None,
+) -> tuple[list[Column], int]:
+    """The columns of a schedule in the order played, and the steps of the whole gait.
+
+    Args:
+        schedule: what is played.
+        actuation: rates and times.
+        told: the levels of the schedule as numbers with derivatives, shape (10, T).
+        core: pressure before the gait, shape (), and at the end of each column's motion, shape (T,) [Pa]; None keeps
+            that of the design.
+        levels: thickness of the bladders before the gait, shape (8,); those of a new robot by default.
+    """
+    columns, step = [], 0
+    told = schedule.levels if told is None else told
+    levels = np.full(BLADDER_COUNT, actuation.deflated) if levels is None else levels
+    pressure = None if core is None else core[0]
+    for number, (least, settle) in enumerate(durations(schedule, actuation)):
+        t = number % schedule.columns
+        motion = approach(levels, told[:BLADDERS, t], schedule.skip_idle, actuation)
+        after = None if core is None else core[1][t]
+        column = Column(
+            start=step,
+            # A bladder is found done in a step in which it no longer changes, and that step is run too.
+            motion_steps=max(least, int(motion.moving.max()) + 1),
+            inflation=told[:BLADDERS, t],
+            grip=told[BLADDERS:, t],
+            motion=motion,
+            pressures=None if pressure is None or after is None else (pressure, after),
+        )
+        columns.append(column)
+        levels, pressure, step = motion.ends, after, step + column.motion_steps + settle
+    return columns, step
+
+
+def durations(schedule: GaitSchedule, a: InflatableActuation) -> list[tuple[int, int]]:
+    """Least steps of motion, and steps of settling, of every column played.
+
+    Without times of their own, columns last as long as their strokes if the schedule skips idle columns. Else they last
+    as long as those of the schedule that is on where this one is at least 1/2, and as long as a full stroke where that
+    moves no bladder: unlike there, bladders may move.
+    """
+    count = schedule.columns * schedule.repeats
+    if schedule.motion_steps is not None:
+        least = schedule.motion_steps.tolist() * schedule.repeats
+    elif schedule.skip_idle:
+        least = [1] * count
+    else:
+        published = play(schedule.decided(), a)[0]
+        least = [c.motion_steps if c.motion.moving.any() else full_stroke_steps(a) + 1 for c in published]
+    if schedule.settle_steps is None:
+        settle = [a.settle_steps] * count
+    else:
+        settle = schedule.settle_steps.tolist() * schedule.repeats
+    return list(zip(least, settle, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class GaitTimeline:
+    """When a gait does what: its columns in the order played, N of them.
+
+    Attributes:
+        edges: time steps at which columns begin, and at which the last ends, shape (N + 1,).
+        settles: time steps at which the motion of columns ends, shape (N,).
+        levels: that bladders and feet are told, from 0 (off) to 1 (on), shape (10, N).
+        pressures: of the core when columns begin, and when the last ends [Pa], shape (N + 1,); it changes linearly
+            until the motion ends. Of a design with several, those of its cores, shape (N + 1, cores).
+    """
+
+    edges: Ints
+    settles: Ints
+    levels: Floats
+    pressures: Floats
+
+    @property
+    def steps(self) -> int:
+        """Time steps of the whole gait."""
+        return int(self.edges[-1])
+
+
+def gait_timeline(design: InflatableDesign, actuation: InflatableActuation = ACTUATION) -> GaitTimeline:
+    """When a gait does what; cheap."""
+    gait = design.schedule
+    columns, steps = play(gait, actuation)
+    before = np.array(design.pressure)
+    after = np.repeat(before[None], gait.columns, axis=0) if gait.core_pressure is None else gait.core_pressure
+    return GaitTimeline(
+        edges=np.array([*(column.start for column in columns), steps]),
+        settles=np.array([column.start + column.motion_steps for column in columns]),
+        levels=gait.played,
+        pressures=np.concatenate([before[None], *([after] * gait.repeats)]),
+    )
+
+
+def gait_steps(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> int:
+    """Time steps of a gait, without those of the initialisation; cheap."""
+    return play(schedule, actuation)[1]
+
+
+def predicted_steps(design: InflatableDesign, actuation: InflatableActuation = ACTUATION) -> int:
+    """Time steps of an evaluation, initialisation included, whatever the robot's geometry; cheap."""
+    return actuation.initial_steps(highest_pressure(design.pressure)) + gait_steps(design.schedule, actuation)
+
+
+@lru_cache(maxsize=256)
+def nominal_steps(columns: int, actuation: InflatableActuation = ACTUATION) -> int:
+    """Steps of a gait in which every column moves a full stroke: 186,719 for the published 16 columns."""
+    alternating = np.zeros((ROWS, columns), bool)
+    alternating[0, ::2] = True
+    return gait_steps(GaitSchedule(alternating, repeats=1), actuation)
+
+
+def counted_steps(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> int:
+    """Time steps by which ``InflatableResult.speed`` counts the speed of a gait; cheap.
+
+    Those of as many published columns. With times of its own, those of 16 published columns, or its own if it takes
+    longer: it is not faster for that.
+    """
+    if schedule.has_own_times:
+        return max(nominal_steps(PUBLISHED_COLUMNS, actuation), gait_steps(schedule, actuation))
+    return nominal_steps(schedule.columns * schedule.repeats, actuation)
+
+
+def cycle_starts(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> list[int]:
+    """Steps of a gait at which it begins its columns anew; cheap."""
+    return [column.start for column in play(schedule, actuation)[0][:: schedule.columns]]
+
+
+def stage_starts(cycles: list[int], steps: int, warm_up: int, stages: int) -> list[int]:
+    """Steps of a gait at which the stages that count begin.
+
+    After a warm-up whole cycles count, of which every stage has as many: else a stroke forward counts that is not
+    taken back. Where there are too few cycles, and without a warm-up, stages are equally long in time.
+
+    Args:
+        cycles: steps at which cycles begin.
+        steps: of the gait.
+        warm_up: that do not count; the cycle in which they end does not, either.
+        stages: how many.
+    """
+    later = [start for start in cycles if start >= warm_up] if warm_up else []
+    if each := len(later) // stages:
+        return later[len(later) - each * stages :: each]
+    first = later[0] if later else warm_up
+    return [first + (steps - first) * part // stages for part in range(stages)]
+
+
+def most_repeats(schedule: GaitSchedule, steps: int, actuation: InflatableActuation = ACTUATION) -> int:
+    """How often a gait's columns can be played in so many time steps, at least once; ``MOST_COLUMNS`` at most."""
+    lengths = [gait_steps(replace(schedule, repeats=count), actuation) for count in (1, 2, 3)]
+    if lengths[1] > steps:
+        return 1
+    count = min(2 + (steps - lengths[1]) // (lengths[2] - lengths[1]), max(MOST_COLUMNS // schedule.columns, 1))
+    while count > 1 and gait_steps(replace(schedule, repeats=count), actuation) > steps:  # strokes are whole steps
+        count -= 1
+    return count
