@@ -28,7 +28,6 @@ from taichi_sim.base import files
 
 SEEDS = range(5)
 CLOCK = "cpu.jsonl"
-ENDLESS = 1_000_000  # generations
 UNITS = {"cpu": "CPU time [s]", "evaluations": "evaluations"}
 Point = dict[str, Any]
 
@@ -78,10 +77,14 @@ class Contest:
         about = environment(device="cpu", precision=described["precision"], threads=1, seed=seed)
         known = self._complete_curve(name, seed)
         if not known or known[-1][self.cost] < self.budget:
-            with open_run(folder, {**config, "generations": ENDLESS}, resume=True, environment=about) as opened:
+            begun = {**config, "generations": max(len(known) - 1, 0)}
+            with open_run(folder, begun, resume=True, environment=about) as opened:
                 method = build_method(entry.method, designed.space, settings)
                 search = TimedSearch(designed, method, opened, known, self)
                 run_side_by_side([search], lambda _, requests: [judge(designed, request) for request in requests])
+            ended = {**config, "generations": len(known) - 1}
+            with open_run(folder, ended, resume=True, environment=about):
+                pass  # the status of the run says that it is finished
         end = known[-1]
         best = f"best {_number(end['best']):.4f}"
         print(f"{folder.name}: {end['evaluations']} evaluations, {end['cpu']:.0f} s, {best}", flush=True)

@@ -11,6 +11,8 @@ from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import differentiate
 from robots.world import Terrain
 
+pytestmark = pytest.mark.kernels
+
 # Small, quick and with feet that reach the ground.
 ROBOT = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=4, bladder_layers=1, voxel_size=0.02)
 ACTUATION = InflatableActuation(
@@ -27,7 +29,6 @@ def tensors(batch: int, columns: int = 2):
     return tuple(part.clone().requires_grad_() for part in parts)
 
 
-@pytest.mark.kernels
 def test_gradients_are_those_of_the_robot():
     """Each robot on its own terrain, weighted by what the loss makes of it."""
     parts = tensors(3)
@@ -47,7 +48,6 @@ def test_gradients_are_those_of_the_robot():
         assert torch.equal(travel(*parts, terrains=terrains, **OPTIONS), found)
 
 
-@pytest.mark.kernels
 def test_a_network_learns_a_gait_from_the_slope():
     """A perceptron sees the slope and sets inflation and grip; through the simulator it learns to travel further."""
     torch.manual_seed(1)

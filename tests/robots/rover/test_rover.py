@@ -146,6 +146,7 @@ def test_mistakes_are_one_line(make, message):
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
 
 
+@pytest.mark.kernels
 def test_derivatives_of_distances_by_the_weights_are_central_differences():
     settings = {"steps": 120, "precision": "f64", "threads": 1}
     pairs, shift = np.array([[0.3, -0.9], [1.0, 0.6]]), 1e-6
