@@ -6,12 +6,14 @@ A sine through 16 pieces is off by at most 1 - cos(pi / 16) = 1.9 % of its ampli
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robots.frames import Frames
 from robots.world import Terrain, weights
+from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
 from taichi_sim.lattice.faces import half_extents
@@ -80,18 +82,9 @@ class CyclicProgram:
 
     def pull_back(self, values: ArrayLike, rates: ArrayLike) -> Floats:
         """Derivatives of a cost by the values at the nodes, shape (B, C, 16), from those by all events, (E,) each."""
-        count, (robots, channels) = (self.cycle.cycles + 1) * SEGMENTS, self.shape
-        value, rate = (np.asarray(given, float) for given in (values, rates))
-        by_value, by_rate = (
-            given[-count * robots * channels :].reshape(-1, robots, channels) for given in (value, rate)
-        )
-        slopes = by_rate / self.cycle.segment
-        nodes = (by_value - slopes).reshape(-1, SEGMENTS, robots, channels).sum(axis=0)
-        nodes += np.roll(slopes.reshape(-1, SEGMENTS, robots, channels).sum(axis=0), 1, axis=0)
-        if self.cycle.begin:
-            ramp = rate[: -count * robots * channels][-robots * channels :].reshape(robots, channels)
-            nodes[0] += ramp / self.cycle.begin
-        return np.moveaxis(nodes, 0, -1)
+        (value, _), pull_back = trace(partial(_played, self.cycle, 0.0), np.zeros((*self.shape, SEGMENTS)))
+        by_value, by_rate = (np.asarray(given, float)[-value.size :].reshape(value.shape) for given in (values, rates))
+        return pull_back(by_value, by_rate)[0]
 
 
 def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
@@ -131,28 +124,32 @@ def build_cyclic_program(
     pull["robot"], pull["region"] = np.arange(robots)[:, None, None], np.arange(region_count)[:, None]
     pull["quantity"], pull["step"] = list(around), 0
     pull["value"], pull["rate"] = list(around.values()), 0.0
-    ramp = _driven((1, robots, channels), regions, quantities)
-    ramp["step"], ramp["value"], ramp["rate"] = 0, rest, swing[..., 0] / max(begin, 1)
-    swung = np.moveaxis(swing, -1, 0)
-    rate = (np.roll(swung, -1, axis=0) - swung) / segment
-    count = (cycle.cycles + 1) * SEGMENTS
-    cycles = _driven((count, robots, channels), regions, quantities)
-    cycles["step"] = (begin + np.arange(count) * segment)[:, None, None]
-    cycles["value"] = np.asarray(rest) + np.tile(swung, (cycle.cycles + 1, 1, 1))
-    cycles["rate"] = np.tile(rate, (cycle.cycles + 1, 1, 1))
-    parts = [pull, ramp, cycles] if begin else [pull, cycles]
+    values, rates = _played(cycle, rest, swing)
+    driven = np.empty(values.shape, EVENT)
+    driven["robot"], driven["region"], driven["quantity"] = np.arange(robots)[:, None], regions, quantities
+    steps = begin + np.arange((cycle.cycles + 1) * SEGMENTS) * segment
+    driven["step"] = np.concatenate([[0], steps] if begin else [steps])[:, None, None]
+    driven["value"], driven["rate"] = values, rates
     marks = [begin + SEGMENTS * segment, end, *(range(begin, end + 1, record_every) if record_every else ())]
     program = LatticeProgram(
-        np.full(robots, end), np.concatenate([part.ravel() for part in parts]), np.tile(marks, (robots, 1))
+        np.full(robots, end), np.concatenate([pull.ravel(), driven.ravel()]), np.tile(marks, (robots, 1))
     )
     return CyclicProgram(program, cycle, (robots, channels))
 
 
-def _driven(shape: tuple[int, int, int], regions: ArrayLike, quantities: ArrayLike) -> NDArray[np.void]:
-    """Events of channels, shape (events, B, C), that lack steps and values."""
-    events = np.empty(shape, EVENT)
-    events["robot"], events["region"], events["quantity"] = np.arange(shape[1])[:, None], regions, quantities
-    return events
+def _played(cycle: Cycle, rest: ArrayLike, swing: Floats) -> tuple[Floats, Floats]:
+    """Values and rates of the events of channels that swing so: a ramp if there is time for it, then the pieces.
+
+    Shapes (events, B, C); ``swing`` may be traced, see ``taichi_sim.autodiff.arrays``.
+    """
+    swung = np.moveaxis(swing, -1, 0)
+    rate = (np.roll(swung, -1, axis=0) - swung) / cycle.segment
+    values = np.asarray(rest) + np.tile(swung, (cycle.cycles + 1, 1, 1))
+    rates = np.tile(rate, (cycle.cycles + 1, 1, 1))
+    if not cycle.begin:
+        return values, rates
+    start = np.broadcast_to(np.asarray(rest, float), swing.shape[:2])[None]
+    return np.concatenate([start, values]), np.concatenate([swung[:1] / cycle.begin, rates])
 
 
 def recorded_frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:

@@ -21,16 +21,12 @@ from robots.inflatable.simulation import (
 )
 from robots.world import Terrain, one_each
 from taichi_sim import runtime
+from taichi_sim.autodiff.arrays import trace
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeResult
-from taichi_sim.lattice.faces import (
-    half_extents,
-    mean_of_face_corners,
-    pull_back_half_extents,
-    pull_back_mean_of_face_corners,
-)
+from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
@@ -203,12 +199,14 @@ def distance_cotangents(body: LatticeBody, run: LatticeResult, headings: Floats,
     by_middle = np.zeros((*weights.shape, 3))
     by_middle[..., :2] = weights[..., None] * travel[:, None]
     by_middle = by_middle[ok]
-    extents = half_extents(body, run.strains[ok], run.sizes[ok])
-    middle = mean_of_face_corners(body, run.positions[ok], run.orientations[ok], extents)
-    by_positions, by_orientations, by_extents = pull_back_mean_of_face_corners(
-        body, run.orientations[ok], extents, by_middle
+    recorded = (run.positions[ok], run.orientations[ok], run.strains[ok], run.sizes[ok])
+    middle, pull_back = trace(
+        lambda places, turns, strains, sizes: mean_of_face_corners(
+            body, places, turns, half_extents(body, strains, sizes)
+        ),
+        *recorded,
     )
-    by_strains, by_sizes = pull_back_half_extents(body, run.strains[ok], run.sizes[ok], by_extents)
+    by_positions, by_orientations, by_strains, by_sizes = pull_back(by_middle)
 
     def spread(part: Floats) -> Floats:
         whole = np.zeros((len(ok), *part.shape[1:]))

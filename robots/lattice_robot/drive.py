@@ -1,12 +1,13 @@
 """What drives groups of a robot's regions: waves of size, temperature, pressure or friction, some of them free."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
+from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.lattice import Quantity
@@ -177,53 +178,38 @@ class DriveValues:
         Args:
             rest: what the materials say, shape (G,).
         """
-        wave, _ = self._wave()
-        mean = self.arrays["mean"] if "mean" in self.arrays else rest[None]
-        return self._of_regions(mean)[..., None] + self._of_regions(self.arrays["amplitude"])[..., None] * wave
+        return self._nodes(self.arrays, rest)
 
     def pull_back(self, nodes: Floats) -> Floats:
         """Derivatives of a cost by what is free, shape (N, free_count), from those by the nodes, shape (N, G, 16)."""
-        wave, slope = self._wave()
-        amplitude = self._of_regions(self.arrays["amplitude"])[..., None]
-        by_field = {
-            "mean": nodes.sum(axis=2),
-            "amplitude": (nodes * wave).sum(axis=2),
-            "phase": (nodes * amplitude * slope).sum(axis=2),
-        }
-        if "knots" in self.arrays:
-            by_field["knots"] = (nodes[..., None] * amplitude[..., None] * self._weights()).sum(axis=(1, 2))
+        fields, rest = list(self.arrays), np.zeros(len(self.drive.regions))
+        _, pull_back = trace(
+            lambda *given: self._nodes(dict(zip(fields, given, strict=True)), rest), *self.arrays.values()
+        )
         gradient = np.zeros((len(nodes), self.free_count))
-        for field, columns in self.columns.items():
-            share = by_field[field]
-            if share.shape[1] != len(columns):
-                share = share.sum(axis=1, keepdims=True)
-            for place, column in enumerate(columns):
+        for field, by_field in zip(fields, pull_back(nodes), strict=True):
+            for place, column in enumerate(self.columns[field]):
                 if column >= 0:
-                    gradient[:, column] = share[:, place]
+                    gradient[:, column] = by_field[:, place]
         return gradient
+
+    def _nodes(self, arrays: Mapping[str, Floats], rest: Floats) -> Floats:
+        """The quantity at the nodes, with other values of the fields; these may be traced."""
+        mean, amplitude = arrays.get("mean", rest[None]), arrays["amplitude"]
+        return self._of_regions(mean)[..., None] + self._of_regions(amplitude)[..., None] * self._wave(arrays)
 
     def _of_regions(self, values: Floats) -> Floats:
         return np.broadcast_to(values, (len(values), len(self.drive.regions)))
 
-    def _places(self) -> Floats:
-        """Where in the cycle the nodes are, shape (N, G, 16)."""
-        return np.arange(SEGMENTS) / SEGMENTS + self._of_regions(self.arrays["phase"])[..., None]
-
-    def _wave(self) -> tuple[Floats, Floats]:
-        """w at the nodes and its slope by the phase, shape (N, G, 16) each."""
-        places = self._places()
-        if "knots" not in self.arrays:
-            return np.sin(2 * np.pi * places), 2 * np.pi * np.cos(2 * np.pi * places)
-        knots = self.arrays["knots"]
+    def _wave(self, arrays: Mapping[str, Floats]) -> Floats:
+        """w at the nodes, shape (N, G, 16)."""
+        places = np.arange(SEGMENTS) / SEGMENTS + self._of_regions(arrays["phase"])[..., None]
+        if "knots" not in arrays:
+            return np.sin(2 * np.pi * places)
+        knots = arrays["knots"]
         count = knots.shape[1]
         first = np.floor(places * count).astype(int)
         part = places * count - first
         rows = np.arange(len(knots))[:, None, None]
         left, right = knots[rows, first % count], knots[rows, (first + 1) % count]
-        return left + part * (right - left), (right - left) * count
-
-    def _weights(self) -> Floats:
-        """Derivatives of w at the nodes by the knots, shape (N, G, 16, K)."""
-        count = self.arrays["knots"].shape[1]
-        apart = np.abs((self._places() * count)[..., None] - np.arange(count)) % count
-        return np.maximum(0.0, 1.0 - np.minimum(apart, count - apart))
+        return left + part * (right - left)

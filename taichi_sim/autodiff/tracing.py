@@ -42,7 +42,7 @@ class Traced:
     def derived(self, value: Any, pull: Callable[[Any], Contributions], *operands: Any) -> "Traced":
         """The result of an operation; constant if all its operands are."""
         active = any(isinstance(x, Traced) and x.active for x in (self, *operands))
-        return Traced(self.tape, value, pull if active else None)
+        return type(self)(self.tape, value, pull if active else None)
 
     def __add__(self, other: Any) -> "Traced":
         return self.derived(self.value + plain(other), lambda g: [(self, g), (other, g)], other)
@@ -138,14 +138,24 @@ def pull_back(
     leaves = [Traced(tape, x, lambda g: []) for x in inputs]
     fixed = [x if isinstance(x, bool | int | float | Condition) else Traced(tape, x) for x in constants]
     results = function(*leaves, *fixed)
-    for result, seed in zip(results if isinstance(results, tuple) else (results,), seeds, strict=True):
+    found = run_back(tape, leaves, results if isinstance(results, tuple) else (results,), seeds)
+    return tuple(emit(0.0 * x.value if g is None else g) for x, g in zip(leaves, found, strict=True))
+
+
+def run_back(
+    tape: Sequence[Traced], leaves: Sequence[Traced], results: Sequence[Any], seeds: Sequence[Any]
+) -> tuple[Any, ...]:
+    """Take the cotangents of results back along a tape that begins with the leaves; None for a leaf without one."""
+    for real in tape:
+        real.cotangent = None
+    for result, seed in zip(results, seeds, strict=True):
         if seed is not None and isinstance(result, Traced):
             _accumulate(result, seed)
     for real in reversed(tape[len(leaves) :]):
         if real.cotangent is not None and real.pull is not None:
             for operand, share in real.pull(emit(real.cotangent)):
                 _accumulate(operand, share)
-    return tuple(emit(0.0 * x.value if x.cotangent is None else x.cotangent) for x in leaves)
+    return tuple(leaf.cotangent for leaf in leaves)
 
 
 def _accumulate(real: Any, share: Any) -> None:

@@ -1,7 +1,11 @@
-"""Corners and faces of deformed voxels (Hiller & Lipson 2014): what a body's surface looks like and where it is."""
+"""Corners and faces of deformed voxels (Hiller & Lipson 2014): what a body's surface looks like and where it is.
+
+Poses, strains and sizes may be traced arrays, so that what is computed from them has derivatives (see ``arrays``).
+"""
 
 import numpy as np
 
+from taichi_sim.autodiff.arrays import placed
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.topology import SIDES
 
@@ -20,9 +24,10 @@ def half_extents(body: LatticeBody, strains: np.ndarray, sizes: np.ndarray) -> n
         shape (..., V, 6), sides ordered as in ``topology.SIDES``.
     """
     voxel, side, share = _link_shares(body)
-    shares = np.zeros((*strains.shape[:-1], body.voxel_count, 6))
-    shares[..., voxel, side] = np.concatenate([strains, strains], axis=-1) * share
-    return 0.5 * np.repeat(sizes, 2, axis=-1) * (1 + shares)
+    shape = (*strains.shape[:-1], body.voxel_count, 6)
+    shares = placed(shape, (..., voxel, side), np.concatenate([strains, strains], axis=-1) * share)
+    extents: np.ndarray = 0.5 * np.repeat(sizes, 2, axis=-1) * (1 + shares)
+    return extents
 
 
 def _link_shares(body: LatticeBody) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -67,57 +72,3 @@ def mean_of_face_corners(
     along = SIDES[side] * reach
     offset = np.where(np.arange(3) == axis[:, None], along, middle)
     return (positions[..., voxel, :] + rotate(orientations[..., voxel, :], offset)).mean(axis=-2)
-
-
-def pull_back_half_extents(
-    body: LatticeBody, strains: np.ndarray, sizes: np.ndarray, cotangents: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of a cost by the strains (..., L) and the sizes (..., V, 3) of :func:`half_extents`.
-
-    Args:
-        body: as there.
-        strains: as there.
-        sizes: as there.
-        cotangents: derivative of the cost by the half extents, shape (..., V, 6).
-    """
-    voxel, side, share = _link_shares(body)
-    links = strains.shape[-1]
-    shares = np.zeros(cotangents.shape)
-    shares[..., voxel, side] = np.concatenate([strains, strains], axis=-1) * share
-    by_end = (0.5 * np.repeat(sizes, 2, axis=-1) * cotangents)[..., voxel, side] * share
-    by_side = 0.5 * (1 + shares) * cotangents
-    return by_end[..., :links] + by_end[..., links:], by_side[..., 0::2] + by_side[..., 1::2]
-
-
-def pull_back_mean_of_face_corners(
-    body: LatticeBody, orientations: np.ndarray, extents: np.ndarray, cotangents: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Derivatives of a cost by positions (..., V, 3), orientations (..., V, 4) and half extents (..., V, 6).
-
-    Orientations count as four free numbers, as :func:`rotate` takes them. Where the voxels are does not matter.
-
-    Args:
-        body: as in :func:`mean_of_face_corners`.
-        orientations: as there.
-        extents: as there.
-        cotangents: derivative of the cost by the mean, shape (..., 3).
-    """
-    voxel, side = body.topology.faces.T
-    exposed = np.zeros((body.voxel_count, 3, 2))
-    exposed[voxel, side // 2, side % 2] = 1.0
-    count = exposed.sum(axis=(1, 2))
-    # A side counts in its own face, and by half in the middles of the voxel's faces on the other two axes.
-    weight = exposed + 0.5 * (count[:, None] - exposed.sum(axis=2))[..., None]
-    signed = (weight * [-1.0, 1.0]).reshape(-1, 6)
-    c = np.broadcast_to(cotangents[..., None, :] / len(voxel), (*orientations.shape[:-1], 3))
-    offset = (signed * extents)[..., 0::2] + (signed * extents)[..., 1::2]  # sum over a voxel's faces
-    w, u = orientations[..., :1], orientations[..., 1:]
-    by_w = 2 * _dot(c, np.cross(u, offset))
-    by_u = 2 * (w * np.cross(offset, c) + c * _dot(u, offset) + offset * _dot(c, u) - 2 * u * _dot(c, offset))
-    by_offset = rotate(np.concatenate([w, -u], axis=-1), c)
-    by_extents = signed * np.repeat(by_offset, 2, axis=-1)
-    return count[:, None] * c, np.concatenate([by_w, by_u], axis=-1), by_extents
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return (a * b).sum(axis=-1, keepdims=True)

@@ -1,0 +1,291 @@
+"""Reverse mode for NumPy code: a function of arrays is written once; run on traced arrays, it also gives derivatives.
+
+    >>> def lengths(vectors):
+    ...     return np.sqrt((vectors * vectors).sum(axis=-1))
+    >>> value, pull_back = trace(lengths, np.array([[3.0, 4.0]]))
+    >>> value.tolist()
+    [5.0]
+    >>> pull_back(np.array([1.0]))[0].tolist()
+    [[0.6, 0.8]]
+
+Values come out with the same bits as without tracing. Laws (see ``tracing``) run on traced arrays too.
+Known are: arithmetic and elementary functions with broadcasting (``_RULES``), comparisons and roundings (constants to
+derivatives), ``where``, ``sum``, ``mean``, ``cumsum``, ``diff``, ``cross``, every index, and all that moves elements
+(``_MOVES``). What is not known raises a TypeError of NumPy's. Instead of assigning to parts of an array, which would
+not be traced, use :func:`placed`; number-by-number functions of ``math`` are :func:`sine` and :func:`cosine`.
+
+Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., 2008, ch. 3.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Union
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from taichi_sim.autodiff.tracing import Contributions, Traced, plain, run_back
+from taichi_sim.base.arrays import Floats
+
+Array = Union[Floats, "TracedArray"]
+Cotangents = tuple[Floats, ...]
+
+
+class TracedArray(NDArrayOperatorsMixin, Traced):
+    """An array of numbers whose origin is remembered."""
+
+    __array_priority__ = 100.0
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        if method != "__call__" or options:
+            return NotImplemented
+        values = [plain(x) for x in inputs]
+        if ufunc in _CONSTANTS:
+            return ufunc(*values)
+        if ufunc not in _RULES:
+            return NotImplemented
+        rules = _RULES[ufunc]
+        out = ufunc(*values)
+
+        def pull(g: Any) -> Contributions:
+            operands = [(rule, x) for rule, x in zip(rules, inputs, strict=True) if isinstance(x, TracedArray)]
+            return [(x, _gathered(rule(g, out, *values), x.shape)) for rule, x in operands]
+
+        return self.derived(out, pull, *inputs)
+
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
+        if function in _FUNCTIONS:
+            return _FUNCTIONS[function](*arguments, **options)
+        if function in _MOVES:
+            return _moved(function, *arguments, **options)
+        return NotImplemented
+
+    def __getitem__(self, index: Any) -> "TracedArray":
+        return _moved(lambda array: array[index], self)
+
+    def __iter__(self) -> Iterator["TracedArray"]:
+        return (self[i] for i in range(len(self)))
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """As of any array; so are the others."""
+        return self.value.shape
+
+    @property
+    def ndim(self) -> int:  # noqa: D102
+        return self.value.ndim
+
+    @property
+    def T(self) -> "TracedArray":  # noqa: D102
+        return _moved(np.transpose, self)
+
+    def reshape(self, *shape: Any) -> "TracedArray":  # noqa: D102
+        return _moved(lambda array: array.reshape(*shape), self)
+
+    def ravel(self) -> "TracedArray":  # noqa: D102
+        return self.reshape(-1)
+
+    def sum(self, axis: Any = None, keepdims: bool = False) -> "TracedArray":  # noqa: D102
+        return _sum(self, axis, keepdims=keepdims)
+
+    def mean(self, axis: Any = None, keepdims: bool = False) -> "TracedArray":  # noqa: D102
+        return _mean(self, axis, keepdims=keepdims)
+
+
+def trace(function: Callable[..., Any], *inputs: Any) -> tuple[Any, Callable[..., Cotangents]]:
+    """Run a function of arrays and remember how its results came about.
+
+    Args:
+        function: of the inputs; returns an array or a tuple of arrays.
+        inputs: numbers to differentiate by.
+
+    Returns:
+        The results as plain arrays, and a function that takes the cotangents of all results (None for one that
+        nothing depends on) and returns those of all inputs, of their shapes; it may be called several times.
+    """
+    tape: list[Traced] = []
+    leaves = [TracedArray(tape, np.asarray(x, float), lambda g: []) for x in inputs]
+    results = function(*leaves)
+    several = results if isinstance(results, tuple) else (results,)
+
+    def pull_back(*cotangents: Any) -> Cotangents:
+        seeds = [None if g is None else np.broadcast_to(g, np.shape(plain(r))) for r, g in _pairs(several, cotangents)]
+        found = run_back(tape, leaves, several, seeds)
+        return tuple(np.zeros(x.shape) if g is None else np.array(g) for x, g in zip(leaves, found, strict=True))
+
+    values = tuple(plain(result) for result in several)
+    return (values if isinstance(results, tuple) else values[0]), pull_back
+
+
+def value_of(array: Any) -> Floats:
+    """The numbers of an array, traced or not: constants to derivatives."""
+    value: Floats = plain(array)
+    return value
+
+
+def placed(shape: tuple[int, ...], index: Any, values: Any) -> Any:
+    """Zeros of a shape, with values at an index of which no place occurs twice."""
+    result = np.zeros(shape)
+    result[index] = plain(values)
+    if not isinstance(values, TracedArray):
+        return result
+    return values.derived(result, lambda g: [(values, _gathered(g[index], values.shape))])
+
+
+def sine(angle: Any) -> Any:
+    """Sine of an angle [rad]."""
+    return _by_number(math.sin, math.cos, angle)
+
+
+def cosine(angle: Any) -> Any:
+    """Cosine of an angle [rad]."""
+    return _by_number(math.cos, lambda x: -math.sin(x), angle)
+
+
+def _by_number(function: Callable[[float], float], slope: Callable[[float], float], x: Any) -> Any:
+    """Number by number: NumPy's own functions may differ from those of ``math`` in the last bit."""
+    found = np.vectorize(function, otypes=[float])(plain(x))
+    if not isinstance(x, TracedArray):
+        return found
+    return x.derived(found, lambda g: [(x, g * np.vectorize(slope, otypes=[float])(x.value))])
+
+
+def _pairs(results: Sequence[Any], cotangents: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    if len(results) != len(cotangents):
+        raise ValueError(f"cotangents: {len(cotangents)} are not allowed; give one for each of {len(results)} results")
+    return zip(results, cotangents, strict=True)
+
+
+def _gathered(cotangent: Any, shape: tuple[int, ...]) -> Any:
+    """The cotangent of an operand, summed over the axes along which it was broadcast."""
+    if np.shape(cotangent) == shape:
+        return cotangent
+    extra = np.ndim(cotangent) - len(shape)
+    axes = tuple(range(extra)) + tuple(extra + i for i, n in enumerate(shape) if n == 1)
+    return np.broadcast_to(cotangent, np.shape(cotangent)).sum(axis=axes, keepdims=True).reshape(shape)
+
+
+def _moved(function: Any, given: Any, *arguments: Any, **options: Any) -> TracedArray:
+    """What a function that only moves elements makes of an array, or of a sequence of arrays.
+
+    It is applied to the places of the elements too, which tell where cotangents belong.
+    """
+    several = isinstance(given, list | tuple)
+    parts = [x if isinstance(x, TracedArray) else np.asarray(x) for x in given] if several else [given]
+    starts = np.cumsum([0, *(x.value.size if isinstance(x, TracedArray) else 0 for x in parts)])
+    places = [
+        start + np.arange(x.value.size).reshape(x.shape) if isinstance(x, TracedArray) else np.full(x.shape, starts[-1])
+        for start, x in zip(starts, parts, strict=False)
+    ]
+    values = [plain(x) for x in parts]
+    apply = (
+        (lambda arrays: function(arrays, *arguments, **options))
+        if several
+        else (lambda arrays: function(arrays[0], *arguments, **options))
+    )
+    traced = [(start, x) for start, x in zip(starts, parts, strict=False) if isinstance(x, TracedArray)]
+    where = apply(places)
+
+    def pull(g: Any) -> Contributions:
+        total = np.bincount(np.ravel(where), np.ravel(g), minlength=starts[-1] + 1)
+        return [(x, total[start : start + x.value.size].reshape(x.shape)) for start, x in traced]
+
+    return traced[0][1].derived(apply(values), pull, *(x for _, x in traced))  # type: ignore[return-value]
+
+
+def _sum(x: TracedArray, axis: Any = None, keepdims: bool = False, **options: Any) -> TracedArray:
+    kept = np.sum(x.value, axis=axis, keepdims=True, **options).shape
+
+    def pull(g: Any) -> Contributions:
+        return [(x, np.broadcast_to(np.reshape(g, kept), x.shape))]
+
+    return x.derived(np.sum(x.value, axis=axis, keepdims=keepdims, **options), pull)  # type: ignore[return-value]
+
+
+def _mean(x: TracedArray, axis: Any = None, keepdims: bool = False) -> TracedArray:
+    kept = np.mean(x.value, axis=axis, keepdims=True)
+
+    def pull(g: Any) -> Contributions:
+        return [(x, np.broadcast_to(np.reshape(g, kept.shape) * (kept.size / x.value.size), x.shape))]
+
+    return x.derived(np.mean(x.value, axis=axis, keepdims=keepdims), pull)  # type: ignore[return-value]
+
+
+def _cumsum(x: TracedArray, axis: int) -> TracedArray:
+    def pull(g: Any) -> Contributions:
+        return [(x, np.flip(np.cumsum(np.flip(g, axis), axis=axis), axis))]
+
+    return x.derived(np.cumsum(x.value, axis=axis), pull)  # type: ignore[return-value]
+
+
+def _diff(x: TracedArray, n: int = 1, axis: int = -1) -> Any:
+    last: Any = _moved(np.moveaxis, x, axis, -1)
+    for _ in range(n):
+        last = last[..., 1:] - last[..., :-1]
+    return np.moveaxis(last, -1, axis)
+
+
+def _where(condition: Any, x: Any, y: Any) -> Any:
+    chosen = plain(condition)
+    traced = [a for a in (x, y) if isinstance(a, TracedArray)]
+
+    def pull(g: Any) -> Contributions:
+        shares = ((x, np.where(chosen, g, 0.0)), (y, np.where(chosen, 0.0, g)))
+        return [(a, _gathered(share, a.shape)) for a, share in shares if isinstance(a, TracedArray)]
+
+    return traced[0].derived(np.where(chosen, plain(x), plain(y)), pull, *traced)
+
+
+def _cross(a: Any, b: Any) -> Any:
+    """Of vectors along the last axis."""
+    u, v = plain(a), plain(b)
+    traced = [x for x in (a, b) if isinstance(x, TracedArray)]
+
+    def pull(g: Any) -> Contributions:
+        shares = ((a, np.cross(v, g)), (b, np.cross(g, u)))
+        return [(x, _gathered(share, x.shape)) for x, share in shares if isinstance(x, TracedArray)]
+
+    return traced[0].derived(np.cross(u, v), pull, *traced)
+
+
+# Cotangents of the operands from that of the result g, the result, and the operands.
+_RULES: dict[Any, tuple[Callable[..., Any], ...]] = {
+    np.add: (lambda g, out, x, y: g, lambda g, out, x, y: g),
+    np.subtract: (lambda g, out, x, y: g, lambda g, out, x, y: -g),
+    np.multiply: (lambda g, out, x, y: g * y, lambda g, out, x, y: g * x),
+    np.divide: (lambda g, out, x, y: g / y, lambda g, out, x, y: -g * out / y),
+    np.power: (
+        lambda g, out, x, y: g * y * np.power(x, y - 1),
+        lambda g, out, x, y: g * out * np.log(np.where(x > 0, x, 1.0)),
+    ),
+    np.maximum: (lambda g, out, x, y: np.where(x >= y, g, 0.0), lambda g, out, x, y: np.where(x >= y, 0.0, g)),
+    np.minimum: (lambda g, out, x, y: np.where(x <= y, g, 0.0), lambda g, out, x, y: np.where(x <= y, 0.0, g)),
+    np.negative: (lambda g, out, x: -g,),
+    np.absolute: (lambda g, out, x: g * np.sign(x),),
+    np.square: (lambda g, out, x: 2.0 * g * x,),
+    np.sqrt: (lambda g, out, x: 0.5 * g / out,),
+    np.exp: (lambda g, out, x: g * out,),
+    np.log: (lambda g, out, x: g / x,),
+    np.sin: (lambda g, out, x: g * np.cos(x),),
+    np.cos: (lambda g, out, x: -g * np.sin(x),),
+    np.tanh: (lambda g, out, x: g * (1.0 - out * out),),
+    np.deg2rad: (lambda g, out, x: g * (np.pi / 180.0),),
+}
+_CONSTANTS = {np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal, np.isfinite, np.isnan}
+_CONSTANTS |= {np.floor, np.ceil, np.rint, np.sign}
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.where: _where,
+    np.sum: _sum,
+    np.mean: _mean,
+    np.cumsum: _cumsum,
+    np.diff: _diff,
+    np.cross: _cross,
+    np.shape: lambda x: x.shape,
+    np.ndim: lambda x: x.ndim,
+    np.zeros_like: lambda x: np.zeros(x.shape),
+}
+_MOVES = {np.reshape, np.ravel, np.moveaxis, np.swapaxes, np.transpose, np.expand_dims, np.squeeze, np.broadcast_to}
+_MOVES |= {np.concatenate, np.stack, np.repeat, np.tile, np.roll, np.flip, np.take_along_axis, np.atleast_1d}
