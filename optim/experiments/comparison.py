@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.tables import markdown
 from optim.measures.statistics import (
     Alternative,
     bonferroni,
@@ -112,19 +113,14 @@ def differences(speeds: Mapping[str, Floats], starts: Mapping[str, Sequence[floa
 
 def table_of_differences(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> str:
     """Differences of pairs as a Markdown table, by falling significance."""
-    lines = [
-        "| slower | faster | by [BL/s] | its 95 % interval | p | for all pairs |",
-        "| --- | --- | ---: | ---: | ---: | ---: |",
-    ]
+    lines = []
     for row in sorted(rows, key=lambda row: row["p"]):
         names, sign = (row["first"], row["second"]), 1.0
         if row["difference"] < 0:
             names, sign = names[::-1], -1.0
         low, high = sorted((sign * row["low"], sign * row["high"]))
-        slower, faster = (labels[name] for name in names)
-        test = " (pairs)" if row["same_start"] else ""
-        lines.append(
-            f"| {slower} | {faster} | {sign * row['difference']:.4f}{test} | {low:.4f} to {high:.4f} "
-            f"| {row['p']:.3f} | {row['p_adjusted']:.3f} |"
-        )
-    return "\n".join(lines) + "\n"
+        by = f"{sign * row['difference']:.4f}{' (pairs)' if row['same_start'] else ''}"
+        tests = f"{low:.4f} to {high:.4f}", f"{row['p']:.3f}", f"{row['p_adjusted']:.3f}"
+        lines.append((*(labels[name] for name in names), by, *tests))
+    header = ("slower", "faster", "by [BL/s]", "its 95 % interval", "p", "for all pairs")
+    return "\n".join(markdown(header, "llrrrr", lines)) + "\n"

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeVar
 from numpy.typing import NDArray
 
 from optim.experiments.tables import write_records
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.files import (
     ASIDE,
@@ -34,6 +35,12 @@ def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
         if name == budget:
             return settings
     raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
+
+
+def check_counts(settings: object, **least: int) -> None:
+    """Raise a ValueError if a named field of settings is no whole number, or below the least that is allowed."""
+    for name, low in least.items():
+        checks.integer(name, getattr(settings, name), low)
 
 
 def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
@@ -138,17 +145,16 @@ def write_json(path: Path, record: Mapping[str, Any]) -> None:
     write_text(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
-def write_summary(folder: Path, name: str, header: Sequence[str], summary: Mapping[str, Any], page: str = "") -> None:
+def write_summary(folder: Path, name: str, summary: Mapping[str, Any], page: str = "") -> None:
     """Write what a study found: its rows as CSV, a page of Markdown if there is one, and ``summary.json``.
 
     Args:
         folder: of the study.
         name: of table and page.
-        header: columns of the table.
-        summary: all numbers; ``rows`` are those of the table, by column.
+        summary: all numbers; ``rows`` are those of the table, by column, at least one.
         page: Markdown; none if empty.
     """
-    write_records(folder / f"{name}.csv", header, summary["rows"])
+    write_records(folder / f"{name}.csv", summary["rows"])
     if page:
         write_text(folder / f"{name}.md", page)
     write_json(folder / "summary.json", summary)

@@ -22,9 +22,22 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]
     write_bytes(path, gzip.compress(content, mtime=0) if path.suffix == ".gz" else content)
 
 
-def write_records(path: Path, header: Sequence[str], records: Iterable[Mapping[str, Any]]) -> None:
-    """Write records as the rows of a CSV file: of each the values that the header names."""
+def write_records(path: Path, records: Sequence[Mapping[str, Any]]) -> None:
+    """Write records, at least one, as the rows of a CSV file; the first one's keys are its columns."""
+    header = tuple(records[0])
     write_table(path, header, [tuple(record[name] for name in header) for record in records])
+
+
+def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -> list[str]:
+    """The lines of a table in Markdown.
+
+    Args:
+        header: names of the columns.
+        align: of each column: ``l`` for left, ``r`` for right.
+        rows: cells of each row.
+    """
+    rules = [{"l": "---", "r": "---:"}[side] for side in align]
+    return [f"| {' | '.join(map(str, cells))} |" for cells in (header, rules, *rows)]
 
 
 def read_records(path: Path) -> list[dict[str, Any]]:

@@ -87,11 +87,7 @@ class Player:
         best = [experiment for experiment in EXPERIMENTS if experiment.name in found and found[experiment.name].best(1)]
         for generation in range(_latest(found), -1, -1):
             again, elsewhere = (
-                {
-                    e.name: arrays["speeds"]
-                    for e in best
-                    for arrays in self.folder.load(f"{what}_{_part(e, generation)}")
-                }
+                {e.name: each["speeds"] for e in best for each in self.folder.load(f"{what}_{_part(e, generation)}")}
                 for what in ("again", "elsewhere")
             )
             if again and len(again) == len(best):
@@ -102,11 +98,8 @@ class Player:
         """Speeds of copies of the best design where it was found; a search also keeps what chance favoured."""
         cases = [Case(found.designs[found.best(1)[0]], self.settings.terrain(experiment.place))]
         robot = self._robot("f64", self.settings.copies)
-        return self._played(
-            f"again_{_part(experiment, len(found.scores) - 1)}",
-            "best designs again",
-            lambda: robot.speeds(cases, self.threads, progress)[0],
-        )
+        name = f"again_{_part(experiment, len(found.scores) - 1)}"
+        return self._played(name, "best designs again", lambda: robot.speeds(cases, self.threads, progress)[0])
 
     def _elsewhere(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
         """Speeds of the best designs where they were found, and on the other terrain."""

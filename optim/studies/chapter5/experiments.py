@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Costs, Progress, part_of
+from optim.experiments.results import Costs, Progress, check_counts, part_of
 from optim.experiments.side_by_side import run_side_by_side
 from optim.problem import Evaluation
 from optim.problems.inflatable.problem import GaitProblem
@@ -103,15 +103,7 @@ class ShapeChange:
     others: int = 16
 
     def __post_init__(self) -> None:
-        for name, low in (
-            ("climbers", 2),
-            ("generations", 0),
-            ("seed", 0),
-            ("repeats", 1),
-            ("copies", 1),
-            ("others", 1),
-        ):
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, climbers=2, generations=0, seed=0, repeats=1, copies=1, others=1)
         object.__setattr__(self, "slope", checks.number("slope", self.slope, 0.1, STEEPEST, "degrees"))
         checks.choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
 

@@ -14,6 +14,7 @@ import numpy as np
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
 from optim.experiments.results import Budget, Progress, write_summary
 from optim.experiments.study import Study
+from optim.experiments.tables import markdown
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
 from robots.inflatable.design import INCHING
 from robots.world import Terrain
@@ -38,19 +39,6 @@ FRICTION: Mapping[str, tuple[tuple[float, float, float], ...]] = MappingProxyTyp
 
 KIND = "friction-sweeps"
 TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, with some room
-HEADER = (
-    "sweep",
-    "low",
-    "high",
-    "mean",
-    "deviation",
-    "lowest",
-    "highest",
-    "copies",
-    "diverged",
-    "published",
-    "deviation_from_published",
-)
 AXES: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
     "difference": ("difference of friction, gripping - sliding", lambda low, high: high - low),
     "mean": ("mean friction of gripping and sliding", lambda low, high: (low + high) / 2),
@@ -102,7 +90,7 @@ def study(
     speeds = speeds_in_parts(settings.robot, cases, ResultsFolder(folder, KIND, about), threads, progress)
     rows = rows_of(settings, speeds)
     summary = {"largest_deviation": largest_deviation(rows), "tolerance": TOLERANCE, "rows": rows}
-    write_summary(folder, "friction", HEADER, summary, page(rows))
+    write_summary(folder, "friction", summary, page(rows))
     draw(rows, speeds, folder / "friction.png")
     return summary
 
@@ -114,16 +102,8 @@ def rows_of(settings: FrictionSweeps, speeds: Floats) -> list[dict[str, Any]]:
     for (sweep, low, high, published), copies in zip(points, speeds, strict=True):
         found = spread(copies)
         away = None if found["mean"] is None else found["mean"] - published
-        rows.append(
-            {
-                "sweep": sweep,
-                "low": low,
-                "high": high,
-                **found,
-                "published": published,
-                "deviation_from_published": away,
-            }
-        )
+        row = {"sweep": sweep, "low": low, "high": high, **found, "published": published}
+        rows.append({**row, "deviation_from_published": away})
     return rows
 
 
@@ -140,18 +120,17 @@ def largest_deviation(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | Non
 
 def page(rows: Sequence[Mapping[str, Any]]) -> str:
     """The table as Markdown."""
+    cells = []
+    for row in rows:
+        away = row["deviation_from_published"]
+        difference = "–" if away is None else f"{round(away, 4) + 0.0:+.4f}"
+        friction = f"{row['low']:g}", f"{row['high']:g}"
+        cells.append((row["sweep"], *friction, shown(row), f"{row['published']:.4f}", difference))
     lines = [
         "Inching on flat ground [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.",
         "",
-        "| sweep | sliding | gripping | speed | published | difference |",
-        "| --- | ---: | ---: | ---: | ---: | ---: |",
+        *markdown(("sweep", "sliding", "gripping", "speed", "published", "difference"), "lrrrrr", cells),
     ]
-    for row in rows:
-        away = row["deviation_from_published"]
-        lines.append(
-            f"| {row['sweep']} | {row['low']:g} | {row['high']:g} | {shown(row)} | {row['published']:.4f} | "
-            f"{'–' if away is None else f'{round(away, 4) + 0.0:+.4f}'} |"
-        )
     if worst := largest_deviation(rows):
         lines += [
             "",
@@ -175,16 +154,8 @@ def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
             ours = axes.plot(x, means, marker="o", markersize=3.5, color=COLOURS[0], label="here, mean of copies")
             for each, (_, copies) in zip(x, found, strict=True):
                 dots = axes.plot([each] * len(copies), copies, ".", markersize=2.5, color=COLOURS[4], label="each copy")
-            theirs = axes.plot(
-                x,
-                [row["published"] for row, _ in found],
-                marker="s",
-                markersize=3.5,
-                linestyle="--",
-                markerfacecolor="none",
-                color=COLOURS[1],
-                label="published",
-            )
+            published = [row["published"] for row, _ in found]
+            theirs = axes.plot(x, published, "s--", ms=3.5, mfc="none", color=COLOURS[1], label="published")
             axes.set_xlabel(label)
         panels[0, 0].set_ylabel("speed of inching [BL/s]")
         letter(panels)

@@ -36,22 +36,8 @@ COLUMNS = 8  # of a gait, played twice, as published
 THRESHOLDS = {"lenient": (0.01, -0.01), "climbing": (0.02, 0.0), "strict": (0.05, 0.005)}
 LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothing
 HEADER = (
-    "pressure",
-    "orientation",
-    "threshold",
-    "flat_least",
-    "hill_least",
-    "gaits",
-    "failed",
-    "flat",
-    "hill",
-    "both",
-    "M_L",
-    "M_L_low",
-    "M_L_high",
-    "M_CI",
-    "M_CI_low",
-    "M_CI_high",
+    *("pressure", "orientation", "threshold", "flat_least", "hill_least", "gaits", "failed", "flat", "hill", "both"),
+    *(f"{metric}{end}" for metric in ("M_L", "M_CI") for end in ("", "_low", "_high")),
 )
 
 
@@ -88,10 +74,8 @@ class SoftRobotMetrics:
             values = getattr(self, name)
             if not values or np.any(np.diff(values) <= 0):
                 raise ValueError(f"{name}: {values} are not allowed; give at least one, ascending")
-        for pressure, orientation in self.bodies:
-            InflatableDesign(
-                pressure, orientation, GaitSchedule(np.zeros((ROWS, COLUMNS), bool))
-            )  # refuses what is not allowed
+        for body in self.bodies:
+            InflatableDesign(*body, GaitSchedule(np.zeros((ROWS, COLUMNS), bool)))  # refuses what is not allowed
 
     @property
     def bodies(self) -> list[tuple[float, float]]:
@@ -133,7 +117,7 @@ def study(
         "correlations": correlations(rows),
         "rows": rows,
     }
-    write_summary(folder, "metrics", HEADER, summary)
+    write_summary(folder, "metrics", summary)
     draw(rows, folder / "metrics.png")
     return summary
 
@@ -145,9 +129,8 @@ def on_flat(settings: SoftRobotMetrics, pressure: float, threads: int | None, pr
     """
     robot, cases = settings.robot, [Case(design, Terrain()) for design in _designs(settings, pressure, 0.0)]
     counted = nominal_steps(2 * COLUMNS, robot.actuation) * robot.geometry.time_step
-    return np.asarray(robot.play(cases, threads, progress).displacement, float).T / (
-        robot.geometry.body_length * counted
-    )
+    way = np.asarray(robot.play(cases, threads, progress).displacement, float).T
+    return way / (robot.geometry.body_length * counted)
 
 
 def on_hill(settings: SoftRobotMetrics, body: tuple[float, float], threads: int | None, progress: Progress) -> Floats:
@@ -177,19 +160,10 @@ def rows_of(bodies: Sequence[tuple[float, float]], speeds: Floats) -> list[dict[
             count = succeeds.sum(axis=0)
             both, either = int((count == 2).sum()), int((count >= 1).sum())
             resists = (float(interference(count[None], 2)), *wilson(both, either)) if either else (None,) * 3
-            values = (
-                pressure,
-                orientation,
-                name,
-                *least,
-                len(count),
-                int(np.isnan(here).any(axis=0).sum()),
-                *succeeds.sum(axis=1).tolist(),
-                both,
-                float(learnability(count[None], 2)),
-                *wilson(both, len(count)),
-                *resists,
-            )
+            learns = float(learnability(count[None], 2)), *wilson(both, len(count))
+            failed, succeeded = int(np.isnan(here).any(axis=0).sum()), succeeds.sum(axis=1).tolist()
+            counts = len(count), failed, *succeeded, both
+            values = (pressure, orientation, name, *least, *counts, *learns, *resists)
             rows.append(dict(zip(HEADER, values, strict=True)))
     return rows
 
@@ -232,14 +206,8 @@ def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
                 image = axes.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=0.0, vmax=most)
                 for (y, x), value in np.ndenumerate(values):
                     text = "none" if np.isnan(value) else f"{value:.2g}"
-                    axes.annotate(
-                        text,
-                        (x, y),
-                        ha="center",
-                        va="center",
-                        fontsize=6,
-                        color="white" if value < most / 2 else "black",
-                    )
+                    colour = "white" if value < most / 2 else "black"
+                    axes.annotate(text, (x, y), ha="center", va="center", fontsize=6, color=colour)
                 axes.set_xticks(range(len(pressures)), [f"{pressure / 1e3:g}" for pressure in pressures])
                 axes.set_yticks(range(len(orientations)), [f"{orientation:g}" for orientation in orientations])
             drawn.colorbar(image, ax=line.tolist(), label=title)

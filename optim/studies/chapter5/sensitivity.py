@@ -16,6 +16,7 @@ import numpy as np
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Budget, Progress, cached_in_turn, write_summary
 from optim.experiments.study import Study
+from optim.experiments.tables import markdown
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
 from robots.inflatable.actuation import ACTUATION
@@ -47,19 +48,6 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
     "maximum pressure": (0.5, 1.25),
     "voxels per bladder": (2 / 3,),
 }
-HEADER = (
-    "parameter",
-    "factor",
-    "behaviour",
-    "mean",
-    "deviation",
-    "lowest",
-    "highest",
-    "copies",
-    "diverged",
-    "share",
-    "survives",
-)
 
 
 @dataclass(frozen=True)
@@ -123,15 +111,13 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = ResultsFolder(folder, KIND, about)  # more factors may follow
     variants = list(settings.variants)
-    work = (
-        (re.sub(r"\W+", "_", f"{name} {factor:.6g}"), partial(travelled, settings, variant, threads))
-        for name, factor, variant in variants
-    )
+    names = [re.sub(r"\W+", "_", f"{name} {factor:.6g}") for name, factor, _ in variants]
+    work = zip(names, (partial(travelled, settings, variant, threads) for *_, variant in variants), strict=True)
     lengths = cached_in_turn(parts, "lengths", work, progress)
     found = {(name, factor): each for (name, factor, _), each in zip(variants, lengths, strict=True)}
     rows = rows_of(found, tuple(settings.behaviours))
     summary = {**about, "survives_from": SURVIVES, "rows": rows}
-    write_summary(folder, "sensitivity", HEADER, summary, page(rows))
+    write_summary(folder, "sensitivity", summary, page(rows))
     draw(rows, folder / "sensitivity.png")
     return summary
 
@@ -160,35 +146,27 @@ def rows_of(found: Mapping[tuple[str, float], Floats], behaviours: Sequence[str]
             ahead = usual if usual is not None and usual > 0 else None
             share = here["mean"] / ahead if ahead is not None and here["mean"] is not None else None
             whole = share is not None and share >= SURVIVES and not here["diverged"]
-            survives = None if ahead is None else whole
-            rows.append(
-                {
-                    "parameter": name,
-                    "factor": factor,
-                    "behaviour": behaviour,
-                    **here,
-                    "share": share,
-                    "survives": survives,
-                }
-            )
+            row = {"parameter": name, "factor": factor, "behaviour": behaviour, **here}
+            rows.append({**row, "share": share, "survives": None if ahead is None else whole})
     return rows
 
 
 def page(rows: Sequence[Mapping[str, Any]]) -> str:
     """The table as Markdown."""
     behaviours = list(dict.fromkeys(row["behaviour"] for row in rows))
+    changes: dict[tuple[str, float], list[str]] = {}
+    for row in rows:
+        changes.setdefault((row["parameter"], row["factor"]), []).append(_cell(row))
+    cells = [(name, f"{factor:.3g}", *here) for (name, factor), here in changes.items()]
+    survive = [row["survives"] for row in rows if row["parameter"] != UNCHANGED and row["survives"] is not None]
     lines = [
         "Body lengths travelled in a gait: mean ± standard deviation of copies whose starts differ by noise, and the",
         f"share of the unchanged robot's distance. **Bold**: less than {SURVIVES:g} of it, or a copy diverged.",
         "",
-        f"| parameter | factor | {' | '.join(behaviours)} |",
-        f"| --- | ---: |{' ---: |' * len(behaviours)}",
+        *markdown(("parameter", "factor", *behaviours), "lr" + "r" * len(behaviours), cells),
+        "",
+        f"{sum(survive)} of {len(survive)} behaviours survive.",
     ]
-    for name, factor in dict.fromkeys((row["parameter"], row["factor"]) for row in rows):
-        here = [row for row in rows if (row["parameter"], row["factor"]) == (name, factor)]
-        lines.append(f"| {name} | {factor:.3g} | {' | '.join(map(_cell, here))} |")
-    survive = [row["survives"] for row in rows if row["parameter"] != UNCHANGED and row["survives"] is not None]
-    lines += ["", f"{sum(survive)} of {len(survive)} behaviours survive."]
     return "\n".join(lines) + "\n"
 
 
@@ -218,20 +196,9 @@ def _line(axes: Any, rows: Sequence[Mapping[str, Any]], name: str, behaviour: st
     here = [row for row in rows if row["parameter"] in (name, UNCHANGED) and row["behaviour"] == behaviour]
     here.sort(key=lambda row: row["factor"])
     usual = next((row["mean"] for row in here if row["parameter"] == UNCHANGED), None) or np.nan
-    share, error = (
-        np.array([row[key] for row in here], float) / scale
-        for key, scale in (("share", 1.0), ("deviation", abs(usual)))
-    )
-    return axes.errorbar(
-        [row["factor"] for row in here],
-        share,
-        np.nan_to_num(error),
-        color=colour,
-        marker="o",
-        markersize=2.5,
-        elinewidth=0.6,
-        label=name,
-    )
+    factor, share, deviation = (np.array([row[k] for row in here], float) for k in ("factor", "share", "deviation"))
+    error = np.nan_to_num(deviation / abs(usual))
+    return axes.errorbar(factor, share, error, fmt="o-", ms=2.5, elinewidth=0.6, color=colour, label=name)
 
 
 STUDY = Study(

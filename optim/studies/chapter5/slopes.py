@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
 from optim.experiments.results import Budget, Progress, write_summary
 from optim.experiments.study import Study
+from optim.experiments.tables import markdown
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
 from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
@@ -26,7 +27,6 @@ from taichi_sim.base.results_folder import ResultsFolder
 KIND = "slope-sweep"
 GAITS = {"rolling": ROLLING, "inching": INCHING}
 LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their range
-HEADER = ("slope", "gait", "mean", "deviation", "lowest", "highest", "copies", "diverged")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads
     place = transition(settings.slopes, speeds[:, 0], speeds[:, 1])
     unknown = [slope for slope, told in zip(settings.slopes, told_at(speeds), strict=True) if not told]
     summary = {"transition": place, "unknown": unknown, "rows": rows}
-    write_summary(folder, "slopes", HEADER, summary, page(settings, summary))
+    write_summary(folder, "slopes", summary, page(settings, summary))
     draw(settings.slopes, speeds, place, folder / "slopes.png")
     return summary
 
@@ -129,16 +129,17 @@ def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, fl
 
 def page(settings: SlopeSweep, summary: dict[str, Any]) -> str:
     """The table as Markdown."""
+    cells = [
+        (f"{slope:g}", *(shown(row) for row in summary["rows"] if row["slope"] == slope)) for slope in settings.slopes
+    ]
     lines = [
         "Speeds uphill [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.",
         "",
-        f"| slope [degrees] | {' | '.join(GAITS)} |",
-        f"| ---: |{' ---: |' * len(GAITS)}",
+        *markdown(("slope [degrees]", *GAITS), "r" * (1 + len(GAITS)), cells),
+        "",
+        _sentence(summary["transition"], summary["unknown"]),
     ]
-    for slope in settings.slopes:
-        here = [shown(row) for row in summary["rows"] if row["slope"] == slope]
-        lines.append(f"| {slope:g} | {' | '.join(here)} |")
-    return "\n".join([*lines, "", _sentence(summary["transition"], summary["unknown"])]) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def _sentence(found: dict[str, Any] | None, unknown: Sequence[float]) -> str:
@@ -163,13 +164,8 @@ def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, 
             draw_band(axes, slopes, mean, low, high, colour=COLOURS[number], label=gait)
             axes.plot(slopes, mean, "o", markersize=2.5, color=COLOURS[number])
         if found:
-            axes.axvline(
-                found["slope"],
-                color="0.4",
-                linestyle=":",
-                linewidth=0.9,
-                label=f"transition, {found['slope']:.1f} degrees",
-            )
+            label = f"transition, {found['slope']:.1f} degrees"
+            axes.axvline(found["slope"], color="0.4", ls=":", lw=0.9, label=label)
             if found["low"] is not None:
                 axes.axvspan(found["low"], found["high"], color="0.6", alpha=0.25, linewidth=0)
         axes.set(xlabel="slope [degrees]", ylabel="speed uphill [BL/s]")

@@ -70,6 +70,8 @@ def write_curves(summary: Mapping[str, Any], path: Path) -> None:
         summary: see ``optim.studies.chapter5.table.summarise``.
         path: of the picture.
     """
+    from matplotlib.ticker import MaxNLocator
+
     curves = summary["curves"]
     rows = [
         (name, g, *values) for name, one in curves.items() for g, values in enumerate(zip(*one.values(), strict=True))
@@ -80,22 +82,15 @@ def write_curves(summary: Mapping[str, Any], path: Path) -> None:
         for axes, (place, title) in zip(panels.flat, PANELS.items(), strict=True):
             for experiment in EXPERIMENTS:
                 if experiment.place == place and experiment.name in curves:
-                    colour = COLOURS[ROWS.index(experiment.row)]
-                    _draw(axes, curves[experiment.name], colour)
+                    _draw(axes, curves[experiment.name], COLOURS[ROWS.index(experiment.row)])
             for name in BY_HAND[place]:
                 if (level := hands.get(name, {}).get(f"{place}_max")) is not None:
                     axes.axhline(level, color="0.5", linewidth=0.8, linestyle=":")
-                    axes.annotate(
-                        name.replace(" by", "\nby"),
-                        (1.01, level),
-                        xycoords=("axes fraction", "data"),
-                        fontsize=6,
-                        color="0.35",
-                        va="center",
-                    )
+                    place_of: Any = {"xycoords": ("axes fraction", "data"), "va": "center"}
+                    axes.annotate(name.replace(" by", "\nby"), (1.01, level), fontsize=6, color="0.35", **place_of)
             where = title if place == FLAT else f"{title}, {summary['settings']['slope']:g} degrees"
             axes.set(xlabel="generation", ylabel=f"speed, {where} [BL/s]")
-            _whole_generations(axes)
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         letter(panels)
         _legend(drawn, [name for name in ROWS if any(e.row == name and e.name in curves for e in EXPERIMENTS)])
 
@@ -106,12 +101,6 @@ def _draw(axes: "Axes", curve: Mapping[str, Any], colour: str) -> None:
     draw_band(axes, generations, mean, low, high, colour=colour)
     axes.plot(generations, best, color=colour, linestyle="--", linewidth=0.8)
     axes.plot(generations[-1:], mean[-1:], "o", markersize=2.5, color=colour)
-
-
-def _whole_generations(axes: "Axes") -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def _legend(drawn: Any, rows: list[str]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.tables import write_table
+from optim.experiments.tables import markdown, write_table
 from optim.measures.statistics import effect, mean_band, welch
 from optim.studies.chapter5.champions import PLACES, Played
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PARTS, ROWS, Found, ShapeChange
@@ -45,10 +45,9 @@ def summarise(settings: ShapeChange, found: Mapping[str, Found], played: Played)
         found: by experiment, as far as they have come.
         played: gaits beside them.
     """
-    rows = [*_searched(settings, found, played), *_by_hand(played)]
     return {
         "settings": asdict(settings),
-        "rows": rows,
+        "rows": [*_searched(settings, found, played), *_by_hand(played)],
         "played": played.generation,
         "tests": tests(found),
         "curves": {name: curve(one.scores) for name, one in found.items()},
@@ -133,16 +132,8 @@ def tests(found: Mapping[str, Found]) -> list[dict[str, Any]]:
             test, size = welch(control, open_scores), effect(control, open_scores)
             alike = experiment.free == PARTS
             paired = _paired(found[experiment.name].scores[-1], found[OPEN].scores[-1]) if alike else None
-            results.append(
-                {
-                    "control": experiment.name,
-                    "open": OPEN,
-                    "climbers": [len(control), len(open_scores)],
-                    "welch": asdict(test),
-                    "effect": asdict(size),
-                    "paired": paired,
-                }
-            )
+            about = {"control": experiment.name, "open": OPEN, "climbers": [len(control), len(open_scores)]}
+            results.append({**about, "welch": asdict(test), "effect": asdict(size), "paired": paired})
     return results
 
 
@@ -150,16 +141,11 @@ def _paired(control: Floats, open_scores: Floats) -> dict[str, float] | None:
     """Mean difference between climbers and their counterparts, where neither has failed."""
     if len(control) != len(open_scores):
         return None
-    differences = (open_scores - control)[~np.isnan(open_scores + control)]
-    if not differences.size:
+    apart = (open_scores - control)[~np.isnan(open_scores + control)]
+    if not apart.size:
         return None
-    low, high = mean_band(differences)
-    return {
-        "climbers": len(differences),
-        "difference": float(differences.mean()),
-        "low": float(low),
-        "high": float(high),
-    }
+    low, high = mean_band(apart)
+    return {"climbers": len(apart), "difference": float(apart.mean()), "low": float(low), "high": float(high)}
 
 
 def curve(scores: Floats) -> dict[str, list[float | None]]:
@@ -183,16 +169,15 @@ def _mean(a: float | None, b: float | None) -> float | None:
 
 
 AGAIN = ("flat_max_again", "hill_max_again")
+BUDGET = ("free to change", "climbers x generations", "evaluations")
+SPEEDS = (
+    *("flat mean", "flat max", "hill mean", "hill max"),
+    *("combined max, two designs", "best single design (flat, hill)"),
+)
 HEADER = (
-    "row",
-    "climbers",
-    "generations",
-    "evaluations",
+    *("row", "climbers", "generations", "evaluations"),
     *(name for c in COLUMNS for name in (c, f"{c}_published")),
-    "one_design_combined",
-    "one_design_flat",
-    "one_design_hill",
-    "one_design_found_on",
+    *(f"one_design_{name}" for name in ("combined", "flat", "hill", "found_on")),
     *(f"{name}_{part}" for name in AGAIN for part in ("mean", "deviation", "copies", "diverged")),
 )
 
@@ -212,33 +197,20 @@ def _record(row: Mapping[str, Any]) -> tuple[Any, ...]:
     speeds = (value for column in COLUMNS for value in (row.get(column), row["published"].get(column)))
     one = row["one_design"] or {}
     again = ((row.get(name) or {}).get(part) for name in AGAIN for part in ("mean", "deviation", "copies", "diverged"))
-    return (
-        row["row"],
-        row.get("climbers"),
-        row["generations"],
-        row["evaluations"],
-        *speeds,
-        *(one.get(name) for name in ("combined", "flat", "hill", "found_on")),
-        *again,
-    )
+    budget = row["row"], row.get("climbers"), row["generations"], row["evaluations"]
+    return *budget, *speeds, *(one.get(name) for name in ("combined", "flat", "hill", "found_on")), *again
 
 
 def page(summary: Mapping[str, Any]) -> str:
     """Speeds with the published ones in brackets, the best designs again, and the tests."""
     settings, rows = summary["settings"], summary["rows"]
+    times = {1: "once", 2: "twice"}.get(settings["repeats"], f"{settings['repeats']} times")
     lines = [
         f"Speeds [body lengths/s] on flat ground and up {settings['slope']:g} degrees; published values in brackets. "
-        f"Robot: {settings['geometry']}, 8 columns played {_times(settings['repeats'])}; published: 60 climbers, 200 "
+        f"Robot: {settings['geometry']}, 8 columns played {times}; published: 60 climbers, 200 "
         "generations, 24,120 evaluations a row, 12,060 of those on the hill alone.",
         "",
-        "| free to change | climbers x generations | evaluations | flat mean | flat max | hill mean | hill max | "
-        "combined max, two designs | best single design (flat, hill) |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
-    for row in rows:
-        cells = [_beside(row.get(column), row["published"].get(column)) for column in COLUMNS]
-        lines.append("| " + " | ".join([row["row"], _budget(row), f"{row['evaluations']:,}", *cells, _one(row)]) + " |")
-    lines += [
+        *markdown((*BUDGET, *SPEEDS), "llrrrrrrr", map(_cells, rows)),
         "",
         "Rows of searches: mean and maximum over the climbers' best designs, as the search saw them, one run in f32 "
         "each. Combined: the mean of a row's maxima on both terrains, which are two designs, as published; beside it, "
@@ -255,15 +227,9 @@ def _again(rows: Sequence[Mapping[str, Any]], older: str) -> list[str]:
     found = [row for row in rows if any(row.get(name) for name in AGAIN)]
     if not found:
         return []
-    lines = [
-        "Fastest designs again: mean ± standard deviation of runs in f64 whose starts differ by noise." + older,
-        "",
-        "| free to change | flat | hill |",
-        "| --- | ---: | ---: |",
-    ]
-    for row in found:
-        lines.append("| " + " | ".join([row["row"], *(shown(row[n]) if row.get(n) else "–" for n in AGAIN)]) + " |")
-    return [*lines, ""]
+    cells = [(row["row"], *(shown(row[n]) if row.get(n) else "–" for n in AGAIN)) for row in found]
+    title = "Fastest designs again: mean ± standard deviation of runs in f64 whose starts differ by noise." + older
+    return [title, "", *markdown(("free to change", "flat", "hill"), "lrr", cells), ""]
 
 
 def _older(summary: Mapping[str, Any]) -> str:
@@ -294,19 +260,15 @@ def _tests(tests: Sequence[Mapping[str, Any]]) -> list[str]:
     )
 
 
-def _budget(row: Mapping[str, Any]) -> str:
-    return f"{row['climbers']} x {row['generations']}" if "climbers" in row else "by hand"
+def _cells(row: Mapping[str, Any]) -> list[str]:
+    """The cells of a row on the page."""
+    budget = f"{row['climbers']} x {row['generations']}" if "climbers" in row else "by hand"
+    one = row["one_design"]
+    best = "–" if one is None else f"{one['combined']:.4f} ({one['flat']:.4f}, {one['hill']:.4f})"
+    speeds = [_beside(row.get(column), row["published"].get(column)) for column in COLUMNS]
+    return [row["row"], budget, f"{row['evaluations']:,}", *speeds, best]
 
 
 def _beside(value: float | None, published: float | None) -> str:
     text = "–" if value is None else f"{value:.4f}"
     return text if published is None else f"{text} ({published:.4f})"
-
-
-def _one(row: Mapping[str, Any]) -> str:
-    one = row["one_design"]
-    return "–" if one is None else f"{one['combined']:.4f} ({one['flat']:.4f}, {one['hill']:.4f})"
-
-
-def _times(count: int) -> str:
-    return {1: "once", 2: "twice"}.get(count, f"{count} times")

@@ -48,13 +48,8 @@ def in_the_same_time(geometry: InflatableGeometry) -> Variant:
 
 def with_modulus(factor: float) -> Variant:
     """Young's modulus of skin and bladders times a factor."""
-    return in_the_same_time(
-        replace(
-            PUBLISHED,
-            youngs_modulus=PUBLISHED.youngs_modulus * factor,
-            bladder_modulus=PUBLISHED.bladder_modulus * factor,
-        )
-    )
+    skin, bladders = PUBLISHED.youngs_modulus * factor, PUBLISHED.bladder_modulus * factor
+    return in_the_same_time(replace(PUBLISHED, youngs_modulus=skin, bladder_modulus=bladders))
 
 
 def with_density(factor: float) -> Variant:
@@ -80,9 +75,8 @@ def with_pressure(factor: float) -> Variant:
     pressure = FULL_PRESSURE * factor
     if not 0 < pressure <= MAXIMUM_PRESSURE:
         most = MAXIMUM_PRESSURE / FULL_PRESSURE
-        raise ValueError(
-            f"maximum pressure: a factor of {factor:g} is not allowed; give a positive one, at most {most:g}"
-        )
+        allowed = f"give a positive one, at most {most:g}"
+        raise ValueError(f"maximum pressure: a factor of {factor:g} is not allowed; {allowed}")
     return Variant(actuation=replace(ACTUATION, round_pressure=pressure), pressure=pressure)
 
 

@@ -144,7 +144,7 @@ def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
     rows = [_row(one) for one in found]
     steps = [{"seed": one.seed, **row} for one in found for row in _step_rows(one)]
     for name, records in zip(TABLES, (rows, steps), strict=True):
-        write_records(folder / name, list(records[0]), records)
+        write_records(folder / name, records)
     write_reports(folder, settings, rows, steps)
     write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
 

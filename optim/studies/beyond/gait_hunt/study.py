@@ -171,7 +171,7 @@ def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
     """Write what some runs have found: tables, what follows from them, and gaits."""
     rows, generations = [_row(one) for one in found], [row for one in found for row in _generations(one)]
     for name, records in zip(TABLES, (rows, generations), strict=True):
-        write_records(folder / name, list(records[0]), records)
+        write_records(folder / name, records)
     write_reports(folder, hunt, rows, generations)
     write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
 
