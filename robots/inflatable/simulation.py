@@ -136,9 +136,7 @@ def engine_of(batch: int, geometry: InflatableGeometry, terrain: Terrain, comput
         batch,
         time_step=geometry.time_step,
         **terrain.medium,
-        device=compute.device,
-        precision=compute.precision,
-        threads=compute.threads,
+        compute=compute,
     )
 
 

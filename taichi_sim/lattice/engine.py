@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from taichi_sim import runtime
+from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.drivers.fused import FusedDriver, FusedRun
 from taichi_sim.lattice.drivers.stepped import SteppedDriver, SteppedRun
@@ -96,11 +97,10 @@ class LatticeEngine:
         self_contact: bool = True,
         fluid: bool = False,
         gravity: float = 0.0,
-        device: str = "cpu",
-        precision: str = "f64",
-        threads: int | None = None,
         driver: str = "auto",
         width: int | None = None,
+        compute: Compute | None = None,
+        **options: Unpack[ComputeOptions],
     ) -> None:
         """Set the robots up at rest at their start positions.
 
@@ -115,11 +115,10 @@ class LatticeEngine:
                 and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
                 pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
-            device: "cpu", "cuda", "vulkan" or "metal".
-            precision: "f32" or "f64".
-            threads: CPU threads; all cores by default.
             driver: "fused" (CPU lanes), "stepped" (a kernel per stage of a step) or "auto": fused on a CPU.
             width: robots per native vector of the fused driver, 1 or 16 (f32) or 8 (f64); chosen by default.
+            compute: device, precision (f64 by default) and threads.
+            **options: instead of ``compute``, its fields one by one.
 
         Raises:
             ValueError: one line that names the argument, the value and what is allowed.
@@ -137,22 +136,24 @@ class LatticeEngine:
             raise ValueError(f"time_step: {time_step!r} is not allowed; it must be positive")
         if not math.isfinite(gravity):
             raise ValueError(f"gravity: {gravity!r} is not a finite number")
+        if compute is not None and options:
+            raise ValueError(f"compute: give it or {', '.join(options)}, not both")
+        self.compute = compute or Compute.given(options)
+        precision, on_cpu = self.compute.precision, self.compute.device == "cpu"
         if driver not in DRIVERS:
             raise ValueError(f"driver: {driver!r} is unknown; choose one of {', '.join(DRIVERS)}")
-        if driver == "fused" and device != "cpu":
-            raise ValueError(f"driver: 'fused' runs on a cpu only, not on {device!r}; use 'auto'")
+        if driver == "fused" and not on_cpu:
+            raise ValueError(f"driver: 'fused' runs on a cpu only, not on {self.compute.device!r}; use 'auto'")
         self.gravity = float(gravity)
-        self.configuration = (device, precision, threads)
-        running = runtime.start(*self.configuration)
+        threads = runtime.start(self.compute).thread_count
         self.order = self.body.topology.order
         self.tables = build_tables(bodies, self.time_step, bool(fluid))
         switches = (bool(floor), bool(self_contact))
-        if driver == "stepped" or device != "cpu":
-            self._driver: FusedDriver | SteppedDriver = SteppedDriver(
-                self.tables, self.batch, precision, switches, device == "cpu"
-            )
+        self._driver: FusedDriver | SteppedDriver
+        if driver == "stepped" or not on_cpu:
+            self._driver = SteppedDriver(self.tables, self.batch, precision, switches, on_cpu)
         else:
-            self._driver = FusedDriver(self.tables, self.batch, precision, running.thread_count, switches, width)
+            self._driver = FusedDriver(self.tables, self.batch, precision, threads, switches, width)
         self._diverged = np.zeros(self.batch, bool)
         self.reset()
 
@@ -283,7 +284,7 @@ class LatticeEngine:
         if program.robot_count != self.batch:
             raise ValueError(f"program: made for {program.robot_count} robots, the engine has {self.batch}")
         packed = pack_program(program, self.tables.group_region)
-        runtime.start(*self.configuration)
+        runtime.start(self.compute)
         return self._driver.begin(packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity)
 
     @runtime.exclusive

@@ -126,7 +126,7 @@ class Tape:
                 raise ValueError(
                     f"robot {robot}: diverged at step {self.result.steps[robot]}; it has no gradient, give it zeros"
                 )
-        runtime.start(*self._engine.configuration)
+        runtime.start(self._engine.compute)
         now = self._run.checkpoint()
         try:
             reverse = self._run.reverse(recorded, finals)

@@ -12,6 +12,7 @@ from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 from taichi_sim import runtime
+from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Material, ProgramBuilder, Quantity
 
 pytestmark = pytest.mark.kernels
@@ -213,6 +214,7 @@ def test_progress_is_told():
         ({"gravity": np.nan}, "gravity: nan"),
         ({"driver": "magic"}, "driver: 'magic' is unknown; choose one of auto, fused, stepped"),
         ({"precision": "f16"}, "precision: 'f16' is unknown; choose one of f32, f64"),
+        ({"compute": Compute(threads=1), "precision": "f32"}, "compute: give it or precision, not both"),
         ({"device": "abacus"}, "device: 'abacus' is unknown"),
         ({"threads": 0}, "threads: 0 is not allowed"),
         ({"device": "cuda", "driver": "fused"}, "driver: 'fused' runs on a cpu only"),
