@@ -1,4 +1,4 @@
-"""How a search writes a gait schedule: as codes, bit by bit, as a pattern in space and time, or graded and timed."""
+"""How a search writes a gait schedule: as codes, bit by bit, as a pattern in space and time, or by levels and times."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -14,8 +14,8 @@ from robots.inflatable.timing import cycle_starts, most_repeats, play
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 
-LEAST_MOTION = 100  # time steps of a graded column; valves switch no faster
-LEVEL_STEP = 0.2  # of a graded level, from -0.5 to 1.5
+LEAST_MOTION = 100  # time steps of a column's motion; valves switch no faster
+LEVEL_STEP = 0.2  # of a level, from -0.5 to 1.5
 SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
 

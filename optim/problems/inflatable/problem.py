@@ -59,7 +59,7 @@ class GaitProblem(GaitDesigning):
         terrains: where the robot travels, one simulation each.
         orientation: [degrees], or None.
         pressure: of the core [Pa], the body's shape, or None; of several cores one for all, or a tuple.
-        schedule: the control, of either kind, or None.
+        schedule: the control, or None.
         columns: of a free schedule.
         repeats: of a free schedule.
         encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``,
@@ -67,8 +67,8 @@ class GaitProblem(GaitDesigning):
         objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
-        steps: time steps that a graded gait may take, by which its speed is counted; None is those of a published
-            gait, 186,719 of the published robot. Fewer are a cheaper judgement of the same gait.
+        steps: time steps that a gait with times of its own may take, by which its speed is counted; None is those of a
+            published gait, 186,719 of the published robot. Fewer are a cheaper judgement of the same gait.
         warm_up: time steps of a graded gait that do not count, nor does the cycle in which they end: what a robot does
             while it finds its stride. The time of the whole cycles that follow counts the speed.
         stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
@@ -179,7 +179,7 @@ class GaitProblem(GaitDesigning):
 
     @property
     def most_steps(self) -> int:
-        """Time steps that a graded gait may take."""
+        """Time steps that a gait with times of its own may take."""
         return nominal_steps(PUBLISHED_COLUMNS, self.actuation) if self.steps is None else self.steps
 
     @property
@@ -195,7 +195,7 @@ class GaitProblem(GaitDesigning):
 
     @property
     def graded(self) -> bool:
-        """Whether a schedule is searched that may be graded, and has times of its own."""
+        """Whether a schedule is searched that may have levels between 0 and 1, and has times of its own."""
         return self.schedule is None and issubclass(ENCODINGS[self.encoding], GradedGait)
 
     @property

@@ -23,6 +23,7 @@ from robots.calibration import (
     write_measurements,
 )
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, InflatableGeometry, simulate
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
 
@@ -384,3 +385,15 @@ def test_the_example_gives_its_truth_back(morpholab, tmp_path, seed):
     assert code == 0
     for name, found in json.loads(out)["fitted"].items():
         assert found["after"] == pytest.approx(truth[name], rel=0.05)
+
+
+@pytest.mark.kernels
+def test_a_gait_of_levels_and_core_pressures_is_played_as_simulate_plays_it():
+    levels = np.random.default_rng(1).uniform(0.1, 0.9, (10, 2))
+    design = InflatableDesign(1e3, 30.0, GaitSchedule(levels, 1, core_pressure=np.array([3e3, 2e3])))
+    quick = InflatableActuation(inflation_rate=0.01, pressure_ramp=50.0, hold_steps=100, settle_steps=50)
+    laboratory = Laboratory(TINY, quick, stiffest=TINY.youngs_modulus, perturbation=0.0, precision="f64", threads=1)
+    experiment = Gait(np.array([np.inf]), np.zeros(1), design)
+    found = experiment.predict([Trial(Properties.of(TINY, quick))], laboratory)
+    alone = simulate(design, geometry=TINY, actuation=quick, threads=1)
+    assert found[0, 0] == pytest.approx(alone.distance[0], rel=1e-6) and abs(found[0, 0]) > 1e-6
