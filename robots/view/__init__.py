@@ -1,4 +1,4 @@
-"""Looking at robots: poses as numbers, poses and gaits as pictures, motions as pages and files.
+"""Pictures, films and interactive pages of robots in motion, and numbers that describe their poses.
 
 ``shape`` reads numbers off recorded poses, ``drawing`` draws on any matplotlib axes, ``picture`` writes files.
 ``motion`` describes anything that moves; ``soft_motion``, ``rigid_motion`` and ``vehicle_motion`` make motions of

@@ -1,4 +1,4 @@
-"""Lattices as the simulation has them: beams in the colours of their strains, and pressure on faces.
+"""Draw a lattice as beams, coloured by their strains, with arrows for the pressure on its faces.
 
 Source: Powers 2021 dissertation, ch. 5, supplementary figure "The simulated robot could switch between round and flat
 shapes, as modeled by a shape-changing lattice", panels a and c.
@@ -25,17 +25,17 @@ LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
 def draw_beams(
     axes: "Axes", states: LatticeStates, frame: int, stretch: Stretch, limit: float, zorder: float = 1.0
 ) -> None:
-    """Draw links between voxel centres, and the forces of pressure as arrows.
+    """Draw the links of a lattice as beams between voxel centres, and pressure forces as arrows.
 
     Beams that are nearer are drawn later; arrows of faces that look away from the viewer are drawn first.
 
     Args:
         axes: to draw on, in metres on paper.
-        states: of the lattice.
-        frame: which of its frames.
-        stretch: the ground, and who looks at it.
-        limit: strain that has the last of the colours.
-        zorder: of the drawing.
+        states: frames of the lattice.
+        frame: number of the frame to draw.
+        stretch: the ground and the camera.
+        limit: strain at the end of the colour scale.
+        zorder: drawing order on the axes, as in matplotlib.
     """
     camera = stretch.camera
     now = states.part(np.array([frame]))
@@ -51,7 +51,7 @@ def draw_beams(
 
 
 def arrows(states: LatticeStates, frame: int) -> tuple[Floats, Floats]:
-    """Where the arrows of pressure begin and end [m], shape (N, 3) each; there are none without pressure."""
+    """Start and end points of the pressure arrows [m], shape (N, 3) each; N is 0 without pressure."""
     starts, forces = states.pressure_forces(frame)
     largest = np.linalg.norm(forces, axis=1).max(initial=0.0)
     if not largest:
@@ -60,7 +60,7 @@ def arrows(states: LatticeStates, frame: int) -> tuple[Floats, Floats]:
 
 
 def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float) -> None:
-    """Arrows from the middles of faces."""
+    """Draw pressure arrows from the middles of faces; those that point away from the viewer are pale."""
     starts, tips = arrows(now, 0)
     if not len(starts):
         return
@@ -74,7 +74,7 @@ def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float
 
 
 def _flat_arrows(starts: Floats, tips: Floats, width: float) -> tuple[Floats, Floats]:
-    """Shafts, shape (N, 2, 2), and heads, shape (N, 3, 2), of arrows on paper."""
+    """Outlines of arrows on paper: their shafts, shape (N, 2, 2), and their heads, shape (N, 3, 2)."""
     along = tips - starts
     along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-30
     aside = along[:, ::-1] * [-1.0, 1.0]

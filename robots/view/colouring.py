@@ -1,4 +1,4 @@
-"""Colours of a motion's nodes: what they are made of, or what they feel."""
+"""Colours of a motion's nodes: by material, strain, contact or friction."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -22,12 +22,12 @@ FOOT = re.compile(r"foot \d+")
 
 @dataclass(frozen=True)
 class Colouring:
-    """Colours and what they mean.
+    """Colours of a motion's nodes in every frame, with their legend.
 
     Attributes:
         of: the colours of the nodes in a frame: red, green, blue from 0 to 1, shape (N, 3).
-        key: names of colours.
-        limit: of strains, the largest that has a colour of its own, of either sign; 0 if colours are no strains.
+        key: legend: names of colours.
+        limit: strain, of either sign, at the ends of the colour scale; 0 if the colours do not show strains.
     """
 
     of: Callable[[int], Floats]
@@ -36,7 +36,7 @@ class Colouring:
 
 
 def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()) -> Colouring:
-    """Colours of a motion.
+    """Choose the colours of a motion's nodes.
 
     Material: the nodes' own, pale where the channel that they show is low. Strain: the mean of the strains of the
     links of each voxel. Contact: which voxels touch the floor, and which others of the same robot. Friction: which
@@ -48,7 +48,7 @@ def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()
         frames: that have one scale of strains; all by default.
 
     Raises:
-        ValueError: in one line, for other names, and what this robot does not have.
+        ValueError: for other names, and colours that need what this robot does not have.
     """
     if name not in COLOURINGS:
         raise ValueError(f"colour: {name!r} is not allowed; give {', '.join(COLOURINGS)} or beams")
@@ -78,12 +78,12 @@ def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()
 
 
 def strain_limit(strains: Floats) -> float:
-    """The largest size of strains that has a colour of its own: few are larger; two digits."""
+    """Strain at the ends of the colour scale: a high percentile of the absolute strains, rounded to two digits."""
     return max(float(f"{np.percentile(np.abs(strains), PERCENTILE):.1e}"), 1e-4)
 
 
 def level(channel: Channel, times: Floats) -> Floats:
-    """Where a channel is between its smallest value, 0, and its largest, 1, at some times [s]."""
+    """Values of a channel at some times [s], scaled so that its smallest value is 0 and its largest is 1."""
     values = np.log(channel.values) if channel.logarithmic else channel.values
     low, high = (0.0, 1.0) if channel.switch else (values.min(), values.max())
     if channel.switch:

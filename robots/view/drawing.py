@@ -21,14 +21,14 @@ NO_SHIFT = np.zeros(2)
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A stretch of ground, and who looks at it.
+    """A rectangle of ground, and the camera that looks at it.
 
     Attributes:
-        camera: that looks at it.
-        travel: from where to where along the way [m], shape (2,).
-        across: from where to where to the left of the way [m], shape (2,).
+        camera: how it is projected on paper.
+        travel: first and last place along the way [m], shape (2,).
+        across: first and last place to the left of the way [m], shape (2,).
         level: z of the ground [m].
-        spacing: of the lines across the way [m].
+        spacing: distance between the lines across the way [m].
         solid: whether there is any ground; in a fluid only its extent matters.
     """
 
@@ -41,14 +41,14 @@ class Stretch:
 
     @property
     def rim(self) -> Floats:
-        """Its corners on paper, the first two on the near edge [m], shape (4, 2)."""
+        """Corners of the ground on paper [m], shape (4, 2); the first two are on the near edge."""
         return self.camera.on_ground(self.travel[[0, 1, 1, 0]], self.across[[0, 0, 1, 1]], self.level)
 
 
 def draw_polygons(
     axes: "Axes", robot: Polygons, shift: Floats = NO_SHIFT, zorder: float = 1.0, outlined: bool = True
 ) -> None:
-    """Draw a robot and its shadow, shifted on paper [m], with outlines of its faces or without."""
+    """Draw a robot and its shadow, shifted by ``shift`` on paper [m]; ``outlined`` draws the edges of its faces."""
     shadow = PolyCollection(list(robot.shadow + shift), facecolors=[SHADOW], edgecolors="none")
     faces = PolyCollection(
         list(robot.corners + shift),
@@ -62,7 +62,7 @@ def draw_polygons(
 
 
 def draw_ground(axes: "Axes", stretch: Stretch, shift: Floats = NO_SHIFT, zorder: float = 1.0) -> None:
-    """Draw a stretch of ground, shifted on paper [m]; nothing in a fluid."""
+    """Draw a stretch of ground, shifted by ``shift`` on paper [m]; in a fluid this draws nothing."""
     if not stretch.solid:
         return
     rim, (first, last) = stretch.rim + shift, stretch.travel / stretch.spacing
@@ -75,7 +75,7 @@ def draw_ground(axes: "Axes", stretch: Stretch, shift: Floats = NO_SHIFT, zorder
 
 
 def covered(points: Floats, camera: Camera) -> Floats:
-    """Ranges along and across the way that points cover, shape (N, 3) [m], shape (2, 2)."""
+    """Smallest and largest place of points, shape (N, 3) [m], along and across the way, shape (2, 2) [m]."""
     h = np.deg2rad(camera.heading)
     places = points[:, :2] @ np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
     return np.stack([places.min(axis=0), places.max(axis=0)], axis=1)
@@ -98,12 +98,12 @@ def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None 
 
 
 def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, names: list[str], apart: int = 0) -> None:
-    """Draw rows of levels that hold for a while each; what is on by parts fills that part of its row.
+    """Draw levels over time as rows of bars; a level from 0 to 1 fills that part of its row's height.
 
     Args:
         axes: to draw on.
         levels: from 0 to 1, shape (N, K).
-        edges: where they begin and end, shape (K + 1,).
+        edges: times at which the levels begin and end, shape (K + 1,).
         colours: of the rows, shape (N, 3).
         names: of the rows.
         apart: number of the row above which there is a gap; 0 for none.
@@ -123,7 +123,7 @@ def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, na
 
 
 def label_rows(axes: "Axes", places: Floats, names: list[str]) -> None:
-    """Write the names of rows beside them, and hide the frame of the axes."""
+    """Write the names of rows at their left, and hide the frame of the axes."""
     axes.set_yticks(places, names)
     axes.tick_params(length=0, labelsize=7, labelcolor=INK)
     axes.spines[:].set_visible(False)

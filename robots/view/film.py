@@ -34,7 +34,7 @@ Picture = Bytes
 
 
 def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") -> Figure:
-    """A film strip: poses on one ground where they are clear of each other, else side by side on the same ground.
+    """Draw a film strip: poses on one ground if they do not overlap, else each in a picture of its own.
 
     Args:
         motion: to show.
@@ -42,7 +42,7 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
         colour: "material", "strain", "contact" or "friction".
 
     Raises:
-        ValueError: in one line, for values that are not allowed.
+        ValueError: for values that are not allowed.
     """
     figure = Figure(figsize=(WIDTH, WIDTH), facecolor="white")
     axes = figure.add_axes((0.02, 0, 0.96, 1))
@@ -58,7 +58,7 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
 
 
 def draw_strip(axes: "Axes", motion: Motion, poses: list[int], colour: str = "material") -> Setting:
-    """Draw poses of a motion, with its path, times and a scale bar, and return what they share.
+    """Draw poses of a motion, with its path, times and a scale bar; return the setting that they share.
 
     Raises:
         ValueError: for a colour that a strip does not have.
@@ -73,16 +73,16 @@ def draw_strip(axes: "Axes", motion: Motion, poses: list[int], colour: str = "ma
 
 
 def poses_of(motion: Motion, frames: int) -> list[int]:
-    """Numbers of so many frames of a motion, at least 2, at equal times from its beginning to its end."""
+    """Numbers of ``frames`` frames of a motion, at least 2, at equal times from its beginning to its end."""
     count = whole_number("frames", frames, 2)
     return np.unique(np.linspace(0, len(motion.times) - 1, count).round().astype(int)).tolist()
 
 
 def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int:
-    """Write :func:`strip_picture`, and tell its bytes.
+    """Write the picture of :func:`strip_picture` to a file, and return its size in bytes.
 
     Raises:
-        ValueError: in one line, for a file that exists, and as :func:`strip_picture`.
+        ValueError: for a file that exists, and as :func:`strip_picture`.
     """
     return save_figure(strip_picture(motion, **options), path)
 
@@ -96,23 +96,23 @@ def pictures(
     colour: str = "material",
     one_scale: bool = True,
 ) -> Iterator[Picture]:
-    """The pictures of a film, one motion above the other, each on its own ground.
+    """Draw the pictures of a film, which shows one motion above the other, each on its own ground.
 
     Motions play together, all at the same pace; one that ends before the others stays as it is.
 
     Args:
         motions: to show.
-        seconds: that the film takes; by default as long as the longest motion.
+        seconds: length of the film [s]; by default that of the longest motion.
         rate: pictures a second [Hz].
         width: of a picture [pixels].
-        colour: as of a still.
+        colour: "material", "strain", "contact", "friction" or "beams".
         one_scale: whether all robots are drawn on equally long ground.
 
     Yields:
         Red, green, blue, shape (H, W, 3); H and W are even.
 
     Raises:
-        ValueError: in one line, for values that are not allowed.
+        ValueError: for values that are not allowed.
     """
     if not motions:
         raise ValueError("motions: there are none; give at least one")
@@ -141,20 +141,20 @@ def save_gif(
     colours: int = 64,
     **options: Any,
 ) -> int:
-    """Write :func:`pictures` as a GIF that plays again and again, with one small palette.
+    """Write a film as a GIF that plays in a loop, with one small palette for all pictures.
 
     Args:
         motions: to show.
         path: of the file.
         rate: pictures a second [Hz]; GIF counts hundredths of a second, to which it is rounded.
         colours: of the palette, 4 to 256.
-        **options: of :func:`pictures`.
+        **options: keyword arguments of :func:`pictures`.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: in one line, for a file that exists, and values that are not allowed.
+        ValueError: for a file that exists, and values that are not allowed.
     """
     new_path(path)
     colours = int(number("colours", colours, 4, 256))
@@ -171,13 +171,13 @@ def save_gif(
 def save_mp4(
     motions: Motion | Sequence[Motion], path: str | PathLike[str], *, rate: float = 30.0, **options: Any
 ) -> int:
-    """Write :func:`pictures` as a video, H.264 in MP4; it needs imageio-ffmpeg.
+    """Write a film as an MP4 video (H.264); this needs imageio-ffmpeg. ``options`` are those of :func:`pictures`.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: in one line, if imageio-ffmpeg is missing, for a file that exists, and values that are not allowed.
+        ValueError: if imageio-ffmpeg is missing, for a file that exists, and values that are not allowed.
     """
     new_path(path)
     need_video()
@@ -195,7 +195,7 @@ def save_mp4(
 
 
 def _palette(pictures: list[Image.Image], count: int) -> Image.Image:
-    """A picture with few colours that stand for those of others; small things count for more than their size."""
+    """Find one palette of ``count`` colours for all pictures; small things get more weight than their area."""
     seen = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
     colours, counts = np.unique(seen, axis=0, return_counts=True)
     weighted = np.repeat(colours, np.ceil(np.sqrt(counts)).astype(int), axis=0)
@@ -207,10 +207,10 @@ def _palette(pictures: list[Image.Image], count: int) -> Image.Image:
 
 
 def need_video() -> None:
-    """Make sure that videos can be written.
+    """Check that videos can be written.
 
     Raises:
-        ValueError: in one line, if imageio-ffmpeg is missing.
+        ValueError: if imageio-ffmpeg is missing.
     """
     if importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ValueError(f"mp4: imageio-ffmpeg is missing; {install_extra('video')}")
@@ -221,13 +221,13 @@ def _several(motions: Motion | Sequence[Motion]) -> list[Motion]:
 
 
 def _lengthened(given: Setting, length: float) -> Setting:
-    """With ground of a length [m]."""
+    """Copy of a setting whose ground has a given length along the way [m]."""
     travel = given.stretch.travel[0] + np.array([0.0, length])
     return replace(given, stretch=replace(given.stretch, travel=travel))
 
 
 def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> tuple[Figure, list[Any]]:
-    """A figure of so many pixels with axes for each robot, below its name and how many times too fast it is."""
+    """Make a figure ``width`` pixels wide, with axes for each robot below its name and the speed of playback."""
     told = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
     ranges = [
         limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])

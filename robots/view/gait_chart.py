@@ -18,12 +18,14 @@ _CORE = "#4f6d8f"
 
 
 def gait_chart(table: GaitTable) -> Figure:
-    """Draw a table: a row per line, pressures from its lowest to its highest; sections apart, states between ticks.
+    """Draw a gait table: a row for each line of the rig, with its pressure over time.
+
+    A row reaches from the line's lowest pressure to its highest. Gaps separate sections, ticks separate states.
 
     A dark bar under a row marks the states that wait for this line.
 
     Args:
-        table: made, not read: only then it knows its states.
+        table: a table that was made in this process, not read from a file: only such a table knows its states.
     """
     figure = Figure(figsize=(_WIDTH, _ROW * len(CHANNELS) + _MARGINS), facecolor="white")
     axes = figure.add_axes((0.09, 0.5 / figure.get_figheight(), 0.78, 1 - _MARGINS / figure.get_figheight()))
@@ -63,7 +65,7 @@ def _mark_sections(table: GaitTable, axes: "Axes") -> None:
 
 
 def save_gait_chart(table: GaitTable, path: str | PathLike[str]) -> None:
-    """Write the picture of a table as PNG, SVG or PDF, by the suffix of the path.
+    """Write the picture of a gait table as PNG, SVG or PDF, chosen by the suffix of the path.
 
     Raises:
         OSError: if it cannot be written.

@@ -34,13 +34,13 @@ def save_glb(motion: Motion, path: str | PathLike[str], *, rate: float | None = 
     Args:
         motion: to write.
         path: of the file, which must not exist yet.
-        rate: at most so many frames a second [Hz]; all of them by default.
+        rate: most frames a second [Hz]; all frames by default.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: in one line, for a file that exists, or values that are not allowed.
+        ValueError: for a file that exists, or values that are not allowed.
     """
     new_path(path)
     if rate is not None:
@@ -71,12 +71,12 @@ def _glb(motion: Motion) -> bytes:
 
 
 def _gltf_order(rotation: Floats) -> Floats:
-    """Quaternions (x, y, z, w)."""
+    """Quaternions (w, x, y, z) in the order of glTF, (x, y, z, w)."""
     return np.roll(rotation, -1, axis=-1)
 
 
 class _File:
-    """A GLB file that grows."""
+    """Builder of a GLB file: collects nodes, meshes and numbers, then gives the content."""
 
     def __init__(self) -> None:
         self.nodes: list[dict[str, Any]] = []
@@ -92,7 +92,7 @@ class _File:
         self._paints: dict[Colour, int] = {}
 
     def accessor(self, values: NDArray[Any], target: int | None = None, bounds: bool = False) -> int:
-        """Numbers, a row each, of type float32 or uint16."""
+        """Add an array of float32 or uint16, one element a row, and return the number of its accessor."""
         rows = values.reshape(len(values), -1)
         self._binary.extend(b"\0" * (-len(self._binary) % 4))
         view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": values.nbytes}
@@ -111,7 +111,7 @@ class _File:
         return len(self._accessors) - 1
 
     def mesh(self, solid: Solid, colour: Colour) -> int:
-        """A solid in a colour; solids of several colours share their numbers."""
+        """Add a mesh of a solid in a colour, and return its number; meshes of equal solids share their arrays."""
         if (solid, colour) not in self._painted:
             if solid not in self._shapes:
                 self._shapes[solid] = self._shape(solid)
@@ -139,7 +139,7 @@ class _File:
         return self._paints[colour]
 
     def add_node(self, name: str, mesh: int, times: int, tracks: dict[str, Floats]) -> None:
-        """A node below the first one; tracks that never change are part of its pose only."""
+        """Add a node below the root, with its animation; tracks that never change only set its pose."""
         number = len(self.nodes)
         self.nodes[0]["children"].append(number)
         self.nodes.append({"name": name, "mesh": mesh} | {track: v[0].tolist() for track, v in tracks.items()})
@@ -152,7 +152,7 @@ class _File:
             self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
 
     def content(self, ground: Ground) -> bytes:
-        """The whole file."""
+        """Bytes of the complete file."""
         extras = {"ground_level": ground.level, "ground_colour": list(GROUND)}
         document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "morpholab"},
@@ -177,7 +177,7 @@ class _File:
 
 
 def _surface(solid: Solid) -> trimesh.Trimesh:
-    """A centred solid as triangles; corners of boxes are sharp."""
+    """Triangle mesh of a centred solid; boxes do not share vertices between sides, so their edges stay sharp."""
     if isinstance(solid, Box):
         form = trimesh.creation.box(extents=np.asarray(solid.size, float))
         form.unmerge_vertices()

@@ -1,4 +1,4 @@
-"""What the voxels and links of a lattice feel in recorded poses: strains, contacts, pressure.
+"""Strains, contacts and pressure forces of a lattice in recorded poses.
 
 Source: Hiller & Lipson, "Dynamic Simulation of Soft Multimaterial 3D-Printed Objects", Soft Robotics 1(1), 2014.
 """
@@ -17,7 +17,7 @@ from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
 
 @dataclass(frozen=True, eq=False)
 class LatticeStates:
-    """A lattice body in F frames.
+    """The states of a lattice body in F frames.
 
     Attributes:
         body: the lattice, of V voxels and L links.
@@ -36,12 +36,12 @@ class LatticeStates:
     pressure: float | Floats = 0.0
 
     def part(self, frames: Ints) -> Self:
-        """The same with some of its frames."""
+        """Copy with only some of the frames."""
         several = [f.name for f in fields(self) if f.name not in ("body", "pressure")]
         return replace(self, **{name: getattr(self, name)[frames] for name in several})
 
     def strains(self) -> Floats:
-        """Axial strains of the links, as the engine has them, shape (F, L).
+        """Axial strains of the links, as the engine computes them, shape (F, L).
 
         They are read off the side of each link's first end, which is at r/2 (1 + eps 2 E2 / (E1 + E2)) from its
         centre, r being its rest size and E1, E2 the moduli of the ends.
@@ -53,18 +53,18 @@ class LatticeStates:
         return (2 * self.extents[:, minus, 2 * axis + 1] / self.sizes[:, minus, axis] - 1) / share
 
     def voxel_strains(self) -> Floats:
-        """Mean of the strains of each voxel's links, 0 without links, shape (F, V)."""
+        """Mean strain of each voxel's links, shape (F, V); 0 for voxels without links."""
         links, count = self.body.topology.links, self.body.voxel_count
         strains = self.strains()
         sums = np.stack([np.bincount(links.ravel(), np.repeat(row, 2), count) for row in strains])
         return sums / np.maximum(np.bincount(links.ravel(), minlength=count), 1)
 
     def on_floor(self) -> Bools:
-        """Which voxels touch the floor, shape (F, V): those that reach below z = -h/2 by their mean rest size."""
+        """Whether voxels touch the floor, shape (F, V): they reach below z = -h/2, by their mean rest size."""
         return self.sizes.mean(axis=-1) / 2 - self.body.voxel_size / 2 >= self.positions[..., 2]
 
     def on_itself(self) -> Bools:
-        """Which voxels touch others that they are not joined to, shape (F, V).
+        """Whether voxels touch others that they are not joined to, shape (F, V).
 
         Voxels of the surface repel as balls of 0.625 of their mean rest size; those up to five links apart do not.
         """
@@ -81,7 +81,7 @@ class LatticeStates:
         return touching
 
     def pressure_forces(self, frame: int) -> tuple[Floats, Floats]:
-        """Where pressure acts in a frame, the middles of faces [m], and its forces [N], shape (N, 3) each.
+        """Pressure forces in a frame: middles of the faces [m] and forces on them [N], shape (N, 3) each.
 
         The force on a face is the pressure times the cross product of the face's edges.
         """

@@ -1,4 +1,4 @@
-"""Frames of motions as faces in space."""
+"""Faces in space of all solids in a frame of a motion."""
 
 from functools import lru_cache
 
@@ -16,10 +16,10 @@ SIGNS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (
 
 
 def faces(motion: Motion, frame: int = -1) -> tuple[Floats, Ints]:
-    """The faces of a motion in a frame, and whose they are.
+    """Faces of a motion in a frame, and the node that each belongs to.
 
     Args:
-        motion: that moves.
+        motion: to draw.
         frame: which of its frames.
 
     Returns:
@@ -52,7 +52,7 @@ def _form(solid: Solid) -> Floats:
 
 
 def _box(size: Floats) -> Floats:
-    """Faces of a cuboid of so many cells."""
+    """Faces of a centred cuboid, whose sides are divided into ``BOX_CELLS`` by ``BOX_CELLS`` cells."""
     u, v = (grid.ravel() for grid in np.meshgrid(*2 * [np.arange(BOX_CELLS) / BOX_CELLS]))
     step = 1 / BOX_CELLS
     cells = np.stack([[u, v], [u + step, v], [u + step, v + step], [u, v + step]]).transpose(2, 0, 1)[..., None]
@@ -62,7 +62,7 @@ def _box(size: Floats) -> Floats:
 
 
 def _turned(profile: Floats) -> Floats:
-    """Faces of a profile (radius, z), from the top down, that is turned about z."""
+    """Faces of the surface that a profile (radius, z), given from the top down, makes when turned about z."""
     angle = np.linspace(0, 2 * np.pi, SECTORS + 1)
     x, y = (profile[:, :1] * along for along in (np.cos(angle), np.sin(angle)))
     points = np.stack([x, y, np.broadcast_to(profile[:, 1:], x.shape)], axis=-1)

@@ -1,6 +1,6 @@
-"""Motions: anything that moves, as solids with poses over time, ready to be shown.
+"""Motions: solids with poses over time, ready to be shown.
 
-Builders of motions: ``soft_motion`` for voxel robots, ``rigid_motion`` for articulated ones, ``vehicle_motion`` for
+``soft_motion`` builds motions of voxel robots, ``rigid_motion`` those of articulated ones, ``vehicle_motion`` those of
 traces. What shows them: ``still``, ``film``, ``paraview``, ``glb`` and ``player``.
 """
 
@@ -26,7 +26,7 @@ WINDOW = 1 / 40  # of a motion's time over which its speed is taken
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Something that changes in time: a row of the timeline.
+    """A value that changes in time: one row of the timeline.
 
     Attributes:
         name: of the row.
@@ -60,7 +60,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Node:
-    """A solid that moves as one.
+    """One solid of a motion.
 
     Attributes:
         name: of the node.
@@ -78,7 +78,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Ground:
-    """A plane across z, in the frame of the motion.
+    """The ground below a motion: a plane z = level in the frame of the motion.
 
     Attributes:
         level: its z [m].
@@ -94,14 +94,14 @@ class Ground:
 
     @property
     def upright(self) -> Floats:
-        """The rotation from the frame of the motion to one in which gravity points along -z, (w, x, y, z)."""
+        """Rotation (w, x, y, z) from the frame of the motion to a frame in which gravity points along -z."""
         half, heading = np.deg2rad([self.slope / 2, self.heading])
         return np.array([np.cos(half), np.sin(half) * np.sin(heading), -np.sin(half) * np.cos(heading), 0.0])
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """How cubes that are joined are seen from outside, without gaps between them.
+    """Outer surface of joined cubes, which closes the gaps between them.
 
     Attributes:
         knots: which corners of the cubes are one point, in the middle of them: a number for each, counted from 0,
@@ -115,7 +115,7 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Solids that move: F frames of N nodes.
+    """A motion: poses of N solids (nodes) in F frames.
 
     Attributes:
         name: what it shows, in a few words.
@@ -134,7 +134,7 @@ class Motion:
         lattice: what the nodes feel, if they are the voxels of a lattice.
 
     Raises:
-        ValueError: in one line, for shapes that do not fit, numbers that are not finite, no frames and no nodes.
+        ValueError: for shapes that do not fit, numbers that are not finite, no frames and no nodes.
     """
 
     name: str
@@ -184,7 +184,7 @@ class Motion:
             raise ValueError(f"channel: {wrong[0]} of a node is not allowed; there are {len(self.channels)}")
 
     def every(self, step: int) -> Self:
-        """The same with every so many of its frames, and the last one."""
+        """Copy with only every ``step``-th frame, and the last one."""
         count = len(self.times)
         part = np.union1d(np.arange(0, count, whole_number("every", step, 1)), count - 1)
         several = ("times", "translation", "rotation", "scale", "path")
@@ -193,18 +193,18 @@ class Motion:
 
 
 def record_every(steps: float, frames: int) -> int:
-    """Steps between frames, of which a run of so many steps has at most so many (2 or more), its start included."""
+    """Steps between recorded frames, so that a run has at most ``frames`` (2 or more), its start included."""
     return max(1, int(-(-steps // (frames - 1))))
 
 
 def whole_frames(*arrays: NDArray[np.floating]) -> int:
-    """Frames from the first on in which all numbers are finite: a robot has none after its end.
+    """Number of frames before the first that has a number that is not finite, as after a robot diverged.
 
     Args:
         *arrays: shape (F, ...).
 
     Raises:
-        ValueError: in one line, if there are none.
+        ValueError: if there are none.
     """
     whole = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
     count = len(whole) if whole.all() else int(np.argmin(whole))
@@ -214,7 +214,7 @@ def whole_frames(*arrays: NDArray[np.floating]) -> int:
 
 
 def speed_channels(times: Floats, way: Floats, colour: Colour = (0.2, 0.2, 0.2)) -> tuple[Channel, Channel]:
-    """Rows with the way [m] that a robot has gone, shape (F,), and its speed over a short while."""
+    """Timeline rows of a robot's distance, from ``way`` [m] of shape (F,), and of its speed over a short while."""
     half = max((times[-1] - times[0]) * WINDOW / 2, 1e-9)
     before, after = np.maximum(times - half, times[0]), np.minimum(times + half, times[-1])
     gone = np.interp(after, times, way) - np.interp(before, times, way)
@@ -223,7 +223,7 @@ def speed_channels(times: Floats, way: Floats, colour: Colour = (0.2, 0.2, 0.2))
 
 
 def unit_quaternion(from_z_to: ArrayLike) -> Floats:
-    """A rotation (w, x, y, z) that turns the z axis into a direction, shape (3,)."""
+    """Rotation (w, x, y, z) that turns the z axis into a direction, shape (3,)."""
     x, y, z = np.asarray(from_z_to, float) / np.linalg.norm(from_z_to)
     if z < -1 + 1e-12:
         return np.array([0.0, 1.0, 0.0, 0.0])
@@ -247,7 +247,7 @@ def _finite(field: str, values: ArrayLike) -> Floats:
 
 
 def _continuous(rotation: Floats) -> Floats:
-    """Unit quaternions, each with the sign that is nearer to the frame before; signs are those of the first frame."""
+    """Normalise quaternions and choose their signs so that each is near to that of the frame before."""
     length = np.linalg.norm(rotation, axis=-1, keepdims=True)
     if (np.abs(length - 1) > 1e-3).any():
         raise ValueError("rotation: quaternions of other lengths than 1 are not allowed")

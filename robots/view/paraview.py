@@ -1,4 +1,4 @@
-"""Motions as files for ParaView: a mesh for every frame, and their times.
+"""Write motions as files for ParaView: a mesh for every frame, and a list of their times.
 
 Source: VTK File Formats, "XML File Formats", of the VTK documentation (docs.vtk.org): unstructured grids (.vtu),
 polygonal data (.vtp), compressed binary data arrays; ParaView Data (.pvd), a collection of files with times.
@@ -45,7 +45,7 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
         Bytes written.
 
     Raises:
-        ValueError: in one line, for a folder that exists or cannot be made.
+        ValueError: for a folder that exists or cannot be made.
     """
     folder = Path(folder)
     if folder.exists():
@@ -77,7 +77,7 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
 
 
 def _grid(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
-    """Name and content of the file of a frame of a lattice."""
+    """Name and content of the file for one frame of a lattice."""
     assert motion.lattice is not None and motion.skin is not None and motion.lattice.body.regions is not None
     now, knots = motion.lattice.part(np.array([frame])), motion.skin.knots
     points, count = joined_corners(boxes(motion, frame), knots), len(knots)
@@ -97,7 +97,7 @@ def _grid(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
 
 
 def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
-    """Name and content of the file of a frame of other robots."""
+    """Name and content of the file for one frame of a robot that is no lattice."""
     quads, owners = faces(motion, frame)
     count = len(quads)
     cells = {
@@ -110,7 +110,7 @@ def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
 
 
 def _file(kind: str, counts: str, points: Floats, place: str, cells: Arrays, data: Arrays) -> bytes:
-    """A file of one piece."""
+    """Content of a VTK XML file with one piece."""
     text = [
         '<?xml version="1.0"?>',
         f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32" '
@@ -133,7 +133,11 @@ def _file(kind: str, counts: str, points: Floats, place: str, cells: Arrays, dat
 
 
 def _array(name: str, values: NDArray[Any]) -> str:
-    """A data array: a header of four numbers (blocks, bytes of one, of the last if it is partial, compressed), data."""
+    """Compressed VTK data array as XML.
+
+    A header of four numbers precedes the data: blocks, bytes of a block, bytes of the last block if it is partial,
+    compressed bytes.
+    """
     content = values.astype(values.dtype.newbyteorder("<")).tobytes()
     packed = zlib.compress(content, 3)
     header = struct.pack("<4I", 1, len(content), 0, len(packed))

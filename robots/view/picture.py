@@ -1,4 +1,4 @@
-"""The picture of a robot in motion: a film strip of its poses above the chart of what drives it."""
+"""The picture of a robot in motion: a film strip of its poses above a chart of its actuators."""
 
 import re
 from dataclasses import replace
@@ -102,7 +102,7 @@ def save_motion_picture(
 
 
 def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
-    """Draw a robot of which nothing is free as it moves; the suffix of the path chooses the format (png, pdf, svg)."""
+    """Simulate a robot without free variables and draw its motion; the suffix of the path is png, pdf or svg."""
     if robot.pictured:
         robot.save_picture(world, path)
         return
@@ -120,9 +120,9 @@ def inflatable_picture(
     frames: int = 6,
     robot: int = 0,
 ) -> Figure:
-    """Draw the motion of a gait that was simulated with frames; its title tells speed, terrain and shape.
+    """Draw a simulated gait of the inflatable robot; its title tells speed, terrain and shape.
 
-    A robot that diverged is drawn as long as it had poses.
+    The result needs recorded frames. A robot that diverged is drawn up to its last finite pose.
     """
     title = inflatable_title(result, design, terrain, robot)
     if result.frames is not None and not np.isfinite(result.frames.positions[0, robot]).all():
@@ -134,7 +134,7 @@ def inflatable_picture(
 
 
 def inflatable_title(result: InflatableResult, design: InflatableDesign, terrain: Terrain, robot: int = 0) -> str:
-    """Speed, terrain, core pressure and heading of an inflatable robot in a line."""
+    """Title for an inflatable robot: speed, terrain, core pressure and heading in one line."""
     cores = "cores" if isinstance(design.pressure, tuple) else "core"
     body = f"{cores} at {kilopascals(design.pressure)}, heading {design.orientation:.3g}°"
     ok = result.status[robot] == "ok"
@@ -143,7 +143,7 @@ def inflatable_title(result: InflatableResult, design: InflatableDesign, terrain
 
 
 def draw_channels(axes: "Axes", channels: tuple[Channel, ...]) -> float:
-    """Draw channels below each other: switches as rows of cells, other values as curves over their own range.
+    """Draw channels below each other: switches as rows of cells, other values as curves, each over its own range.
 
     Returns:
         The height of the chart, in rows of a switch.
@@ -187,7 +187,7 @@ def _draw_curve(axes: "Axes", channel: Channel, top: float) -> None:
 
 
 def _arrange(figure: Figure, chart_height: float) -> None:
-    """Title, strip and chart one below the other, as high as the strip is in its full width."""
+    """Place title, strip and chart below each other; the strip takes the full width, and its height follows."""
     strip, chart = figure.axes
     strip_height = 0.96 * WIDTH * float(np.ptp(strip.get_ylim()) / np.ptp(strip.get_xlim()))
     total = TITLE_HEIGHT + strip_height + chart_height + AXIS_HEIGHT

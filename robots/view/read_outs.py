@@ -1,4 +1,4 @@
-"""How the inflatable robot's shape follows the pressure of its core: width, height, ratio, curvature."""
+"""Width, height and curvature of the inflatable robot at different core pressures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ IDLE = GaitSchedule(np.zeros((10, 1), bool), repeats=1)
 
 @dataclass(frozen=True, eq=False)
 class ShapeCurves:
-    """The shapes of idle robots at several pressures, as their gaits begin.
+    """Shapes of idle robots at several core pressures, when their gaits begin.
 
     Attributes:
         pressures: of the core [Pa], shape (K,).
@@ -46,7 +46,7 @@ def shape_curves(
     precision: str = "f32",
     threads: int | None = None,
 ) -> ShapeCurves:
-    """Inflate idle robots on flat ground and read off their shapes; a robot that diverges has NaN.
+    """Inflate idle robots on flat ground and measure their shapes; a robot that diverges has NaN.
 
     Args:
         pressures: of the core [Pa].
@@ -56,7 +56,7 @@ def shape_curves(
         threads: CPU threads; all cores by default.
 
     Raises:
-        ValueError: in one line, for values that are not allowed.
+        ValueError: for values that are not allowed.
     """
     if not len(pressures):
         raise ValueError("pressures: there are none; give at least one")
@@ -71,7 +71,7 @@ def shape_curves(
 
 
 def shape_picture(curves: ShapeCurves) -> Figure:
-    """Curves over pressure: width and height, their ratio, the curvature of the skins."""
+    """Draw curves over pressure: width and height, their ratio, and the curvature of the skins."""
     figure = Figure(figsize=(8.0, 2.5), facecolor="white", layout="constrained")
     size, ratio, bend = figure.subplots(1, 3)
     kilopascals = curves.pressures / 1000

@@ -1,4 +1,4 @@
-"""Motions of articulated robots: any tree, quadrupeds, the two-wheel vehicle."""
+"""Build motions of articulated robots: any tree, quadrupeds, the two-wheel vehicle."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
@@ -48,7 +48,7 @@ def rigid_motion(
     lights: ArrayLike = (),
     light_radius: float = 0.1,
 ) -> Motion:
-    """The motion of an articulated robot that was simulated, a node for each solid.
+    """Build the motion of a simulated articulated robot, with a node for each solid.
 
     Channels: those given, then distance from the start and speed of the base, seen from above.
 
@@ -62,7 +62,7 @@ def rigid_motion(
         balls: bodies without solids that are to be seen, with radii [m].
         hidden: bodies that are not to be seen.
         lights: their places [m], shape (L, 3).
-        light_radius: [m]
+        light_radius: radius of the balls that mark lights [m].
 
     Raises:
         ValueError: for results without frames, and frames of other robots.
@@ -116,7 +116,7 @@ def driven_motion(
     name: str = "rigid robot",
     lights: ArrayLike = (),
 ) -> Motion:
-    """The motion of an articulated robot, with rows for its sensors and for the commands of its drives.
+    """Build the motion of an articulated robot, with timeline rows for its sensors and commands.
 
     Args:
         tree: the robot.
@@ -151,7 +151,7 @@ def quadruped_motion(
     *,
     name: str | None = None,
 ) -> Motion:
-    """The motion of a quadruped that was simulated; its feet show when they touch the ground.
+    """Build the motion of a simulated quadruped; its feet show when they touch the ground.
 
     Channels: feet on the ground, the light, motor neurons, distance and speed.
 
@@ -211,7 +211,7 @@ def rover_motion(
     *,
     name: str = "two-wheel vehicle",
 ) -> Motion:
-    """The motion of a two-wheel vehicle that was simulated; its sensors show what they read.
+    """Build the motion of a simulated two-wheel vehicle; its sensors show what they read.
 
     Channels: sensors, motor neurons, distance and speed. Arguments and errors as of :func:`quadruped_motion`.
     """
@@ -249,7 +249,7 @@ def rover_motion(
 
 
 def _check(tree: Tree, frames: Frames | None, robot: int) -> None:
-    """Frames that there are, of this robot."""
+    """Return the frames if they were recorded and belong to this robot."""
     if frames is None or not len(frames.times):
         raise ValueError("frames: nothing was recorded; simulate with record_every")
     _, batch, hinges = frames.angles.shape
@@ -260,7 +260,7 @@ def _check(tree: Tree, frames: Frames | None, robot: int) -> None:
 
 
 def _place(shape: tuple[int, ...], controller: int, environment: int) -> int:
-    """Which rollout a controller in an environment is, environments changing fastest."""
+    """Number of the rollout of a controller in an environment; environments change fastest."""
     for name, given, count in zip(("controller", "environment"), (controller, environment), shape, strict=True):
         if not 0 <= given < count:
             raise ValueError(f"{name}: {given} is not allowed; the result has {count}")
@@ -276,13 +276,16 @@ def _row(
     switch: bool = False,
     logarithmic: bool = False,
 ) -> Channel:
-    """A channel of the frames before the robot diverged."""
+    """Timeline row of values, cut off where the robot diverged."""
     last = whole_frames(np.asarray(values, float)[:, None])
     return Channel(name, unit, frames.times[:last], np.asarray(values[:last], float), colour, switch, logarithmic)
 
 
 def _canonical(solid: Solid) -> tuple[Solid, Floats, float]:
-    """A centred solid along z, the rotation that puts it where the given one is, and its scale."""
+    """Split a solid into a centred one along z, the rotation that gives it its direction, and a scale.
+
+    Balls become the unit ball, so that all of them share one mesh.
+    """
     upright = np.array([1.0, 0.0, 0.0, 0.0])
     if isinstance(solid, Sphere):
         return BALL, upright, 2 * solid.radius

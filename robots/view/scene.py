@@ -1,4 +1,4 @@
-"""From poses to coloured polygons on paper: camera, light and colours. Needs no matplotlib."""
+"""Camera and light: project faces in space to coloured polygons on paper. Needs no matplotlib."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,7 +30,7 @@ AMBIENT = 0.6
 
 @dataclass(frozen=True)
 class Camera:
-    """Looks at the robot from its right, so that it travels to the right of the picture and uphill is up.
+    """Oblique camera at the robot's right: it travels to the right of the picture, and uphill is up.
 
     The projection is oblique: whatever lies in an upright plane along the way keeps its size and angles, so
     distances, heights and slopes can be measured on paper. What is across the way goes up and to the right.
@@ -38,8 +38,8 @@ class Camera:
     Attributes:
         heading: direction of travel [degrees] from x towards y.
         slope: of the ground [degrees]; the picture is level with gravity, not with the ground.
-        shift_right: on paper, of a length across the way, to the left of the robot.
-        shift_up: likewise.
+        shift_right: how far to the right on paper a length of 1 goes that points to the left of the robot.
+        shift_up: how far up on paper such a length goes.
     """
 
     heading: float = 0.0
@@ -49,7 +49,7 @@ class Camera:
 
     @cached_property
     def frame(self) -> Floats:
-        """Rows: level along the way, level to its left, up against gravity, frame of the ground; shape (3, 3)."""
+        """Axes of the camera as rows, in the frame of the ground, shape (3, 3): along the way, to its left, up."""
         h, s = np.deg2rad([self.heading, self.slope])
         turn = np.array([[np.cos(h), np.sin(h), 0], [-np.sin(h), np.cos(h), 0], [0, 0, 1]])
         tilt = np.array([[np.cos(s), 0, -np.sin(s)], [0, 1, 0], [np.sin(s), 0, np.cos(s)]])
@@ -57,17 +57,17 @@ class Camera:
 
     @cached_property
     def toward(self) -> Floats:
-        """The direction in which the viewer is, a unit vector in the frame of the ground, shape (3,)."""
+        """Unit vector towards the viewer, in the frame of the ground, shape (3,)."""
         ray = np.array([self.shift_right, -1.0, self.shift_up])
         return ray @ self.frame / np.linalg.norm(ray)
 
     def project(self, points: Floats) -> Floats:
-        """Points in space [m], shape (..., 3), on paper [m], shape (..., 2)."""
+        """Project points in space [m], shape (..., 3), on paper [m], shape (..., 2)."""
         level = points @ self.frame.T
         return level[..., [0, 2]] + level[..., 1:2] * np.array([self.shift_right, self.shift_up])
 
     def on_ground(self, travel: ArrayLike, across: ArrayLike, z: float) -> Floats:
-        """Places by how far along the way and to its left they are [m], on paper [m], shape (..., 2)."""
+        """Project places, given along the way and to its left [m] at height ``z``, on paper [m], shape (..., 2)."""
         h = np.deg2rad(self.heading)
         x = np.cos(h) * np.asarray(travel) - np.sin(h) * np.asarray(across)
         y = np.sin(h) * np.asarray(travel) + np.cos(h) * np.asarray(across)
@@ -76,7 +76,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A robot on paper.
+    """Coloured polygons of a robot on paper, and its shadow.
 
     Attributes:
         corners: of its faces, those at the back first [m], shape (N, 4, 2).
@@ -90,12 +90,12 @@ class Polygons:
 
     @property
     def floating(self) -> "Polygons":
-        """The same where there is no ground to throw a shadow on."""
+        """Copy without a shadow, for robots in a fluid."""
         return replace(self, shadow=self.shadow[:0])
 
 
 def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polygons:
-    """The polygons of faces in space, lit, and of their shadow.
+    """Project and light faces in space, and project their shadow.
 
     Args:
         quads: corners of faces, counter-clockwise seen from outside [m], shape (N, 4, 3); two corners may be one.
@@ -116,11 +116,11 @@ def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polyg
 
 
 def fallen(points: Floats, camera: Camera, level: float) -> Floats:
-    """Points moved straight down to the ground, shape (..., 3) [m]."""
+    """Move points straight down to the ground, shape (..., 3) [m]."""
     up = camera.frame[2]
     return points - (points[..., 2:] - level) / up[2] * up
 
 
 def pale(colour: Floats) -> Floats:
-    """A colour that is as good as off."""
+    """Pale version of a colour, for something that is off."""
     return 0.32 * colour + 0.68 * np.array([0.97, 0.96, 0.94])

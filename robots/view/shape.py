@@ -1,4 +1,4 @@
-"""Recorded poses as surfaces and as numbers: width, height, curvature, path."""
+"""Surfaces of recorded poses of the inflatable robot, and numbers: width, height, curvature, path."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,11 +17,11 @@ from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The exposed faces of a pose, in the world frame.
+    """Outer faces of a pose, in the world frame.
 
     Attributes:
         quads: corners of every face [m], shape (N, 4, 3), counter-clockwise seen from outside.
-        voxels: to which voxel a face belongs, shape (N,).
+        voxels: voxel that each face belongs to, shape (N,).
     """
 
     quads: Floats
@@ -29,10 +29,10 @@ class Surface:
 
 
 def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surface:
-    """The surface of a recorded pose, without gaps where links join voxels.
+    """Surface of a recorded pose, without gaps where links join voxels.
 
     Raises:
-        ValueError: in one line, if nothing was recorded.
+        ValueError: if nothing was recorded.
     """
     frames, body = recorded(result), result.body
     pose = (a[frame, robot] for a in (frames.positions, frames.orientations, frames.extents))
@@ -40,7 +40,7 @@ def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surfac
 
 
 def joined_surface(loose: Floats, knot: Ints, faces: Ints) -> Surface:
-    """The surface of boxes that are joined at their corners.
+    """Surface of boxes that are joined at their corners.
 
     Args:
         loose: corners of the boxes [m], shape (V, 8, 3), ordered as in ``taichi_sim.lattice.faces.corners``.
@@ -52,7 +52,12 @@ def joined_surface(loose: Floats, knot: Ints, faces: Ints) -> Surface:
 
 
 def joined_corners(loose: Floats, knot: Ints) -> Floats:
-    """The points that corners of boxes are joined to, in the middle of them [m], shape (K, 3); arguments as above."""
+    """Points that joined corners of boxes share, their means [m], shape (K, 3).
+
+    Args:
+        loose: corners of the boxes [m], shape (V, 8, 3).
+        knot: number of the point that each corner belongs to, shape (V, 8).
+    """
     size = np.bincount(knot.ravel())
     return np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
 
@@ -81,7 +86,7 @@ def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float
 
     Each row of voxels across a skin is a line through their centres. Its curvature at a voxel is that of the circle
     through it and its two neighbours (Menger's), seen along the pouch; the mean is taken over all voxels that have two.
-    So it is 0 of flat skins, whatever their distance, and 1 / R of a round pouch whose skins have the radius R.
+    So flat skins have 0, whatever their distance, and a round pouch whose skins have the radius R has 1 / R.
     """
     body, frames = result.body, recorded(result)
     skin = kinds(body) < FIRST_BLADDER
@@ -98,7 +103,7 @@ def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float
 
 
 def menger_curvature(points: Floats, axis: Floats) -> Floats:
-    """Curvature of the circles through three consecutive points each [1/m], shape (..., N - 2).
+    """Curvature of the circles through each three consecutive points [1/m], shape (..., N - 2).
 
     Args:
         points: of lines, shape (..., N, 3) [m].
@@ -111,17 +116,17 @@ def menger_curvature(points: Floats, axis: Floats) -> Floats:
 
 
 def path(result: InflatableResult, robot: int = 0) -> Floats:
-    """Where the middle of the robot was, the mean of the corners of its faces [m], shape (F, 3)."""
+    """Path of the robot's middle, which is the mean of the corners of its faces [m], shape (F, 3)."""
     frames = recorded(result)
     poses = (a[:, robot] for a in (frames.positions, frames.orientations, frames.extents))
     return mean_of_face_corners(result.body, *poses)
 
 
 def recorded(result: InflatableResult) -> Frames:
-    """The frames of a result that has some.
+    """Return the recorded frames of a result.
 
     Raises:
-        ValueError: in one line, if nothing was recorded.
+        ValueError: if nothing was recorded.
     """
     if result.frames is None:
         raise ValueError("frames: nothing was recorded; simulate with record_every")
@@ -129,7 +134,7 @@ def recorded(result: InflatableResult) -> Frames:
 
 
 def kinds(body: LatticeBody) -> Ints:
-    """Region of every voxel, whichever core it belongs to, shape (V,); see ``robots.inflatable.body``."""
+    """Region of every voxel, shape (V,), numbered as in ``robots.inflatable.body``; all cores count as one."""
     return kinds_of(np.asarray(body.regions))
 
 
@@ -141,7 +146,7 @@ def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Floats:
 
 @lru_cache(maxsize=16)
 def knots(body: LatticeBody) -> Ints:
-    """Which corners of voxels are one point, because links join them: a number for each, shape (V, 8).
+    """Number the corners of voxels, shape (V, 8): corners that links join have the same number.
 
     Corners are ordered as in ``taichi_sim.lattice.faces.corners``.
     """

@@ -1,4 +1,4 @@
-"""Motions of voxel robots: the inflatable robot, walkers."""
+"""Build motions of voxel robots: the inflatable robot, lattice robots."""
 
 from collections.abc import Sequence
 
@@ -44,9 +44,9 @@ def inflatable_motion(
     robot: int = 0,
     name: str = "inflatable robot",
 ) -> Motion:
-    """The motion of a gait that was simulated, a node for each voxel.
+    """Build the motion of a simulated gait of the inflatable robot, with a node for each voxel.
 
-    Channels: bladders 1 to 8 and feet 1 and 2 as they are told, pressures of the cores, distance and speed along the
+    Channels: commands of bladders 1 to 8 and feet 1 and 2, pressures of the cores, distance and speed along the
     heading.
 
     Args:
@@ -58,7 +58,7 @@ def inflatable_motion(
         name: of the motion.
 
     Raises:
-        ValueError: in one line, for results without frames, and frames of other robots.
+        ValueError: for results without frames, and frames of other robots.
     """
     frames = _recorded(result.frames, result.body, robot)
     regions = np.asarray(result.body.regions)
@@ -88,9 +88,9 @@ def journey_motion(
     robot: int = 0,
     name: str = "journey",
 ) -> Motion:
-    """The motion of a robot over several terrains, as of :func:`inflatable_motion`; drawn on level ground.
+    """Build the motion of the inflatable robot over several terrains; it is drawn on level ground.
 
-    Distance and speed are along the heading of each leg.
+    Channels are those of :func:`inflatable_motion`, with distance and speed along the heading of each leg.
 
     Args:
         result: of ``simulate_journey``, with frames.
@@ -100,7 +100,7 @@ def journey_motion(
         name: of the motion.
 
     Raises:
-        ValueError: in one line, for results without frames.
+        ValueError: for results without frames.
     """
     frames = _recorded(result.frames, result.body, robot)
     parts, starts = [gait_timeline(leg.design, actuation) for leg in legs], np.append(0, np.cumsum(result.steps))
@@ -139,9 +139,9 @@ def lattice_robot_motion(
     place: int = 0,
     name: str = "robot",
 ) -> Motion:
-    """The motion of a robot of the user's own, a node for each voxel.
+    """Build the motion of a simulated lattice robot, with a node for each voxel.
 
-    Channels: each drive, as it is in its first region, distance and speed along the heading.
+    Channels: each drive, as in the first of its regions, then distance and speed along the heading.
 
     Args:
         result: of ``simulate``, with frames.
@@ -151,7 +151,7 @@ def lattice_robot_motion(
         name: of the motion.
 
     Raises:
-        ValueError: in one line, for results without frames, and points that are no robots.
+        ValueError: for results without frames, and points that are no robots.
     """
     if result.reason[place]:
         raise ValueError(f"frames: point {place} has none, as it is no robot: {result.reason[place]}")
@@ -184,7 +184,7 @@ def lattice_robot_motion(
 
 
 def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
-    """Frames that there are, of this body, with this robot."""
+    """Return the frames if they were recorded, fit this body and have this robot."""
     if frames is None or not len(frames.times):
         raise ValueError("frames: nothing was recorded; simulate with record_every")
     _, batch, voxels, _ = frames.positions.shape
@@ -207,7 +207,7 @@ def _voxels(
     direction: float | Floats = 0.0,
     pressure: float | Floats = 0.0,
 ) -> Motion:
-    """Cubes that are as large as the voxels, and in the middle between their sides; one direction, or one a frame."""
+    """Build a motion of cubes that have the size of the voxels and lie in the middle between their sides."""
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
     last = whole_frames(*poses)
     places, turns, extents, rest = (a[:last].astype(float) for a in poses)
@@ -237,14 +237,14 @@ def _voxels(
 
 
 def _way(path: Floats, direction: Floats) -> Floats:
-    """How far a path, shape (F, 3), has come along the direction of each frame [degrees], shape (F,)."""
+    """Distance travelled along a path [m], shape (F, 3), in the direction of each frame [degrees], shape (F,)."""
     heading = np.deg2rad(direction[1:])
     along = (np.diff(path[:, :2], axis=0) * np.stack([np.cos(heading), np.sin(heading)], axis=1)).sum(axis=1)
     return np.append(0.0, np.cumsum(along))
 
 
 def _gait_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
-    """What actuators are told, as played."""
+    """Timeline rows of the commands of all actuators, as played."""
     colours = [_colour(c) for c in (*BLADDERS, *FEET)]
     names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in GaitSchedule.row_names]
     values, times = np.concatenate([gait.levels, gait.levels[:, -1:]], axis=1), gait.edges.astype(float) * time_step
@@ -253,7 +253,7 @@ def _gait_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
 
 
 def _core_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
-    """The core pressure, or those of several cores, which change until the motion of a column ends."""
+    """Timeline rows of the core pressures, which change until the motion of a column ends."""
     if gait.pressures.ndim == 1:
         return [_core_channel("core pressure", gait, gait.pressures, time_step)]
     several = enumerate(gait.pressures.T, start=1)
@@ -269,7 +269,7 @@ def _core_channel(name: str, gait: GaitTimeline, pressures: Floats, time_step: f
 
 
 def _inflatable_node(voxel: int, region: int) -> Node:
-    """A voxel of the inflatable robot: bladders and feet show what they are told."""
+    """Node for a voxel of the inflatable robot; bladders and feet show their commands."""
     if region >= FIRST_BLADDER:
         row = region - FIRST_BLADDER
         return Node(f"voxel {voxel}, bladder {row + 1}", CUBE, _colour(BLADDERS[row]), row)

@@ -1,4 +1,4 @@
-"""Pictures of any robot in any state: a motion's frame on matplotlib axes, or in a file."""
+"""Still pictures: one frame of a motion on matplotlib axes, or in a file."""
 
 import math
 from collections.abc import Sequence
@@ -39,10 +39,10 @@ SEEN_FROM_ABOVE = 0.45  # how far up paper rigid robots' ground goes, of what it
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What all pictures of a motion share.
+    """Camera, ground and colours that all pictures of a motion share.
 
     Attributes:
-        motion: that is shown.
+        motion: to show.
         colour: "material", "strain", "contact", "friction", or "beams": links and pressure.
         colouring: of the nodes; for beams with the scale of the strains.
         stretch: the ground.
@@ -55,11 +55,11 @@ class Setting:
 
     @property
     def camera(self) -> Camera:
-        """Who looks."""
+        """The camera of the pictures."""
         return self.stretch.camera
 
     def polygons(self, frame: int) -> Polygons:
-        """A frame on paper, with the lights that stand on the stretch."""
+        """Polygons of a frame on paper, with the lights that stand on the stretch of ground."""
         quads, owners = faces(self.motion, frame)
         colours = self.colouring.of(frame)[owners]
         for light in self.motion.lights[_within(self.stretch, self.motion.lights)]:
@@ -77,18 +77,18 @@ def setting(
     camera: Camera | None = None,
     reach: float = REACH,
 ) -> Setting:
-    """Camera, ground and scale of colours for pictures of some frames.
+    """Choose camera, ground and colour scale for pictures of some frames.
 
     Args:
         motion: to show.
-        frames: of it, that are to be on the ground.
-        colour: see ``Setting``.
+        frames: numbers of the frames that must fit on the ground.
+        colour: "material", "strain", "contact", "friction" or "beams".
         camera: by default it looks from the right, on the way that the robot goes.
-        reach: lengths of the robot: what of the way is farther is cut off. Lights are seen if they add no ground, or
+        reach: longest way shown [lengths of the robot]; the rest is cut off. Lights are seen if they add no ground, or
             little.
 
     Raises:
-        ValueError: in one line, for colours that are not known or that the robot does not have.
+        ValueError: for colours that are not known or that the robot does not have.
     """
     camera = camera or default_camera(motion)
     colours = _beam_colouring(motion, frames) if colour == "beams" else colouring(motion, colour, frames)
@@ -97,7 +97,7 @@ def setting(
 
 
 def default_camera(motion: Motion) -> Camera:
-    """The camera for the motion's own way: voxel robots' heading, or from the start to the end."""
+    """Camera that follows the motion's way: the heading of a voxel robot, or the line from start to end."""
     if motion.lattice is not None or motion.ground.slope:
         return Camera(motion.ground.heading, motion.ground.slope)
     gone = motion.path[-1] - motion.path[0]
@@ -131,7 +131,7 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
 
 
 def draw_pose(axes: "Axes", motion: Motion, frame: int = -1, *, camera: Camera | None = None) -> None:
-    """Draw one frame of a motion on axes of the caller's, which become equal; see :func:`setting` for the camera."""
+    """Draw one frame of a motion on given axes, which get equal scales; ``camera`` is that of :func:`setting`."""
     given = setting(motion, [frame], camera=camera)
     draw_motion(axes, given, frame)
     across, up = limits(given, [frame])
@@ -139,7 +139,7 @@ def draw_pose(axes: "Axes", motion: Motion, frame: int = -1, *, camera: Camera |
 
 
 def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """From where to where pictures of some frames go on paper, from left to right and from below [m]."""
+    """Limits of pictures of some frames on paper [m]: (left, right) and (lowest, highest)."""
     points = [given.stretch.rim]
     for frame in frames:
         corners = given.camera.project(faces(given.motion, frame)[0]).reshape(-1, 2)
@@ -162,17 +162,17 @@ def still_picture(
     camera: Camera | None = None,
     reach: float = REACH,
 ) -> Figure:
-    """The picture of a robot at a time, with a title, and with a key of its colours.
+    """Draw a robot at a time, with a title and a key of its colours.
 
     Args:
         motion: to show.
         at: time [s]; the end by default.
         colour: "material", "strain", "contact", "friction" or "beams".
-        camera: see :func:`setting`.
-        reach: see :func:`setting`.
+        camera: by default it looks from the right, on the way that the robot goes.
+        reach: longest way shown [lengths of the robot].
 
     Raises:
-        ValueError: in one line, for times that the motion does not have, and as :func:`setting`.
+        ValueError: for times that the motion does not have, and as :func:`setting`.
     """
     frame = frame_at(motion, at)
     given = setting(motion, [frame], colour=colour, camera=camera, reach=reach)
@@ -194,22 +194,22 @@ def still_picture(
 
 
 def save_still(motion: Motion, path: str | PathLike[str], **options: Any) -> int:
-    """Write :func:`still_picture`; the suffix of the path chooses the format (png, pdf, svg).
+    """Write the picture of :func:`still_picture`; the suffix of the path chooses the format (png, pdf, svg).
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: in one line, for a file that exists, and as :func:`still_picture`.
+        ValueError: for a file that exists, and as :func:`still_picture`.
     """
     return save_figure(still_picture(motion, **options), path)
 
 
 def save_figure(figure: Figure, path: str | PathLike[str]) -> int:
-    """Write a figure to a new file, and tell its bytes.
+    """Write a figure to a new file, and return its size in bytes.
 
     Raises:
-        ValueError: in one line, for a file that exists, and formats that matplotlib does not have.
+        ValueError: for a file that exists, and formats that matplotlib does not have.
     """
     form = new_path(path).suffix[1:].lower()
     if form not in figure.canvas.get_supported_filetypes():
@@ -220,7 +220,7 @@ def save_figure(figure: Figure, path: str | PathLike[str]) -> int:
 
 
 def figure_content(figure: Figure, form: str, dots_per_inch: int) -> bytes:
-    """A figure as a file of that format; a PNG has a palette of 256 colours, which makes it a third as large."""
+    """Content of a figure's file; a PNG has a palette of 256 colours, which makes it a third as large."""
     content = BytesIO()
     figure.savefig(content, format=form, dpi=dots_per_inch)
     if form == "png":
@@ -232,7 +232,7 @@ def figure_content(figure: Figure, form: str, dots_per_inch: int) -> bytes:
 
 
 def frame_at(motion: Motion, at: float | None) -> int:
-    """The frame nearest to a time [s]; the last one by default."""
+    """Number of the frame nearest to a time [s]; the last one by default."""
     if at is None:
         return len(motion.times) - 1
     time = number("at", at, round(float(motion.times[0]), 9), math.ceil(motion.times[-1] * 1e6) / 1e6, "s")
@@ -240,7 +240,7 @@ def frame_at(motion: Motion, at: float | None) -> int:
 
 
 def draw_key(figure: Figure, colours: Colouring, place: tuple[float, float, float, float]) -> None:
-    """Draw names of colours, or a colour bar of strains, at a place of a figure, left, bottom, width, height."""
+    """Draw names of colours, or a colour bar of strains; ``place`` is left, bottom, width, height in the figure."""
     left, bottom, width, height = place
     if colours.limit:
         bar = figure.add_axes((left + 0.25 * width, bottom + 0.72 * height, 0.5 * width, 0.24 * height))
@@ -263,7 +263,7 @@ def draw_key(figure: Figure, colours: Colouring, place: tuple[float, float, floa
 
 
 def _draw_seen_through(axes: "Axes", given: Setting, frame: int) -> None:
-    """Draw faces of voxels in contact once more, as they are often below the robot."""
+    """Draw the faces of voxels in contact over the robot, as they are often hidden below it."""
     quads, owners = faces(given.motion, frame)
     colours = given.colouring.of(frame)[owners]
     touching = (colours != PLAIN).any(axis=1)
@@ -279,7 +279,7 @@ def _beam_colouring(motion: Motion, frames: Sequence[int]) -> Colouring:
 
 
 def _stretch(motion: Motion, frames: Sequence[int], camera: Camera, reach: float) -> Stretch:
-    """Ground below some frames, the way to the last of them and the lights."""
+    """Choose the ground below some frames, with the way to the last of them and the lights."""
     quads = [faces(motion, frame)[0].reshape(-1, 3) for frame in frames]
     length = max(float(np.ptp(covered(q, camera), axis=1).max()) for q in quads)
     robot = covered(np.concatenate(quads), camera)
@@ -298,19 +298,19 @@ def _stretch(motion: Motion, frames: Sequence[int], camera: Camera, reach: float
 
 
 def _way(given: Setting, frame: int) -> Floats:
-    """The way up to a frame on paper, as far as it is above the stretch, shape (K, 2)."""
+    """Way up to a frame, projected on paper, shape (K, 2) [m]; it starts where it last enters the stretch."""
     passed = given.motion.path[: frame % len(given.motion.times) + 1]
     outside = np.flatnonzero(~_within(given.stretch, passed))
     return given.camera.project(passed[outside[-1] + 1 if len(outside) else 0 :])
 
 
 def _both(first: Floats, second: Floats) -> Floats:
-    """Ranges that hold both, shape (2, 2)."""
+    """Smallest ranges that contain both given ones, shape (2, 2)."""
     return np.stack([np.minimum(first, second)[:, 0], np.maximum(first, second)[:, 1]], axis=1)
 
 
 def _within(stretch: Stretch, points: Floats) -> Any:
-    """Which points are above a stretch, shape (N,)."""
+    """Whether points are above a stretch of ground, shape (N,)."""
     h = np.deg2rad(stretch.camera.heading)
     turn = np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
     places = points[:, :2] @ turn

@@ -1,4 +1,4 @@
-"""The film strip: poses of one gait on the same stretch of ground."""
+"""Film strips: poses of one motion on the same stretch of ground."""
 
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -74,7 +74,7 @@ def _apart(robots: list[Polygons]) -> bool:
 
 
 def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
-    """Shifts on paper that put the pictures in lines, shape (N, 2) [m]."""
+    """Shifts on paper that arrange the pictures in lines, shape (N, 2) [m]."""
     count = len(robots)
     right, climb = np.ptp(rim[:, 0]) + gap, rim[1, 1] - rim[0, 1]
     # Heights are over the near edge of the ground, as the grounds of a column are parallel.
@@ -95,14 +95,14 @@ def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
 
 
 def draw_path(axes: "Axes", path: Floats, zorder: float) -> None:
-    """Draw the way of a robot's middle on paper [m], shape (F, 2), with a dot at its end."""
+    """Draw the path of a robot's middle, given on paper [m], shape (F, 2), with a dot at its end."""
     halo = [withStroke(linewidth=2.4, foreground="white", alpha=0.9)]
     axes.plot(*path.T, color=INK, lw=1.0, zorder=zorder, path_effects=halo, solid_capstyle="round")
     axes.plot(*path[-1], "o", color=INK, ms=3.2, mec="white", mew=0.7, zorder=1000.0)
 
 
 def _write(axes: "Axes", text: str, place: tuple[float, float], centred: bool) -> None:
-    """Write below a place [m]."""
+    """Write a text below a place on paper [m]."""
     side = "center" if centred else "left"
     axes.annotate(text, place, (0, -3), textcoords="offset points", ha=side, va="top", fontsize=8, color=INK)
 

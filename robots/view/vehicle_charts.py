@@ -1,4 +1,4 @@
-"""Vehicles: which controllers succeed in a body, and the paths they drive."""
+"""Charts of vehicles: which controllers succeed in a body, and the paths they drive."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,10 @@ OVERLAP_COLOURS = ("#f2f2f2", "#fee391", "#fe9929", "#b84a0c", "#08306b")
 
 
 def draw_overlap(axes: "Axes", overlap: Bytes, weights: Floats | None = None) -> Any:
-    """Environments that each controller solves, w1 to the right and w2 upwards, and one controller as a cross."""
+    """Draw how many environments each controller solves.
+
+    Weight w1 goes to the right and w2 upwards; ``weights``, if given, is a controller marked by a cross.
+    """
     from matplotlib.colors import ListedColormap
 
     outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights
@@ -40,13 +43,13 @@ def draw_overlap(axes: "Axes", overlap: Bytes, weights: Floats | None = None) ->
 
 
 def add_overlap_bar(drawn: "Figure", image: Any, axes: "Sequence[Axes]") -> None:
-    """What the colours of success matrices mean, beside their axes."""
+    """Add a colour bar of the success matrices beside their axes."""
     bar = drawn.colorbar(image, ax=axes, ticks=range(len(OVERLAP_COLOURS)), aspect=40)
     bar.set_label("environments solved")
 
 
 def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike) -> None:
-    """Paths seen from above, each from a dot on, and lights as stars.
+    """Draw paths seen from above, each starting at a dot, and lights as stars.
 
     Args:
         axes: to draw on.

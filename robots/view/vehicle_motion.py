@@ -1,4 +1,4 @@
-"""Motions of Braitenberg vehicles: points with a heading, shown as bodies of their size."""
+"""Build motions of Braitenberg vehicles, which are points with a heading, shown as bodies of their size."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def vehicle_motion(
     environment: int = 0,
     name: str = "Braitenberg vehicle",
 ) -> Motion:
-    """The motion of a vehicle up to the light, or to the end; its sensors show what they read.
+    """Build the motion of a vehicle up to the light, or to the end; its sensors show what they read.
 
     The model is a point with a heading and sensors: box, bumper and wheels are there to be seen. Channels: sensors,
     distance from the light, way gone and speed, both ahead.
@@ -40,7 +40,7 @@ def vehicle_motion(
         name: of the motion.
 
     Raises:
-        ValueError: in one line, for traces of other bodies and tasks, and places that are not there.
+        ValueError: for traces of other bodies and tasks, and places that are not there.
     """
     places = {"which": which, "controller": controller, "environment": environment}
     for (field, given), count in zip(places.items(), traces.poses.shape[:3], strict=True):
@@ -88,7 +88,7 @@ def vehicle_motion(
 
 
 def _solids(body: VehicleBody) -> tuple[list[Node], Floats, Floats]:
-    """Nodes with their places in the vehicle's frame, x ahead, and their sizes [m], shape (N, 3)."""
+    """Nodes of a vehicle, their places in its frame (x ahead) and their sizes [m], shape (N, 3) each."""
     wide = 2 * HALF_SIDE
     parts = [
         (Node("body", CUBE, STEEL), (0.0, 0.0, BOX_MIDDLE), (wide, wide, HEIGHT)),

@@ -1,4 +1,4 @@
-"""The player: motions in one HTML file that needs no network, no server and no installation.
+"""Interactive player of motions: one HTML file that needs no network, no server and no installation.
 
 It works from disk, in notebooks and on any site; what it needs is a browser with WebGL 2. three.js (MIT licence, see
 ``LICENSE.three``) is part of the file.
@@ -19,7 +19,7 @@ __all__ = ["MOST_MOTIONS", "Player", "embedded", "page", "save_player", "show"]
 
 
 def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *, title: str = "") -> int:
-    """Write a page that plays motions.
+    """Write an HTML page that plays motions.
 
     Args:
         motions: one, or up to four to see side by side.
@@ -30,7 +30,7 @@ def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *
         Bytes written.
 
     Raises:
-        ValueError: in one line, for a file that exists, no motions or too many of them.
+        ValueError: for a file that exists, no motions or too many of them.
     """
     if Path(path).exists():
         raise ValueError(f"path: {path} exists; name a new file")
@@ -41,7 +41,7 @@ def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *
 
 @dataclass(frozen=True)
 class Player:
-    """A page that notebooks show.
+    """A player that notebooks show below a cell.
 
     Attributes:
         page: as text.
@@ -56,10 +56,10 @@ class Player:
 
 
 def show(motions: Motion | Sequence[Motion], *, title: str = "", height: int = 860) -> Player:
-    """Play motions below a notebook's cell.
+    """Show a player of motions below a notebook's cell.
 
     Args:
-        motions: as of :func:`save_player`.
+        motions: one, or up to four to see side by side.
         title: above them.
         height: of the player [px].
     """
@@ -67,12 +67,12 @@ def show(motions: Motion | Sequence[Motion], *, title: str = "", height: int = 8
 
 
 def embedded(page: str, style: str = "", title: str = "Player of motions") -> str:
-    """A player's page as an element of another page.
+    """HTML element that contains a player, for use in another page.
 
     Args:
         page: as text.
         style: CSS of the element.
-        title: for those who do not see it.
+        title: for screen readers.
     """
     look = f' style="{html.escape(style)}"' if style else ""
     return f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}"{look}></iframe>'

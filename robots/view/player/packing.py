@@ -1,4 +1,4 @@
-"""Motions as few bytes: whole numbers of small steps, their changes from frame to frame, compressed.
+"""Compress the poses of motions: rounded to whole numbers, stored as changes from frame to frame.
 
 Any point of a solid is shown within 0.1 mm of where it is: half of that is the error of the centre, the rest that of
 rotation and size together.
@@ -22,12 +22,12 @@ LEVEL = 6  # of compression; 9 saves 4 % and takes six times as long
 
 @dataclass(frozen=True)
 class Packed:
-    """A motion's poses, packed.
+    """The compressed poses of a motion.
 
     Attributes:
         frames: F.
         nodes: N.
-        steps: what one means in translation [m], rotation and scale.
+        steps: size of one unit of the whole numbers, for translation [m], rotation and scale.
         planes: bytes of each change.
         data: compressed by zlib: the lowest bytes of all changes, then the next ones, and so on. Changes, from zeros
             on, are ordered by frames, then the ten numbers of a pose, then nodes, signs in the lowest bit.
@@ -41,10 +41,10 @@ class Packed:
 
 
 def pack(motion: Motion) -> Packed:
-    """Pack the poses of a motion.
+    """Compress the poses of a motion.
 
     Raises:
-        ValueError: in one line, for motions too long or too wide for whole numbers.
+        ValueError: for motions too long or too wide for whole numbers.
     """
     steps = _steps(motion)
     frames, nodes = motion.translation.shape[:2]
@@ -64,7 +64,7 @@ def pack(motion: Motion) -> Packed:
 
 
 def unpack(packed: Packed) -> tuple[Floats, Floats, Floats]:
-    """Translation (F, N, 3), rotation (F, N, 4) and scale (F, N, 3), as a player shows them."""
+    """Decompress poses: translation (F, N, 3), rotation (F, N, 4) and scale (F, N, 3), as a player shows them."""
     split = np.frombuffer(zlib.decompress(packed.data), np.uint8).reshape(packed.planes, -1)
     unsigned = sum((plane.astype(np.int64) << (8 * k) for k, plane in enumerate(split)), np.zeros(1, np.int64))
     changes = ((unsigned >> 1) ^ -(unsigned & 1)).reshape(packed.frames, NUMBERS, packed.nodes)
@@ -76,7 +76,7 @@ def unpack(packed: Packed) -> tuple[Floats, Floats, Floats]:
 
 
 def _steps(motion: Motion) -> tuple[float, float, float]:
-    """Steps that keep the tolerance.
+    """Step sizes of translation, rotation and scale that keep the tolerance.
 
     Errors of half a step in each number move a centre by sqrt(3)/2 steps; they turn by at most 2 |dq|, two steps, and
     move what is r away by 2 r steps; they move a corner of a solid with the half diagonal d by d/2 steps, at scale 1.

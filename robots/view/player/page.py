@@ -1,4 +1,4 @@
-"""The player's page: motions, three.js and the program that plays them in one HTML file."""
+"""HTML page of the player: motions, three.js and the program that plays them."""
 
 import base64
 import gzip
@@ -26,14 +26,14 @@ MOST_VALUES = 2000  # of a channel in the chart
 
 
 def page(motions: Motion | Sequence[Motion], title: str = "") -> str:
-    """The page as text.
+    """Build the HTML page of a player.
 
     Args:
         motions: one, or up to four to see side by side.
         title: above them.
 
     Raises:
-        ValueError: in one line, for no motions or too many of them.
+        ValueError: for no motions or too many of them.
     """
     several = [motions] if isinstance(motions, Motion) else list(motions)
     if not 1 <= len(several) <= MOST_MOTIONS:
@@ -68,7 +68,7 @@ def _file(name: str) -> str:
 
 
 def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
-    """All but the poses, as JSON."""
+    """Describe a motion, apart from its poses, as a dictionary that fits JSON."""
     solids = list(dict.fromkeys(node.solid for node in motion.nodes))
     colours = list(dict.fromkeys(node.colour for node in motion.nodes))
     upright = product(Z_UP_TO_Y_UP, motion.ground.upright)
@@ -96,13 +96,13 @@ def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
 
 
 def _view(motion: Motion) -> dict[str, Any]:
-    """What is to be seen at first, and the ground below it."""
+    """Describe the first view of a motion and the ground below it, for JSON."""
     heading = np.deg2rad(motion.ground.heading)
     along = np.array([np.cos(heading), np.sin(heading)])
     gone = (motion.path[-1] - motion.path[0])[:2]
     if not motion.ground.slope and not motion.ground.heading and np.linalg.norm(gone) > 1e-3:
         along = gone / np.linalg.norm(gone)
-    reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [_reach(node.solid) for node in motion.nodes]
+    reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [_diameter(node.solid) for node in motion.nodes]
     size = 2 * float((np.linalg.norm(motion.translation[0] - motion.path[0], axis=1) + reach[:, 0]).max())
     places = np.concatenate([motion.path, motion.lights])
     frame = np.stack([along, [-along[1], along[0]]])
@@ -127,20 +127,20 @@ def _view(motion: Motion) -> dict[str, Any]:
 
 
 def _grid(length: float) -> float:
-    """A round length [m] about as large."""
+    """Nearest length of the form 1, 2 or 5 times a power of ten [m], for the spacing of grid lines."""
     power = 10 ** np.floor(np.log10(length))
     return float(power * min((1, 2, 5, 10), key=lambda digit: abs(np.log(digit * power / length))))
 
 
-def _reach(solid: Solid) -> float:
-    """Of a centred solid, twice [m]."""
+def _diameter(solid: Solid) -> float:
+    """Diameter of the smallest ball around a solid [m]."""
     if isinstance(solid, Box):
         return float(np.linalg.norm(np.asarray(solid.size, float)))
     return 2 * solid.radius + (solid.length if isinstance(solid, Capsule) else 0.0)
 
 
 def _skin(skin: Skin) -> dict[str, Any]:
-    """Its points, and for each face the cube and the points around it."""
+    """Describe a skin for JSON: its points, and for each face the cube and the points at its corners."""
     cubes, sides = skin.faces.T
     return {
         "knots": skin.knots.tolist(),

@@ -51,7 +51,7 @@ def save_vxl_json(robot: VoxelFile | LatticeBody, path: str | PathLike[str]) -> 
     """Write a robot, or a body alone, for Voxelyze; :func:`load_voxel_file` gives it back to the bit.
 
     Raises:
-        ValueError: in one line, for a robot that is driven by heat, and files that cannot be written.
+        ValueError: for a robot that is driven by heat, and files that cannot be written.
     """
     file = VoxelFile.of_body(robot) if isinstance(robot, LatticeBody) else robot
     text = write_vxl_json(file)

@@ -75,7 +75,7 @@ def array_of_body(body: LatticeBody) -> Ints:
     """Numbers of materials from 1, 0 where there is no voxel, shape (X, Y, Z); the body's lowest place is (0, 0, 0).
 
     Raises:
-        ValueError: in one line, if the array would have more than 2^28 places.
+        ValueError: if the array would have more than 2^28 places.
     """
     places = body.voxels - body.voxels.min(axis=0)
     shape = (places.max(axis=0) + 1).tolist()

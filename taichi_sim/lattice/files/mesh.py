@@ -132,7 +132,7 @@ def body_from_mesh(
         most_memory: see there.
 
     Raises:
-        ValueError: in one line, as :func:`voxelise`, and for a scale that is not positive.
+        ValueError: as :func:`voxelise`, and for a scale that is not positive.
     """
     if not (math.isfinite(scale) and scale > 0):
         raise ValueError(f"scale: {scale!r} is not allowed; it must be positive")

@@ -72,7 +72,7 @@ class VoxelFile:
         """Let forces, moments and displacements act from a step on; voxels of a region must have them in common.
 
         Raises:
-            ValueError: in one line, if they have not.
+            ValueError: if they have not.
         """
         for quantity, values in (
             (Quantity.FORCE, self.force),
@@ -92,7 +92,7 @@ def read_bytes(path: Path) -> bytes:
     """What is in a file.
 
     Raises:
-        ValueError: in one line, if it cannot be read, or is larger than ``LARGEST``, which is found out beforehand.
+        ValueError: if it cannot be read, or is larger than ``LARGEST``, which is found out beforehand.
     """
     try:
         size = path.stat().st_size

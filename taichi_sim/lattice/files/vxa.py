@@ -41,7 +41,7 @@ def read_vxa(root: Element) -> VoxelFile:
     """The robot of the root of a ``.vxa`` file, or of a ``.vxc`` file, which has no environment.
 
     Raises:
-        ValueError: in one line, for what is missing, damaged or not allowed.
+        ValueError: for what is missing, damaged or not allowed.
     """
     model = root if root.tag == "VXC" else root.find("VXC")
     if root.tag not in ("VXA", "VXC") or model is None:

@@ -14,7 +14,7 @@ def merged(base: Element, difference: Element) -> Element:
     """A copy of the base, with the parts that the difference replaces or adds.
 
     Raises:
-        ValueError: in one line, for a part without a path, or one of another file.
+        ValueError: for a part without a path, or one of another file.
     """
     if difference.tag != "VXD":
         raise ValueError(f"<{difference.tag}> is no difference; give a file of <VXD>")

@@ -41,7 +41,7 @@ def read_vxl_json(text: str) -> VoxelFile:
     """The robot of a ``.vxl.json`` text.
 
     Raises:
-        ValueError: in one line, for what is missing, damaged or not allowed.
+        ValueError: for what is missing, damaged or not allowed.
     """
     document = _parsed(text)
     ignored: list[str] = []
@@ -80,7 +80,7 @@ def write_vxl_json(file: VoxelFile) -> str:
     """The same robot as text, whose numbers come back to the bit; of heat it can say nothing.
 
     Raises:
-        ValueError: in one line, for a robot that is driven by heat.
+        ValueError: for a robot that is driven by heat.
     """
     if file.heat is not None:
         raise ValueError("heat: a .vxl.json has no place for it; leave it out")
