@@ -1,4 +1,4 @@
-"""Drawings of what runs and studies found, on matplotlib axes; reports and figures of studies share them."""
+"""Plots of the results of runs and studies, on matplotlib axes."""
 
 from optim.plots.curves import draw_band, draw_best, draw_curves, draw_run, draw_share_solved, save_curves
 from optim.plots.fronts import add_bar, draw_elites, draw_front, draw_points

@@ -1,4 +1,4 @@
-"""Experiments before and after a fit, beside what was measured."""
+"""Plots of a calibration: simulated experiments before and after the fit, beside the measurements."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,10 +14,10 @@ COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
 
 
 def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, path: Path) -> None:
-    """A panel for each experiment: measured points, with standard deviations if given, and the simulation twice.
+    """Plot each experiment in a panel: measurements, and the simulation before and after the fit.
 
     Args:
-        experiments: with what was measured.
+        experiments: with their measurements, and standard deviations if known.
         predictions: of all points before and after, shape (2, N).
         path: of the picture.
     """
@@ -55,7 +55,7 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
 
 
 def _handy(label: str) -> tuple[str, float]:
-    """A label in handy units, and by what its numbers are multiplied."""
+    """Label with a more readable unit, and the factor that converts numbers to this unit."""
     for unit, (handy, factor) in HANDY.items():
         if label.endswith(unit):
             return label.replace(unit, handy), factor

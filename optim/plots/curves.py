@@ -1,4 +1,4 @@
-"""Curves of searches: over the generations of one run, and of groups of runs over what they spent."""
+"""Curves of searches: scores of one run over its generations, and of groups of runs over their costs."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ UNIT_LINES: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "ste
 def draw_run(
     axes: "Axes", generations: Sequence[Generation], *, best: str = COLOURS[0], mean: str = COLOURS[1]
 ) -> None:
-    """Best score of a run so far, the mean of what its search keeps, and every climber as a thin line.
+    """Draw a run's best score so far, the mean score of what its search keeps, and each climber as a thin line.
 
     Scores are missing as long as every evaluation has failed.
 
@@ -45,12 +45,12 @@ def draw_run(
 
 
 def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[str, str]) -> None:
-    """Details of the best design so far, such as its speed on each terrain.
+    """Draw details of the best design so far, such as its speed on each terrain.
 
     Args:
         axes: to draw on.
         generations: as logged, at least one.
-        details: names of numbers in ``best_details``, and how the legend shall call them.
+        details: names of numbers in ``best_details``, and their labels in the legend.
     """
     for (name, label), colour in zip(details.items(), COLOURS[2:] + COLOURS[:2], strict=False):
         values = np.array([(g.best_details or {}).get(name) for g in generations], float)
@@ -78,7 +78,7 @@ def draw_band(
     label: str = "",
     steps: bool = False,
 ) -> None:
-    """A mean and the band of its interval.
+    """Draw a mean and the band of its interval.
 
     Args:
         axes: to draw on.
@@ -93,12 +93,12 @@ def draw_band(
 
 
 def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
-    """Mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
+    """Draw the mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
 
     Args:
         axes: to draw on.
-        curves: of groups, see ``optim.runs.comparison.curves``.
-        axis: what they are over: ``"evaluations"``, ``"generations"`` or ``"seconds"``.
+        curves: one for each group, as ``optim.runs.comparison.curves`` makes them.
+        axis: quantity on the horizontal axis: ``"evaluations"``, ``"generations"`` or ``"seconds"``.
     """
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
@@ -109,14 +109,14 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
 
 
 def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget: int, **line: Any) -> None:
-    """Share of trials that have come to their goal, against the evaluations that they needed.
+    """Draw the share of trials that have reached their goal, against the evaluations spent.
 
     Args:
         axes: to draw on.
-        evaluations: of the trials that came there.
-        trials: all of them.
-        budget: evaluations of a trial that did not.
-        line: how it is drawn, see ``Axes.plot``.
+        evaluations: that each successful trial needed.
+        trials: number of all trials.
+        budget: evaluations of an unsuccessful trial.
+        line: keyword arguments of ``Axes.plot``.
     """
     x = np.concatenate([[0], np.sort(np.asarray(evaluations)), [budget]])
     y = np.append(np.arange(len(x) - 1), len(x) - 2) / trials
@@ -125,7 +125,7 @@ def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget:
 
 
 def save_curves(curves: Sequence[Curve], axis: str, path: Path) -> None:
-    """The picture of :func:`draw_curves`; the suffix of the path chooses the format."""
+    """Write the picture of :func:`draw_curves`; the suffix of the path chooses the format."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 4.2), layout="constrained")

@@ -1,4 +1,4 @@
-"""Pareto fronts of two and three objectives."""
+"""Plots of Pareto fronts with two or three objectives, and of elites."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, best: int | None = None) -> Any:
-    """Designs by two objectives to be maximised, or three, the third as colour.
+    """Draw designs by two objectives to be maximised, or by three, with the third as colour.
 
     Dominated designs are small and pale. Through the front of two objectives goes the staircase that bounds what it
     dominates.
@@ -28,7 +28,7 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
         best: row of a design to be marked.
 
     Returns:
-        What a colour bar needs for the third objective, see :func:`add_bar`; None with two.
+        The drawn points, for :func:`add_bar`, with three objectives; None with two.
 
     Raises:
         ValueError: for other numbers of objectives, and no designs.
@@ -64,19 +64,19 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
 
 
 def add_bar(figure: "Figure", axes: "Axes", shown: Any, name: str) -> None:
-    """The colours of a third objective beside a front."""
+    """Add a colour bar of the third objective beside a front."""
     figure.colorbar(shown, ax=axes, label=name, fraction=0.05, aspect=30)
 
 
 def draw_points(
     axes: "Axes", x: ArrayLike, y: ArrayLike, filled: ArrayLike | None = None, *, colour: str, label: str = ""
 ) -> None:
-    """Designs as circles, of which some may be hollow.
+    """Draw designs as circles, of which some may be hollow.
 
     Args:
         axes: to draw on.
-        x, y: where, shape (N,).
-        filled: which are, shape (N,); all by default.
+        x, y: places of the designs, shape (N,).
+        filled: which circles are filled, shape (N,); all by default.
         colour: of all.
         label: for the legend.
     """
@@ -87,7 +87,7 @@ def draw_points(
 
 
 def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequence[str]") -> Any:
-    """The best designs of many kinds, coloured by their scores.
+    """Draw the elites, which are the best designs of many kinds, coloured by their scores.
 
     Args:
         axes: to draw on.
@@ -96,7 +96,7 @@ def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequ
         names: of the descriptors.
 
     Returns:
-        What a colour bar needs, see :func:`add_bar`.
+        The drawn points, for :func:`add_bar`.
     """
     axes.set(xlabel=names[0], ylabel=names[1])
     x, y = np.asarray(places, float).T

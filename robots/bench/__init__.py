@@ -1,1 +1,1 @@
-"""How fast the simulators are on this machine."""
+"""Benchmarks: how fast the simulators are on this machine."""

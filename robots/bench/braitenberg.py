@@ -1,4 +1,4 @@
-"""How fast vehicles are on this machine: rollouts of 10,000 steps per second and core.
+"""Benchmark of vehicles: rollouts of 10,000 steps per second and core.
 
 All 58,564 rollouts of the best published body count, also those that end early, as in a sweep. Times are wall times on
 one thread, the best of several rounds being the machine undisturbed; with a reference program the rounds alternate, and
@@ -25,7 +25,7 @@ SAMPLES = 10_001  # of a whole trace
 
 
 def prototype_rate(path: Path) -> float:
-    """What a reference program reports: the number before "traj/s"."""
+    """Run a reference program and return the rate that it reports: the number before "traj/s"."""
     command = [sys.executable, path.name, "F", "f64", "nofast", "32"]
     run = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, check=True)
     found = re.search(r"([0-9.]+) traj/s", run.stdout)
@@ -35,7 +35,7 @@ def prototype_rate(path: Path) -> float:
 
 
 def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
-    """All figures."""
+    """Measure all rates of the benchmark."""
     rates = {"f64": list[float](), "f32": list[float](), "prototype": list[float]()}
     for precision in ("f64", "f32"):
         sweep([DESIGN], weights=11, steps=100, precision=precision, threads=1)  # compiles
@@ -63,13 +63,13 @@ def _sweep_rate(precision: str) -> float:
 
 
 def _some(count: int) -> VehicleBatch:
-    """Controllers of the body, drawn evenly."""
+    """Batch of ``count`` rollouts of the body with controllers drawn uniformly at random."""
     weights = np.random.default_rng(0).uniform(-1, 1, (1, count // len(PUBLISHED.starts), 2))
     return batch_of([DESIGN], contralateral(weights))
 
 
 def _gradient_rate(count: int) -> float:
-    """Rollouts with derivatives a second."""
+    """Measure rollouts with derivatives per second."""
     differentiate(_some(8), PUBLISHED, threads=1)
     begun = time.perf_counter()
     differentiate(_some(count), PUBLISHED, threads=1)
@@ -77,7 +77,7 @@ def _gradient_rate(count: int) -> float:
 
 
 def _warping_rate(samples: int) -> float:
-    """Pairs of whole traces a second, from pairs of so many samples."""
+    """Time warping distances of pairs of ``samples`` samples, and scale to pairs of whole traces per second."""
     signals = np.random.default_rng(0).random((16, samples))
     warping_distances(signals[:, :9], signals[:, :9], threads=1)
     begun = time.perf_counter()
@@ -86,7 +86,7 @@ def _warping_rate(samples: int) -> float:
 
 
 def lines(figures: dict[str, Any]) -> list[str]:
-    """The figures as a table."""
+    """Lines of a table of the rates."""
     rates = figures["rollouts_per_core_second"]
     found = [
         f"{precision}  rollouts, one core       {rates[precision]['median']:>8.0f} of 10,000 steps/s "

@@ -1,4 +1,4 @@
-"""How fast the lattice is on this machine: rates of the published robot, and how far it is from the limits.
+"""Benchmark of the lattice: rates of the published robot, and how far they are from the machine's limits.
 
 Every figure is measured several times in short pieces; the best piece is the machine undisturbed, the median what one
 gets. Speeds of shared machines drift, so claims are ratios within one run: to a reference program (``--prototype``, any
@@ -38,7 +38,7 @@ class Batch:
     """A batch of the published robot at the published inching gait, advanced piece by piece."""
 
     def __init__(self, batch: int, precision: str, threads: int, width: int | None = None) -> None:
-        """Set the batch up and note the seconds that the first step takes, compilation included."""
+        """Set up the batch and measure the time of the first step [s], compilation included."""
         self.batch, self._done = batch, 0
         self._program = build_program([INCHING] * batch, Terrain())
         runtime.start("cpu", precision, threads)
@@ -56,19 +56,19 @@ class Batch:
         self.first_step = time.perf_counter() - started
 
     def advance(self, steps: int) -> None:
-        """Run so many further steps of the gait."""
+        """Run the next ``steps`` steps of the gait."""
         result = self.engine.run(self._piece(steps))
         if (result.status != "ok").any():
             raise RuntimeError("the benchmark's robots diverged")
 
     def differentiate(self, steps: int) -> float:
-        """Run so many further steps and go back through them; the bytes that this takes."""
+        """Run the next ``steps`` steps and differentiate them backwards; return the memory of the tape [B]."""
         tape = self.engine.record(self._piece(steps), memory=GRADIENT_MEMORY)
         tape.pull_back(positions=np.ones_like(tape.result.positions))
         return tape.memory
 
     def _piece(self, steps: int) -> LatticeProgram:
-        """The next steps of the gait; the pose is recorded at their end."""
+        """Program of the next ``steps`` steps of the gait, which records the pose at their end."""
         events = self._program.events
         piece = events[(events["step"] >= self._done) & (events["step"] < self._done + steps)].copy()
         piece["step"] -= self._done
@@ -77,7 +77,7 @@ class Batch:
 
 
 def rates(clock: Callable[[], float], batches: list[Batch], steps: int, pieces: int) -> list[tuple[float, float]]:
-    """Robot-steps per second (best piece, median piece) of every batch; their pieces alternate."""
+    """Measure robot-steps per second (best piece, median piece) of every batch; pieces of the batches alternate."""
     for batch in batches:
         batch.advance(max(WARM_UP - 1, 0))
     seconds = np.empty((pieces, len(batches)))
@@ -91,7 +91,7 @@ def rates(clock: Callable[[], float], batches: list[Batch], steps: int, pieces: 
 
 
 def prototype_rate(path: Path, precision: str) -> float:
-    """What a reference program reports: the first number after "f32:" or "f64:" on its last line."""
+    """Run a reference program and return its rate: the first number after "f32:" or "f64:" on its last line."""
     run = subprocess.run(
         [sys.executable, path.name, precision], cwd=path.parent, capture_output=True, text=True, check=True
     )
@@ -102,7 +102,7 @@ def prototype_rate(path: Path, precision: str) -> float:
 
 
 def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:
-    """All figures of one precision."""
+    """Measure all rates in one precision."""
     lanes, pieces, steps = NATIVE_WIDTH[precision], 4, 250 if quick else 1000
     before = prototype_rate(prototype, precision) if prototype else None
     full = Batch(lanes, precision, 1, lanes)
@@ -130,7 +130,10 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
 
 
 def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
-    """CPU time of gradients over so many steps, all computed again counted, in forward runs of one robot in scalars."""
+    """Measure the CPU time of gradients over ``steps`` steps, as a multiple of forward runs.
+
+    It includes the steps that the backward pass computes again.
+    """
     found: dict[str, Any] = {"steps": steps}
     forward = Batch(1, precision, 1, 1)
     forward.advance(WARM_UP)
@@ -153,14 +156,14 @@ def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
 
 
 def _timed(work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
-    """CPU time of some steps, and what came of them."""
+    """CPU time of ``work(steps)`` [s], and its result."""
     begun = time.process_time()
     result = work(steps)
     return time.process_time() - begun, result
 
 
 def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int) -> float:
-    """Speed of two threads over that of one, wall clock, pieces in turns."""
+    """Measure the wall-clock speed of two threads divided by that of one."""
     speeds = []
     for threads in (1, 2):
         piece = Batch(batch, precision, threads, width)
@@ -169,7 +172,7 @@ def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int
 
 
 def main(args: Namespace) -> dict[str, Any]:
-    """Measure and print tables (to stderr with ``--json``); returns the figures."""
+    """Measure all rates and print them as tables (to stderr with ``--json``); return the numbers."""
     out = sys.stderr if args.json else sys.stdout
     figures: dict[str, Any] = {"cpu": _cpu_name(), "cores": os.cpu_count()}
     if args.robot in ("all", "inflatable"):
@@ -187,7 +190,7 @@ def main(args: Namespace) -> dict[str, Any]:
 
 
 def _inflatable(args: Namespace, out: TextIO) -> dict[str, Any]:
-    """Measure the lattice; print and return the figures of each precision."""
+    """Measure the published robot in each precision; print and return the numbers."""
     precisions = [args.precision] if args.precision else ["f32", "f64"]
     figures: dict[str, Any] = {}
     for precision in precisions:

@@ -1,4 +1,4 @@
-"""How fast quadrupeds are on this machine: time steps of 0.05 s per second and core.
+"""Benchmark of quadrupeds: time steps of 0.05 s per second and core.
 
 Random controllers, half of which fall over, for a simulated 50 s. CPU times on one thread, the best of several rounds
 being the machine undisturbed; with a reference program (whose output reads "... 480000 per core-second") the rounds
@@ -25,7 +25,7 @@ LIGHT = ((9.0, 0.0),)
 
 
 def prototype_rate(path: Path, controllers: int) -> float:
-    """What a reference program reports, whose arguments are: bench, controllers, steps."""
+    """Run a reference program with the arguments "bench", controllers, steps, and return the rate that it reports."""
     command = [sys.executable, str(path.resolve()), "bench", str(controllers), str(STEPS)]
     environment = {**os.environ, "FP": "32", "NT": "1"}
     with tempfile.TemporaryDirectory() as folder:
@@ -37,7 +37,7 @@ def prototype_rate(path: Path, controllers: int) -> float:
 
 
 def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
-    """All figures."""
+    """Measure all rates of the benchmark."""
     rates: dict[str, dict[str, list[float]]] = {p: {robot.kind: [] for robot in ROBOTS} for p in ("f32", "f64")}
     others: list[float] = []
     begun = time.perf_counter()
@@ -70,7 +70,7 @@ def _rate(robot: Quadruped, precision: str, steps: int) -> float:
 
 
 def lines(figures: dict[str, Any]) -> list[str]:
-    """The figures as a table."""
+    """Lines of a table of the rates."""
     found = [
         f"{precision}  {kind:<8} robot, one core    {rate['median']:>8.0f} robot-steps/s (best {rate['best']:.0f})"
         for precision, of_robot in figures["steps_per_core_second"].items()

@@ -1,6 +1,6 @@
-"""Robots as Gymnasium environments, for learners from elsewhere; importing this registers them.
+"""Robots as Gymnasium environments, for any reinforcement-learning library; importing this registers them.
 
-``gymnasium.make("morpholab/Vehicle-v0")`` and so on; see ``ENVIRONMENTS``. Needs the extra ``gym``.
+``gymnasium.make("morpholab/Vehicle-v0")`` makes one; ``ENVIRONMENTS`` names all. Needs the extra ``gym``.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What the environments share."""
+"""Base class of the Gymnasium environments."""
 
 from typing import Any, TypeVar
 
@@ -14,24 +14,27 @@ FAILED_RETURN = -1.0  # of an episode in which the simulation diverges, whatever
 
 
 class RobotEnvironment(gymnasium.Env[Observation, Action]):
-    """An environment whose reward is progress, and whose failures never win."""
+    """Gymnasium environment whose reward is progress, and in which a robot that diverges never wins."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 - what Gymnasium asks for
 
     def __init__(self, low: Observation, high: Observation) -> None:
-        """Observe numbers between two bounds."""
+        """Take the bounds of the observations."""
         self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
         self._gained, self._observed = 0.0, low
 
     def _begin(self, observation: Observation, info: dict[str, Any]) -> tuple[Observation, dict[str, Any]]:
-        """What a reset returns."""
+        """Observation and info of a reset, as Gymnasium expects them."""
         self._gained, self._observed = 0.0, self._within(observation)
         return self._observed.copy(), info
 
     def _outcome(
         self, observation: Observation, reward: float, reached: bool, failed: bool, info: dict[str, Any]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """What a step returns; of a robot that diverged, the last observation that was one."""
+        """Observation, reward, terminated, truncated and info of a step, as Gymnasium expects them.
+
+        A robot that diverged keeps its last finite observation and loses all that it has gained.
+        """
         if failed:
             reward = FAILED_RETURN - self._gained
         else:
@@ -52,10 +55,10 @@ class RobotEnvironment(gymnasium.Env[Observation, Action]):
         return found
 
     def _chosen(self, options: dict[str, Any] | None, name: str, count: int) -> int:
-        """Which of so many an option names; drawn by chance without one.
+        """Number below ``count`` that the option ``name`` gives; drawn at random without this option.
 
         Raises:
-            ValueError: for an option that is not there, or a number beyond them.
+            ValueError: for an unknown option, or a number outside 0 to ``count`` - 1.
         """
         given = dict(options or {})
         number = given.pop(name, None)
@@ -69,10 +72,10 @@ class RobotEnvironment(gymnasium.Env[Observation, Action]):
 
 
 def checked_action(action: object, space: gymnasium.Space[Any]) -> Observation:
-    """An action as numbers.
+    """Convert an action to an array of numbers.
 
     Raises:
-        ValueError: for one that is not in its space.
+        ValueError: if it is not in its space.
     """
     found = np.asarray(action)
     if found.dtype.kind in "biuf":

@@ -1,4 +1,4 @@
-"""The inflatable shape-changing robot as an environment: a step is a column of a gait.
+"""The inflatable shape-changing robot as an environment: each step plays one column of a gait.
 
 Source: Powers 2021 dissertation, ch. 5; a sequence of actions does what a schedule of these columns does, bit for bit.
 """
@@ -79,7 +79,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
             compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
         Raises:
-            ValueError: for what is not allowed.
+            ValueError: for values that are not allowed.
         """
         super().__init__(_LOW, _HIGH)
         self.render_mode = render_mode
@@ -106,7 +106,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; the first one initialises the robot, later ones go back there."""
+        """Begin an episode; the first one initialises the robot, later ones restore that state."""
         super().reset(seed=seed)
         if options:
             raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
@@ -160,7 +160,7 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         return self._outcome(self._observation(found, moved), float(moved[0]), False, False, self._info())
 
     def _middle(self, found: LatticeResult) -> Observation:
-        """Mean of all corners of exposed faces [m]: what distances are measured by."""
+        """Middle of the robot, by which distances are measured: the mean of all corners of exposed faces [m]."""
         body = self.geometry.body
         extents = half_extents(body, found.strains, found.sizes)
         middle: Observation = mean_of_face_corners(body, found.positions, found.orientations, extents)[0, 0]

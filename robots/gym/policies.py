@@ -1,4 +1,4 @@
-"""Policies that act in the environments, and episodes: for tests, baselines and comparisons."""
+"""Simple policies for the environments, and a function that plays episodes, for tests and baselines."""
 
 from typing import Any, Protocol
 
@@ -10,24 +10,24 @@ from robots.gym.environment import Observation
 
 
 class Policy(Protocol):
-    """What acts on observations."""
+    """Policy: chooses an action for each observation."""
 
     def reset(self) -> None:
-        """Forget the last episode."""
+        """Begin a new episode without memory of the last one."""
 
     def __call__(self, observation: Observation) -> Any:
-        """An action."""
+        """Action for an observation."""
 
 
 class RandomPolicy:
-    """Actions drawn from the action space, the same in every episode of a seed."""
+    """Policy that draws actions at random from the action space; every episode has equal ones."""
 
     def __init__(self, space: gymnasium.Space[Any], seed: int = 0) -> None:
-        """Draw from a space."""
+        """Take the action space and the seed."""
         self._space, self._seed = space, seed
 
     def reset(self) -> None:
-        """Draw from the start again."""
+        """Restart the random numbers from the seed."""
         self._space.seed(self._seed)
 
     def __call__(self, observation: Observation) -> Any:
@@ -36,17 +36,17 @@ class RandomPolicy:
 
 
 class LinearPolicy:
-    """Actions W (s, 1) within the bounds of a box: weights of observations, then a bias."""
+    """Linear policy with actions W (s, 1), clipped to the bounds of a box: weights of observations, then a bias."""
 
     def __init__(self, space: gymnasium.spaces.Box, weights: ArrayLike) -> None:
         """Take weights of shape (actions, observations + 1)."""
         self._low, self._high, self._weights = space.low, space.high, np.asarray(weights, float)
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Do nothing: the policy has no memory."""
 
     def __call__(self, observation: Observation) -> Observation:
-        """The action."""
+        """Action for an observation."""
         action: Observation = np.clip(self._weights @ [*observation, 1.0], self._low, self._high)
         return action
 
@@ -63,11 +63,11 @@ class NeuronPolicy:
         self.reset()
 
     def reset(self) -> None:
-        """Neurons at rest."""
+        """Set all neurons to 0."""
         self._neurons = np.zeros(self._weights.shape[1])
 
     def __call__(self, observation: Observation) -> Observation:
-        """The neurons' values."""
+        """Values of the neurons after an observation, which are the action."""
         self._neurons = np.tanh(self._memory * self._neurons + self._gain * (observation @ self._weights))
         return self._neurons
 
@@ -75,7 +75,7 @@ class NeuronPolicy:
 def episode(
     environment: gymnasium.Env[Any, Any], policy: Policy, seed: int = 0, options: dict[str, Any] | None = None
 ) -> tuple[float, dict[str, Any]]:
-    """Play an episode; its return and the last ``info``."""
+    """Play an episode; give its return (the sum of rewards) and the last ``info``."""
     policy.reset()
     observation, info = environment.reset(seed=seed, options=options)
     gained, over = 0.0, False

@@ -1,4 +1,4 @@
-"""Quadrupeds as environments.
+"""Quadrupeds as Gymnasium environments.
 
 Source: dissertation, chapter 2 ("The robots").
 """
@@ -18,7 +18,7 @@ BRIGHTEST = 100.0  # 1/m^2
 
 
 class QuadrupedEnvironment(RobotEnvironment[Observation]):
-    """Walk, roll, or both, towards a light.
+    """Environment in which a quadruped goes towards a light on legs, wheels or whegs.
 
     Action: values of the eight motor neurons, shape (8,), from -1 to 1, kept for one step of 0.05 s (20 Hz). Motors of
     legs take them as angles, those of wheels as speeds, in units of what the variant allows, within the robot's torque;
@@ -41,7 +41,7 @@ class QuadrupedEnvironment(RobotEnvironment[Observation]):
         lights: Sequence[Sequence[float]] = ENVIRONMENTS,
         render_mode: None = None,
     ) -> None:
-        """Take a kind or a robot, what was published or its text, and places of the light, (E, 2) [m]."""
+        """Take a kind or a robot, the variant of the simulation, and places of the light [m], shape (E, 2)."""
         low = np.array([min(variant.touch_values)] * (SENSORS - 1) + [0.0])
         high = np.array([max(variant.touch_values)] * (SENSORS - 1) + [BRIGHTEST])
         super().__init__(low, high)
@@ -65,7 +65,7 @@ class QuadrupedEnvironment(RobotEnvironment[Observation]):
         return self._begin(found.readings[0], info)
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Keep the motors' commands for one time step."""
+        """Apply the motors' commands for one time step."""
         found = self._session.advance(checked_action(action, self.action_space)[None])
         info = self._info(found)
         gained, self._distance = self._distance - info["distance"], info["distance"]

@@ -1,4 +1,4 @@
-"""The Braitenberg vehicle as an environment.
+"""The Braitenberg vehicle as a Gymnasium environment.
 
 Source: dissertation, chapters 3 and 4; the physics is that of ``taichi_sim.vehicle``, Euler step for Euler step.
 """
@@ -18,7 +18,7 @@ BRIGHTEST = 1e4  # 1/m^2: readings are cut off there, 1 cm from the light
 
 
 class VehicleEnvironment(RobotEnvironment[Observation]):
-    """Steer a vehicle to a light by its two motors.
+    """Environment in which a vehicle steers to a light by its two motors.
 
     Action: motor commands, shape (2,), from -1 to 1, in units of ``fastest``; the first turns the vehicle to the left.
     The vehicle drives at half their sum [m/s] and turns at their difference [rad/s]. A published controller W commands

@@ -1,4 +1,4 @@
-"""Checks of values that come from outside. A refusal is a ValueError of one line: field, value, what is allowed."""
+"""Checks of values from outside; each raises a ValueError that names field, value and what is allowed."""
 
 import contextlib
 import difflib
@@ -12,10 +12,10 @@ LONGEST_SHOWN = 100  # characters of a value in a message
 
 
 def number(field: str, value: object, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
-    """The value as a finite float between ``low`` and ``high``, both included.
+    """Check that a value is a finite number from ``low`` to ``high``, and return it as a float.
 
     Raises:
-        ValueError: if it is anything else; texts, truth values and NaN are.
+        ValueError: if it is anything else, such as a text, a truth value or NaN.
     """
     if (finite := _finite(value)) is not None and low <= finite <= high:
         return finite
@@ -29,7 +29,7 @@ def number(field: str, value: object, low: float = -math.inf, high: float = math
 
 
 def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> int:
-    """The value as an int from ``low`` to ``high``, both included; floats such as 2.0 are allowed.
+    """Check that a value is a whole number from ``low`` to ``high``; floats such as 2.0 are allowed.
 
     Raises:
         ValueError: if it is anything else.
@@ -47,7 +47,7 @@ def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> 
 
 
 def integer(field: str, value: object, low: int, high: int = 2**31 - 1) -> int:
-    """The value as an int from ``low`` to ``high``, both included; no float is allowed.
+    """Check that a value is an int from ``low`` to ``high``; floats are refused.
 
     Raises:
         ValueError: if it is anything else.
@@ -58,7 +58,7 @@ def integer(field: str, value: object, low: int, high: int = 2**31 - 1) -> int:
 
 
 def positive(field: str, value: object, high: float) -> float:
-    """The value as a float above 0, up to ``high``.
+    """Check that a value is a number above 0 and at most ``high``, and return it as a float.
 
     Raises:
         ValueError: if it is anything else.
@@ -69,7 +69,7 @@ def positive(field: str, value: object, high: float) -> float:
 
 
 def flag(field: str, value: object) -> bool:
-    """The value, which must be true or false.
+    """Check that a value is true or false.
 
     Raises:
         ValueError: if it is anything else.
@@ -80,7 +80,7 @@ def flag(field: str, value: object) -> bool:
 
 
 def table(field: str, value: object) -> Mapping[Any, Any]:
-    """The value, which must be a mapping such as a table of TOML.
+    """Check that a value is a mapping, such as a table of TOML.
 
     Raises:
         ValueError: if it is anything else.
@@ -91,7 +91,7 @@ def table(field: str, value: object) -> Mapping[Any, Any]:
 
 
 def choice(field: str, value: object, names: Collection[str]) -> str:
-    """The value, which must be one of some names.
+    """Check that a value is one of the allowed names.
 
     Raises:
         ValueError: if it is anything else.
@@ -102,13 +102,13 @@ def choice(field: str, value: object, names: Collection[str]) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The end of a message about an unknown name: ``; did you mean ...?`` if a known one is close, else nothing."""
+    """End of a message about an unknown name: ``; did you mean ...?`` if a known name is close, else nothing."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {close[0]}?" if close else ""
 
 
 def install_extra(name: str) -> str:
-    """How to install an optional dependency group of morpholab, for messages."""
+    """Text for messages: how to install an optional dependency group of morpholab."""
     return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"
 
 
@@ -120,7 +120,7 @@ def _finite(value: object) -> float | None:
 
 
 def _shown(value: object) -> str:
-    """The value as text, cut off if it is long."""
+    """Text of a value, cut off if it is long."""
     try:
         text = repr(value)
     except ValueError:  # more digits than Python writes out

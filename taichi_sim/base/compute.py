@@ -1,4 +1,4 @@
-"""Where and how numbers are computed: device, precision and threads, said in one way everywhere."""
+"""Settings of computations: device, precision and threads."""
 
 import os
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ MOST_THREADS = 1024
 
 
 class ComputeOptions(TypedDict, total=False):
-    """The fields of :class:`Compute` as keyword arguments of public functions."""
+    """Keyword arguments of public functions that become the fields of :class:`Compute`."""
 
     device: str
     precision: str
@@ -24,7 +24,7 @@ class ComputeOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Compute:
-    """Where a simulation runs, in which precision, and on how many threads.
+    """Device, precision and threads of a simulation.
 
     The rule for precision: ``"f64"`` is the default wherever a person asks for a result; searches over soft robots
     take ``"f32"``, which is twice as fast, because they compare many designs.
@@ -35,7 +35,7 @@ class Compute:
         threads: CPU threads that share a batch, all available ones if None; results do not depend on it.
 
     Raises:
-        ValueError: one line that names the field, the value and what is allowed.
+        ValueError: for a value that is not allowed.
     """
 
     device: str = "cpu"
@@ -50,7 +50,7 @@ class Compute:
 
     @classmethod
     def given(cls, options: ComputeOptions) -> Self:
-        """The fields that keyword arguments gave, and the defaults of the others."""
+        """Make the settings from keyword arguments; missing ones have their defaults."""
         return cls(**options)
 
     @property
@@ -60,7 +60,7 @@ class Compute:
 
     @property
     def thread_count(self) -> int:
-        """How many CPU threads that is on this machine."""
+        """Number of CPU threads to use on this machine."""
         return available_threads() if self.threads is None else self.threads
 
 

@@ -24,7 +24,7 @@ _DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)  # the machi
 
 @contextlib.contextmanager
 def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
-    """A path beside ``path`` to write to; the new file replaces ``path`` once it is safely on disk.
+    """Give a temporary path to write to; the new file replaces ``path`` once it is safely on disk.
 
     Args:
         path: to write or replace.
@@ -61,7 +61,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text in UTF-8; raises what :func:`write_bytes` raises."""
+    """Write a text in UTF-8, with the errors of :func:`write_bytes`."""
     write_bytes(path, text.encode())
 
 
@@ -80,7 +80,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def why_unread(error: Exception) -> str:
-    """The reason why a file could not be read or understood, without its name."""
+    """Reason why a file could not be read or understood, without its name."""
     return (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
 
 
@@ -90,7 +90,7 @@ def write_record(path: str | os.PathLike[str], form: str, record: Mapping[str, A
 
 
 def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[str, Any]], Design]) -> Design:
-    """The object that ``build`` makes of a record written by :func:`write_record`.
+    """Read a record that :func:`write_record` wrote, and return what ``build`` makes of it.
 
     Raises:
         ValueError: if the file is unreadable, of another format, or refused by ``build``; names the file.
@@ -111,12 +111,12 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
 
 
 def sha256(content: bytes) -> str:
-    """Checksum in hexadecimal."""
+    """SHA-256 checksum in hexadecimal."""
     return hashlib.sha256(content).hexdigest()
 
 
 def pack(arrays: Arrays | Mapping[str, Any]) -> bytes:
-    """The content of an .npz file with these arrays; its comment is the SHA-256 of all bytes before the comment."""
+    """Pack arrays as the content of an .npz file, whose comment is the SHA-256 of all bytes before the comment."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     # A zip archive ends with the length of its comment (two bytes, zero so far) and the comment.
@@ -125,7 +125,7 @@ def pack(arrays: Arrays | Mapping[str, Any]) -> bytes:
 
 
 def unpack(content: bytes) -> Arrays:
-    """The arrays that :func:`pack` packed.
+    """Unpack the arrays that :func:`pack` packed.
 
     Raises:
         ValueError: if a single bit differs.
@@ -145,7 +145,7 @@ def append_line(path: Path, line: str) -> None:
 
 
 def complete_lines(path: Path) -> list[bytes]:
-    """The lines of a text file, without an unfinished last one; none if there is no file."""
+    """Complete lines of a text file, without an unfinished last one; empty if there is no file."""
     content = path.read_bytes() if path.exists() else b""
     return [line + b"\n" for line in content.split(b"\n")[:-1]]
 
@@ -180,7 +180,7 @@ def check_parent(field: str, path: Path) -> None:
 
 
 def new_path(path: str | os.PathLike[str]) -> Path:
-    """A path at which nothing exists yet.
+    """Check that nothing exists at a path yet, and return it.
 
     Raises:
         ValueError: if something exists there, or there is no such folder.

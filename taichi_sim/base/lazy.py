@@ -1,4 +1,4 @@
-"""Public names of a package that are imported when they are first used, so that importing the package is quick."""
+"""Lazy imports: a package's public names are imported when first used, so that importing the package is quick."""
 
 import ast
 import inspect
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def exported(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
-    """A package's ``__getattr__`` (PEP 562) that takes each public name from the module that defines it.
+    """Make a package's ``__getattr__`` (PEP 562), which imports each public name from its module when it is used.
 
     Args:
         package: ``__name__`` of the package.
@@ -27,7 +27,7 @@ def exported(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
 
 
 def exported_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """A package's ``__getattr__`` and ``__dir__`` for all that it imports under ``if TYPE_CHECKING:``.
+    """Make a package's ``__getattr__`` and ``__dir__`` for all that it imports under ``if TYPE_CHECKING:``.
 
     So each public name stands in the package once, where type checkers and editors find it, too.
     """
@@ -38,5 +38,5 @@ def exported_names(package: str) -> tuple[Callable[[str], Any], Callable[[], lis
 
 
 def exported_from(package: str, module: str, names: Sequence[str]) -> Callable[[str], Any]:
-    """As :func:`exported`, with all names from one module."""
+    """Make a package's ``__getattr__`` that imports all names from one module."""
     return exported(package, dict.fromkeys(names, module))

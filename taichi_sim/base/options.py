@@ -1,4 +1,4 @@
-"""Options of commands as data: what they are called, how their text is read, and what they mean."""
+"""Descriptions of command-line options: names, how their text is parsed, and what they mean."""
 
 import argparse
 import contextlib
@@ -14,12 +14,12 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Option:
-    """An option ``--name`` of a command.
+    """One option ``--name`` of a command.
 
     Attributes:
         name: with underscores, as a field or an argument is called; the command line has hyphens instead.
         help: what it means and what the default is, for people.
-        type: makes the value of a text, and refuses others, see :func:`checked`; None is a flag without a value.
+        type: makes the value from a text and refuses others (see :func:`checked`); None is a flag without a value.
         metavar: what the help calls the value.
         choices: the values that are allowed, if these are few.
         several: whether it may be repeated, to give a list.
@@ -36,11 +36,11 @@ class Option:
 
     @property
     def flag(self) -> str:
-        """How the command line spells it."""
+        """The option as the command line spells it, such as ``--name``."""
         return "--" + self.name.replace("_", "-")
 
     def add(self, parser: Any, hidden: bool = False) -> None:
-        """Declare it to a parser, or to a group of one; without a value it is None. The help leaves out hidden ones."""
+        """Declare the option to a parser or group; it is None if not given. The help leaves out hidden options."""
         settings: dict[str, Any] = {"dest": self.name, "help": argparse.SUPPRESS if hidden else self.help}
         if self.type is None:
             parser.add_argument(self.flag, action="store_true", default=None, **settings)
@@ -53,7 +53,7 @@ class Option:
 
 
 def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:
-    """Options for numbers and texts among the fields of a dataclass.
+    """Make options from the numbers and texts among the fields of a dataclass.
 
     Args:
         described: the dataclass; its own checks refuse values that are not allowed.
@@ -70,7 +70,7 @@ def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:
 
 
 def checked(check: Callable[[str], T]) -> Callable[[str], T]:
-    """A check that raises ``field: why`` as a type for argparse, which names the option itself."""
+    """Make an argparse type from a check that raises ``field: why``; argparse itself names the option."""
 
     def convert(text: str) -> T:
         try:
@@ -82,12 +82,12 @@ def checked(check: Callable[[str], T]) -> Callable[[str], T]:
 
 
 def number(low: float = -math.inf, high: float = math.inf, unit: str = "") -> Callable[[str], float]:
-    """The type of an option with a finite number between two bounds, both included."""
+    """Make the type of an option with a finite number between two bounds, both included."""
     return checked(lambda text: checks.number("", value_of(text), low, high, unit))
 
 
 def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
-    """The type of an option with so many finite numbers, with commas between."""
+    """Make the type of an option with ``count`` finite numbers, separated by commas."""
     example = ",".join(["1", "-0.5", "0", "0.5"][:count])
 
     def convert(text: str) -> tuple[float, ...]:
@@ -100,12 +100,12 @@ def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
 
 
 def whole(low: int, high: int = 2**63 - 1) -> Callable[[str], int]:
-    """The type of an option with a whole number between two bounds, both included."""
+    """Make the type of an option with a whole number between two bounds, both included."""
     return checked(lambda text: checks.whole_number("", value_of(text), low, high))
 
 
 def value_of(text: str) -> float | str:
-    """The number that a text stands for, as it is written; else the text."""
+    """Convert a text to a number if it is one; otherwise return the text."""
     for convert in (int, float):
         with contextlib.suppress(ValueError):
             return convert(text)
@@ -113,6 +113,6 @@ def value_of(text: str) -> float | str:
 
 
 def given(options: Sequence[Option], values: Any) -> dict[str, Any]:
-    """Those options that have a value, by name; ``values`` is what a parser made."""
+    """Values of the options that were given, by name; ``values`` is the result of a parser."""
     found = {option.name: getattr(values, option.name, None) for option in options}
     return {name: value for name, value in found.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Things that are found by name: built-in ones in a lazy table, others as entry points of installed packages."""
+"""Registries: find things by name, built-in ones and those that installed packages add as entry points."""
 
 import difflib
 from collections.abc import Iterator, Mapping
@@ -9,7 +9,7 @@ Thing = TypeVar("Thing")
 
 
 class Registry(Mapping[str, Thing], Generic[Thing]):
-    """Names of built-in things and of those that installed packages add; each is imported when it is first asked for.
+    """Things by name, built-in or added by installed packages; each is imported when it is first used.
 
     A package adds one in its ``pyproject.toml``; a built-in name cannot be taken::
 
@@ -40,7 +40,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         return name in self.builtin or any(entry.name == name for entry in self._entries())
 
     def __getitem__(self, name: str) -> Thing:
-        """The thing of a name.
+        """Import and return the thing of this name.
 
         Raises:
             KeyError: if there is none.
@@ -51,7 +51,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         return self._loaded[name]
 
     def find(self, name: object) -> Thing:
-        """The thing of a name from outside.
+        """Import and return the thing of a name that a user gave.
 
         Raises:
             ValueError: if there is none, with the nearest name; or if it cannot be imported.
@@ -59,7 +59,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         return self[self.check(name)]
 
     def check(self, name: object) -> str:
-        """The name, if there is such a thing; nothing is imported.
+        """Check that a thing of this name exists, without importing it, and return the name.
 
         Raises:
             ValueError: if there is none, with the nearest name.

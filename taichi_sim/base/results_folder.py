@@ -19,7 +19,7 @@ from taichi_sim.base.files import ASIDE, make_folder, read_text, write_bytes, wr
 
 
 class ResultsFolder:
-    """A folder with settings as JSON and results as compressed files of arrays, each written atomically.
+    """Folder with settings as JSON and results as compressed files of arrays, each written atomically.
 
     Work with the same settings continues with the parts that are there. If it is killed, it loses only the part that
     it has not yet added.
@@ -52,7 +52,7 @@ class ResultsFolder:
         write_text(file, text)
 
     def add(self, name: str, of: bytes, **arrays: NDArray[Any]) -> None:
-        """Write a file of arrays; a digest of ``of`` ends its name."""
+        """Write a file of arrays, whose name is ``name`` and a digest of ``of``."""
         content = io.BytesIO()
         np.savez_compressed(content, allow_pickle=False, **arrays)
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
@@ -83,7 +83,7 @@ def read_settings(path: Path, kind: str) -> dict[str, Any]:
 
 
 def _difference(before: str, now: str) -> str:
-    """The first setting that differs, in brackets, for a message."""
+    """First setting that differs, in brackets, for a message."""
     try:
         old, new = json.loads(before), json.loads(now)
         name = next(name for name in [*new, *old] if old.get(name) != new.get(name))

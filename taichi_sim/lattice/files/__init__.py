@@ -1,4 +1,7 @@
-"""Files of Voxelyze, VoxCAD and voxcraft: ``.vxl.json``, ``.vxa``, ``.vxc`` and ``.vxd`` in, ``.vxl.json`` out."""
+"""Files of voxel robots: reads ``.vxl.json``, ``.vxa``, ``.vxc`` and ``.vxd``, writes ``.vxl.json``.
+
+These are the formats of Voxelyze, VoxCAD and voxcraft.
+"""
 
 import warnings
 from os import PathLike
@@ -18,14 +21,14 @@ SUFFIXES = (".vxl.json", ".json", ".vxa", ".vxc", ".vxd")
 
 
 def load_voxel_file(path: str | PathLike[str], base: str | PathLike[str] | None = None) -> VoxelFile:
-    """Read a voxel robot. What the file says and the lattice has not is named in one warning.
+    """Read a voxel robot from a file; one warning names what the lattice does not support.
 
     Args:
         path: of a ``.vxl.json``, ``.vxa``, ``.vxc`` or ``.vxd`` file.
         base: the ``.vxa`` that a ``.vxd`` changes; by default ``base.vxa`` in the same folder.
 
     Raises:
-        ValueError: one line that names the file and what is wrong with it, before memory is taken for its voxels.
+        ValueError: if the file is not readable or not allowed; found before memory is taken for its voxels.
     """
     path = Path(path)
     if not path.name.lower().endswith(SUFFIXES):
@@ -48,7 +51,7 @@ def load_voxel_file(path: str | PathLike[str], base: str | PathLike[str] | None 
 
 
 def save_vxl_json(robot: VoxelFile | LatticeBody, path: str | PathLike[str]) -> None:
-    """Write a robot, or a body alone, for Voxelyze; :func:`load_voxel_file` gives it back to the bit.
+    """Write a robot, or a body alone, for Voxelyze; :func:`load_voxel_file` restores it to the bit.
 
     Raises:
         ValueError: for a robot that is driven by heat, and files that cannot be written.

@@ -1,4 +1,4 @@
-"""Bodies from arrays of materials, and arrays from bodies."""
+"""Convert arrays of materials to bodies, and bodies to arrays."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,7 +22,7 @@ def body_from_array(
     fixed: ArrayLike | None = None,
     pressure_normals: ArrayLike | None = None,
 ) -> LatticeBody:
-    """The body of an array of numbers: 0 is empty, any other number a material.
+    """Build a body from an array of numbers: 0 is empty, any other number a material.
 
     Args:
         array: numbers or truth values, shape (X, Y, Z); x, y and z are the axes of the world, and z is up.
@@ -32,13 +32,13 @@ def body_from_array(
             default voxels of one material are one, in the order of ``materials``.
         fixed: voxels that the world holds in all six degrees of freedom, shape (X, Y, Z), or which of the six it
             holds, shape (X, Y, Z, 6).
-        pressure_normals: see ``LatticeBody``, shape (X, Y, Z, 3).
+        pressure_normals: those of ``LatticeBody`` for each place, shape (X, Y, Z, 3).
 
     Returns:
         The body; its voxels in the order of ``numpy.argwhere(array)``, at their places in the array.
 
     Raises:
-        ValueError: one line that names the argument, the value and what is allowed.
+        ValueError: for an argument that is not allowed.
 
     Example:
         >>> rubber, foam = Material(1e6, 1e3), Material(1e5, 2e2)
@@ -72,7 +72,9 @@ def body_from_array(
 
 
 def array_of_body(body: LatticeBody) -> Ints:
-    """Numbers of materials from 1, 0 where there is no voxel, shape (X, Y, Z); the body's lowest place is (0, 0, 0).
+    """Make the array of a body's materials, counted from 1, with 0 for empty places, shape (X, Y, Z).
+
+    The body's lowest place is (0, 0, 0).
 
     Raises:
         ValueError: if the array would have more than 2^28 places.
@@ -87,7 +89,7 @@ def array_of_body(body: LatticeBody) -> Ints:
 
 
 def labels(*columns: ArrayLike) -> Ints:
-    """Labels 0, 1, ... of equal rows, in sorted order: the regions of voxels that have all columns in common.
+    """Label equal rows 0, 1, ... in sorted order: voxels with all columns in common make one region.
 
     Args:
         columns: numbers of each voxel, shape (V,) or (V, N) each.
@@ -98,7 +100,7 @@ def labels(*columns: ArrayLike) -> Ints:
 
 
 def _numbered(materials: Palette) -> dict[int, Material]:
-    """Materials by their numbers in arrays."""
+    """Materials by the numbers that stand for them in arrays."""
     if isinstance(materials, Material):
         materials = (materials,)
     palette = dict(materials) if isinstance(materials, Mapping) else dict(enumerate(materials, 1))
@@ -116,7 +118,7 @@ def _numbered(materials: Palette) -> dict[int, Material]:
 def _of_voxels(
     name: str, given: ArrayLike | None, shape: tuple[int, ...], places: NDArray[Any], width: int
 ) -> NDArray[Any] | None:
-    """What an array over all places says of the voxels."""
+    """Check an array over all places, and return its values at the voxels."""
     if given is None:
         return None
     array = np.asarray(given)

@@ -1,4 +1,4 @@
-"""Layers of VoxCAD files: one byte or one number a voxel, x fastest, one layer for each z from the ground up.
+"""Decode layers of VoxCAD files: one value for each voxel, x fastest, one layer for each z from the ground up.
 
 ``ASCII_READABLE`` has a character a voxel, "0" for 0 and so on through the alphabet of character codes; ``BASE64`` has
 bytes, ``ZLIB`` compressed bytes and ``QT_ZLIB`` compressed bytes after their length, all three written in base 64.
@@ -17,10 +17,10 @@ _LENGTH = 4  # bytes of Qt's length
 
 
 def decode_layer(text: str, compression: str, count: int) -> Bytes:
-    """The numbers of one layer, shape (count,). No more than ``count`` bytes are ever unpacked.
+    """Decode the bytes of one layer, shape (count,); it never unpacks many more bytes than ``count``.
 
     Raises:
-        ValueError: what is wrong, in a few words, for data of another size, or none of this compression.
+        ValueError: for data of another size, or not of this compression; the message does not name the file.
     """
     if compression == "ASCII_READABLE":
         return _of_characters("".join(text.split()), count)
@@ -36,10 +36,10 @@ def decode_layer(text: str, compression: str, count: int) -> Bytes:
 
 
 def decode_numbers(text: str, count: int) -> Floats:
-    """Numbers between commas, the last comma counts for nothing, shape (count,).
+    """Parse ``count`` numbers separated by commas; a last comma is ignored.
 
     Raises:
-        ValueError: what is wrong, in a few words.
+        ValueError: for anything else; the message does not name the file.
     """
     text = text.strip().removesuffix(",")
     found = text.count(",") + 1 if text else 0
@@ -77,7 +77,7 @@ def _of_base64(text: str, count: int) -> bytes:
 
 
 def _unpacked(packed: bytes, count: int) -> bytes:
-    """At most one byte more than there may be: enough to see that there are too many."""
+    """Decompress at most ``count`` + 1 bytes: enough to see that there are too many."""
     try:
         return zlib.decompressobj().decompress(packed, count + 1)
     except zlib.error:

@@ -1,4 +1,4 @@
-"""Bodies from closed surfaces: a voxel wherever its centre is inside."""
+"""Build bodies from closed surfaces: a voxel wherever its centre is inside."""
 
 import math
 from dataclasses import dataclass
@@ -26,12 +26,12 @@ _SHIFT = np.array([2**0.5, 3**0.5]) * 1e-7
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a mesh of this size becomes at a pitch.
+    """Predicted size of a voxelised mesh.
 
     Attributes:
-        cells: of the grid around it.
-        voxels: by its volume; for a body of thin walls it is off by a part of them.
-        memory: of grid, body and a simulation of eight robots in f64, as many as a CPU's thread runs at once [B].
+        cells: places of the grid around it.
+        voxels: estimated by its volume; inexact for bodies with thin walls.
+        memory: memory of grid, body and a simulation of eight robots in f64, as many as a CPU thread runs at once [B].
     """
 
     cells: int
@@ -41,10 +41,10 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class VoxelisedMesh:
-    """A mesh as voxels.
+    """A mesh filled with voxels.
 
     Attributes:
-        filled: where voxels are, shape (X, Y, Z).
+        filled: whether each place has a voxel, shape (X, Y, Z).
         origin: centre of the first place of the grid, in the mesh's coordinates, shape (3,).
         pitch: edge of the voxels, in the mesh's unit.
     """
@@ -55,7 +55,7 @@ class VoxelisedMesh:
 
 
 def predict(mesh: "trimesh.Trimesh", pitch: float) -> Prediction:
-    """Size of the body of a mesh, without any of its memory."""
+    """Predict the size of a mesh's body, without taking memory for it."""
     counts = _counts(mesh, pitch)
     cells = math.prod(counts)
     voxels = min(math.ceil(abs(float(mesh.volume)) / pitch**3 - 1e-6), cells)
@@ -75,19 +75,21 @@ def voxelise(
     most_voxels: int = MOST_VOXELS,
     most_memory: float = MOST_MEMORY,
 ) -> VoxelisedMesh:
-    """Fill a closed surface with voxels. A voxel is there if its centre is inside: an odd number of crossings below.
+    """Fill a closed surface with voxels, one wherever its centre is inside.
+
+    A centre is inside if the line below it crosses the surface an odd number of times.
 
     The grid has the mesh's box in its middle; a box of n by m by k pitches has just so many voxels.
 
     Args:
-        mesh: of trimesh, or a file of any kind that it reads.
+        mesh: a mesh of trimesh, or a file that trimesh reads.
         pitch: edge of the voxels, in the mesh's unit.
         repair: close small holes and join equal vertices of a mesh that is not watertight.
-        most_voxels: bound on what :func:`predict` says.
-        most_memory: likewise [B].
+        most_voxels: largest number of voxels that :func:`predict` may give.
+        most_memory: largest memory that :func:`predict` may give [B].
 
     Raises:
-        ValueError: one line; for files without a surface, surfaces that are not closed or enclose nothing, and
+        ValueError: for files without a surface, surfaces that are not closed or enclose nothing, and
             bodies above the bounds, before memory is taken.
     """
     if not (isinstance(pitch, int | float | np.number) and math.isfinite(pitch) and pitch > 0):
@@ -120,16 +122,18 @@ def body_from_mesh(
     most_voxels: int = MOST_VOXELS,
     most_memory: float = MOST_MEMORY,
 ) -> LatticeBody:
-    """The body of a mesh, of one material; for several give the places of :func:`voxelise` to ``body_from_array``.
+    """Build the body of a mesh from one material.
+
+    For several materials, give the places of :func:`voxelise` to ``body_from_array``.
 
     Args:
-        mesh: see :func:`voxelise`, as all that is not named here.
+        mesh: a mesh of trimesh, or a file that trimesh reads.
         pitch: edge of the voxels, in the mesh's unit.
         material: of all voxels.
         scale: metres per unit of the mesh, 0.001 for millimetres.
-        repair: see there.
-        most_voxels: see there.
-        most_memory: see there.
+        repair: close small holes and join equal vertices of a mesh that is not watertight.
+        most_voxels: largest number of voxels that :func:`predict` may give.
+        most_memory: largest memory that :func:`predict` may give [B].
 
     Raises:
         ValueError: as :func:`voxelise`, and for a scale that is not positive.
@@ -164,7 +168,7 @@ def _check_size(found: Prediction, pitch: float, most_voxels: int, most_memory: 
 
 
 def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
-    """The mesh, repaired if need be and wanted."""
+    """Return a watertight mesh, repaired if ``repair`` allows; raise ValueError if it is not watertight."""
     if mesh.is_watertight:
         return mesh
     from trimesh import repair as mend
@@ -187,12 +191,12 @@ def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
 
 
 def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:
-    """Places of the grid per axis; lengths that are whole but for rounding are."""
+    """Number of grid places along each axis; lengths within rounding of a whole number of pitches count as whole."""
     return [max(1, math.ceil(float(extent) / pitch - 1e-6)) for extent in mesh.extents]
 
 
 def _filled(triangles: Floats, counts: Ints) -> Bools:
-    """Which places are inside; triangles (N, 3, 3) in places of the grid.
+    """Find the places inside a surface; ``triangles``, shape (N, 3, 3), are in units of the grid's places.
 
     A column of places is a line along z. Where it meets a triangle, all places above change sides.
     """

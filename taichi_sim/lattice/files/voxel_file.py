@@ -1,4 +1,4 @@
-"""What a file of a voxel robot says: its body, its loads, its heat."""
+"""Content of a file of a voxel robot: its body, its loads, its heat."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ LARGEST = 50_000_000  # bytes of a file
 
 @dataclass(frozen=True, eq=False)
 class Heat:
-    """A temperature that swings: T = mean + amplitude sin(2 pi (t / period + phase)), relative to the stress-free one.
+    """Periodic temperature T = mean + amplitude sin(2 pi (t / period + phase)), relative to the stress-free one.
 
     Edges of a voxel grow by 1 + alpha T, alpha its material's ``thermal_expansion``.
 
@@ -34,20 +34,20 @@ class Heat:
 
 @dataclass(frozen=True, eq=False)
 class VoxelFile:
-    """A robot from a file.
+    """A voxel robot that was read from a file.
 
     Attributes:
         body: its regions, unless the file numbers them, are the voxels that have material, loads and phase in common.
         colours: red, green, blue and alpha of every material, 0 to 255, shape (M, 4).
         force: on every voxel [N], world frame, shape (V, 3).
-        moment: likewise [N m], shape (V, 3).
-        displacement: of fixed translations [m] and rotations [rad, rotation vector], shape (V, 6).
-        heat: that drives it, if any.
+        moment: on every voxel [N m], world frame, shape (V, 3).
+        displacement: translations [m] and rotations [rad, rotation vector] of fixed voxels, shape (V, 6).
+        heat: the temperature that drives it, if any.
         gravity: along -z [m/s^2]; None if the file says nothing.
-        floor: whether there is one; None if the file says nothing.
+        floor: whether there is a floor; None if the file says nothing.
         time_step_fraction: part of ``body.recommended_time_step`` that the file wants, for the ``time_step`` of a
             ``LatticeEngine``; robots made of files have a safety of their own. None if the file says nothing.
-        ignored: what the file says and the lattice has not.
+        ignored: entries of the file that the lattice does not support.
     """
 
     body: LatticeBody
@@ -63,16 +63,16 @@ class VoxelFile:
 
     @classmethod
     def of_body(cls, body: LatticeBody) -> "VoxelFile":
-        """A body alone, in grey, without loads."""
+        """Make the record of a body alone, in grey, without loads."""
         colours = np.tile(np.array([180, 180, 180, 255], np.uint8), (len(body.materials), 1))
         none = np.zeros((body.voxel_count, 3))
         return cls(body, colours, none, none, np.zeros((body.voxel_count, 6)))
 
     def apply_loads(self, builder: ProgramBuilder, step: int = 0) -> None:
-        """Let forces, moments and displacements act from a step on; voxels of a region must have them in common.
+        """Add the forces, moments and displacements to a program, from a step on.
 
         Raises:
-            ValueError: if they have not.
+            ValueError: if voxels of a region have different loads.
         """
         for quantity, values in (
             (Quantity.FORCE, self.force),
@@ -89,10 +89,10 @@ class VoxelFile:
 
 
 def read_bytes(path: Path) -> bytes:
-    """What is in a file.
+    """Read the content of a file.
 
     Raises:
-        ValueError: if it cannot be read, or is larger than ``LARGEST``, which is found out beforehand.
+        ValueError: if it cannot be read, or is larger than ``LARGEST``, which is checked before reading.
     """
     try:
         size = path.stat().st_size
@@ -104,7 +104,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decoded(content: bytes) -> str:
-    """The text of a file: UTF-8, or else Latin-1, which VoxCAD writes."""
+    """Decode the text of a file: UTF-8, or else Latin-1, which VoxCAD writes."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

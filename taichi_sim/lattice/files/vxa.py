@@ -1,8 +1,8 @@
-"""VoxCAD's robots: a body of layers, a palette, and a temperature that drives it.
+"""Read robots of VoxCAD (``.vxa``): a body of layers, a palette, and a temperature that drives it.
 
 Source: the files of VoxCAD 0.9 and later, as evosoro and voxcraft-sim write them. Temperatures are relative to the
 stress-free one: T = amplitude sin(2 pi (t / period + PhaseOffset) + MaterialTempPhase), the offset of a voxel in
-periods, as there; the phase of a material in radians.
+periods, as in those files; the phase of a material in radians.
 """
 
 import math
@@ -38,10 +38,10 @@ _SIZES = ("X_Voxels", "Y_Voxels", "Z_Voxels")
 
 
 def read_vxa(root: Element) -> VoxelFile:
-    """The robot of the root of a ``.vxa`` file, or of a ``.vxc`` file, which has no environment.
+    """Read a robot from the root of a ``.vxa`` file, or of a ``.vxc`` file, which has no environment.
 
     Raises:
-        ValueError: for what is missing, damaged or not allowed.
+        ValueError: for entries that are missing, damaged or not allowed.
     """
     model = root if root.tag == "VXC" else root.find("VXC")
     if root.tag not in ("VXA", "VXC") or model is None:
@@ -81,7 +81,7 @@ def read_vxa(root: Element) -> VoxelFile:
 
 
 def _structure(structure: Element, ignored: list[str]) -> tuple[Ints, Floats]:
-    """Numbers of materials and phase offsets [periods], shape (X, Y, Z) each. Sizes are checked before any is made."""
+    """Read material numbers and phase offsets [periods], shape (X, Y, Z) each; sizes are checked first."""
     sizes = [_whole(structure, name) for name in _SIZES]
     if math.prod(sizes) > MOST_CELLS:
         raise ValueError(f"Structure: {' x '.join(map(str, sizes))} places are too many; the most is {MOST_CELLS}")
@@ -110,7 +110,7 @@ def _layers(structure: Element, name: str, count: int) -> list[str]:
 
 
 def _stacked(name: str, layers: list[str], decode: Callable[[str], NDArray[Any]]) -> NDArray[Any]:
-    """All layers, shape (Z, X Y)."""
+    """Decode all layers, shape (Z, X Y)."""
     found = []
     for number, text in enumerate(layers):
         try:
@@ -123,7 +123,7 @@ def _stacked(name: str, layers: list[str], decode: Callable[[str], NDArray[Any]]
 def _material(
     element: Element, number: int, damping: dict[str, float], ignored: list[str]
 ) -> tuple[Material, list[int], float]:
-    """A material, its colour, and its phase [rad]."""
+    """Read a material, its colour, and its phase [rad]."""
     try:
         given = {name: _number(element, f"Mechanical/{tag}", usual) for tag, (name, usual) in _MECHANICAL.items()}
         modulus = _optional(element, "Mechanical/Elastic_Mod")
@@ -143,7 +143,7 @@ def _material(
 
 
 def _heat(root: Element, phases: Floats) -> Heat | None:
-    """The swing of the temperature; None where nothing is heated."""
+    """Read the temperature over time; None if nothing is heated."""
     thermal = root.find(".//Thermal")
     if thermal is None or not _switch(thermal, "TempEnabled"):
         return None
@@ -159,14 +159,14 @@ def _heat(root: Element, phases: Floats) -> Heat | None:
 
 
 def _gravity(root: Element) -> float | None:
-    """Along -z [m/s^2]; the file has it along +z."""
+    """Read the gravity along -z [m/s^2], which the file gives along +z; None if the file says nothing."""
     if root.find(".//Gravity") is None:
         return None
     return -_number(root, ".//Gravity/GravAcc", -9.81) if _switch(root, ".//Gravity/GravEnabled") else 0.0
 
 
 def _environment(root: Element) -> list[str]:
-    """What of simulator and environment the lattice has not."""
+    """Names of the simulator and environment settings in the file that the lattice does not support."""
     found = []
     for path in ("FloorSlope", "FluidEnvironment", "Fixed_Regions/NumFixed", "Forced_Regions/NumForced"):
         if root.find(f".//{path}") is not None and _number(root, f".//{path}", 0.0):
@@ -184,7 +184,7 @@ def _child(element: Element, tag: str) -> Element:
 
 
 def _optional(element: Element, path: str) -> float | None:
-    """The finite number that an element holds, None without it or with nothing in it."""
+    """Finite number in the text of an element; None if the element is missing or empty."""
     text = element.findtext(path)
     if text is None or not text.strip():
         return None

@@ -1,4 +1,4 @@
-"""voxcraft's differences: a ``.vxd`` file replaces parts of a ``base.vxa``.
+"""Read difference files of voxcraft: a ``.vxd`` file replaces parts of a ``base.vxa``.
 
 Source: voxcraft-sim, ``ctool.h``: each child of the root names the part that it takes the place of by its attribute
 ``replace``, a path with dots.
@@ -11,10 +11,10 @@ MOST_LEVELS = 10
 
 
 def merged(base: Element, difference: Element) -> Element:
-    """A copy of the base, with the parts that the difference replaces or adds.
+    """Copy the base, and replace or add the parts that the difference gives.
 
     Raises:
-        ValueError: for a part without a path, or one of another file.
+        ValueError: for a part without a path, or a path that is not of this file.
     """
     if difference.tag != "VXD":
         raise ValueError(f"<{difference.tag}> is no difference; give a file of <VXD>")

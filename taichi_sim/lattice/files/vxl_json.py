@@ -1,8 +1,8 @@
-"""Voxelyze's JSON: voxels, materials, loads.
+"""Read and write the JSON files of Voxelyze (``.vxl.json``): voxels, materials, loads.
 
 Source: Voxelyze (Hiller & Lipson 2014), what its ``loadJSON`` reads and its ``saveJSON`` writes. Its writer leaves out
 the last brace of a file without loads, and its reader takes no notice of gravity, floor and temperature: here both are
-read. What Voxelyze has no place for stands under "morpholab", where it does not disturb it.
+read. Entries that Voxelyze does not know stand under "morpholab", which it ignores.
 """
 
 import json
@@ -38,10 +38,10 @@ _OWN = "morpholab"
 
 
 def read_vxl_json(text: str) -> VoxelFile:
-    """The robot of a ``.vxl.json`` text.
+    """Read a robot from the text of a ``.vxl.json`` file.
 
     Raises:
-        ValueError: for what is missing, damaged or not allowed.
+        ValueError: for entries that are missing, damaged or not allowed.
     """
     document = _parsed(text)
     ignored: list[str] = []
@@ -77,10 +77,10 @@ def read_vxl_json(text: str) -> VoxelFile:
 
 
 def write_vxl_json(file: VoxelFile) -> str:
-    """The same robot as text, whose numbers come back to the bit; of heat it can say nothing.
+    """Write a robot as the text of a ``.vxl.json`` file, from which its numbers are restored to the bit.
 
     Raises:
-        ValueError: for a robot that is driven by heat.
+        ValueError: for a robot that is driven by heat, which the format cannot express.
     """
     if file.heat is not None:
         raise ValueError("heat: a .vxl.json has no place for it; leave it out")
@@ -106,7 +106,7 @@ def write_vxl_json(file: VoxelFile) -> str:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """The document; the last brace may be missing."""
+    """Parse the document, whose last brace may be missing."""
 
     def refuse(constant: str) -> None:
         raise ValueError(f"{constant} is no number")
@@ -140,7 +140,7 @@ def _number(record: Mapping[str, Any], name: str, default: float | None = None) 
 
 
 def _whole(given: Any, name: str) -> Ints:
-    """A flat list of whole numbers."""
+    """Check and convert a flat list of whole numbers."""
     try:
         numbers = np.asarray(given, float)
     except (TypeError, ValueError, OverflowError):
@@ -151,7 +151,10 @@ def _whole(given: Any, name: str) -> Ints:
 
 
 def _own(record: Any, regions: Ints) -> tuple[Ints, Ints, Ints]:
-    """Regions, cut links and normals under pressure that this project wrote; the regions given by default."""
+    """Read the entries that only this project writes: regions, cut links and pressure normals.
+
+    Without regions in the file, those given are returned.
+    """
     if not isinstance(record, dict):
         raise ValueError(f"{_OWN}: it is no object")
     if "regions" in record:
@@ -167,7 +170,7 @@ def _own(record: Any, regions: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tuple[Material, list[int]]:
-    """A material and its colour."""
+    """Read a material and its colour."""
     name = str(record.get("name", ""))
     known = {*_NAMES, *_COLOURS, "name", "externalScaleFactor", "strainData", "stressData"}
     ignored.extend(str(entry) for entry in record if entry not in known)
@@ -187,7 +190,7 @@ def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tup
 
 
 def _slope(record: Mapping[str, Any]) -> float:
-    """Young's modulus of a curve of stress over strain: its first slope."""
+    """Young's modulus of a stress-strain curve: its first slope."""
     try:
         strains, stresses = np.array(record["strainData"], float), np.array(record["stressData"], float)
         first = int(np.flatnonzero(strains > 0)[0])
@@ -197,7 +200,7 @@ def _slope(record: Mapping[str, Any]) -> float:
 
 
 def _externals(records: list[Any], count: int) -> tuple[Bools, Floats]:
-    """Fixed degrees of freedom, shape (V, 6), and translate, rotate, force and moment, shape (V, 12)."""
+    """Read fixed degrees of freedom, shape (V, 6), and displacements, forces and moments, shape (V, 12)."""
     fixed, loads = np.zeros((count, 6), bool), np.zeros((count, 12))
     for record in records:
         chosen = _whole(record.get("voxelIndices", []), "externals: voxelIndices")
