@@ -18,10 +18,13 @@ def test_a_place_that_is_not_there_is_one_line(morpholab, options, message):
     assert code == 2 and message in error and error.count("\n") == 1
 
 
-@pytest.mark.kernels
 def test_more_workers_than_cores_are_noted(morpholab, monkeypatch, tmp_path):
+    (tmp_path / "hill.py").write_text(
+        "bounds = {'x': (0, 1)}\n\n\ndef evaluate(points):\n    return [-((x - 0.3) ** 2) for (x,) in points]\n"
+    )
+    line = "codesign --problem hill.py --climbers 4 --generations 2 --quiet"
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-    code, _, error = morpholab(f"{SMALL} --workers 2 --quiet")
+    code, _, error = morpholab(f"{line} --workers 2 --out a")
     assert code == 0 and error == "note: 2 workers need 2 threads, of 1 cores; fewer would be as fast\n"
-    assert morpholab(f"{SMALL.replace('--out a', '--out b')} --quiet")[0] == 0
+    assert morpholab(f"{line} --out b")[0] == 0
     assert (tmp_path / "a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()

@@ -39,7 +39,7 @@ def tiny(monkeypatch):
     drive = functools.partial(
         inflatable.InflatableActuation, inflation_rate=0.05, pressure_ramp=100.0, hold_steps=50, settle_steps=30
     )
-    monkeypatch.setattr("optim.problems.inflatable.problem.InflatableActuation", drive)
+    monkeypatch.setattr("robots.calibration.properties.InflatableActuation", drive)
 
 
 @pytest.mark.kernels
@@ -82,7 +82,7 @@ def test_a_small_search_with_the_simulator_goes_on_where_it_stopped(morpholab, t
     assert code == 2 and "give all cores one" in error and error.count("\n") == 1
     code, _, error = morpholab("report a --no-player --out page.html --quiet")
     page = (tmp_path / "page.html").read_text()
-    assert code == 0 and "Core pressure 2" in page and "it has no gait table" in page
+    assert code == 0 and "Core pressure 2" in page and "give all cores one" in page
 
 
 @pytest.mark.usefixtures("simulator")

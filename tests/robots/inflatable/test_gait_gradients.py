@@ -327,7 +327,7 @@ def test_a_gradient_search_with_the_simulator(morpholab, monkeypatch, tmp_path):
     """Nothing stands in for anything here, but robot and actuation are of the smallest and quickest."""
     monkeypatch.setitem(inflatable.NAMED_GEOMETRIES, "small", TINY)
     monkeypatch.setattr(
-        "optim.problems.inflatable.problem.InflatableActuation",
+        "robots.calibration.properties.InflatableActuation",
         functools.partial(inflatable.InflatableActuation, **QUICK),
     )
     monkeypatch.setattr("optim.problems.inflatable.problem.RAMP_STEPS", 200)
