@@ -1,1 +1,1 @@
-"""What studies share: parts kept on disk, searches side by side, trials, tables, figures."""
+"""Tools for studies: results kept on disk, searches side by side, trials, tables, figures."""

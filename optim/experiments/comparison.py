@@ -1,4 +1,4 @@
-"""How samples differ: tests of pairs, corrected for their number, with all that a reader needs to check them."""
+"""Compare samples by tests of pairs, corrected for their number, with all numbers needed to check them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -30,7 +30,7 @@ def compare(
 
     Args:
         samples: by name, each of shape (n,).
-        pairs: names; with ``"less"`` the first of a pair tends to be less than the second.
+        pairs: names of two samples each; with ``"less"`` the first tends to be less than the second.
         alternative: of the test.
 
     Returns:
@@ -65,7 +65,7 @@ def compare(
 
 
 def describe_times(times: ArrayLike, budget: int) -> dict[str, Any]:
-    """Evaluations until success, -1 where there was none within a budget, in numbers.
+    """Summarise evaluations until success, where -1 means no success within a budget.
 
     Medians are of all trials, those without success above every other; null if that is half of them or more.
     """
@@ -82,20 +82,20 @@ def describe_times(times: ArrayLike, budget: int) -> dict[str, Any]:
 
 
 def ranked(times: ArrayLike, budget: int) -> Any:
-    """Evaluations until success for tests of ranks: trials without success come after every other."""
+    """Evaluations until success for rank tests: trials without success rank after every other."""
     values = np.asarray(times)
     return np.where(values > 0, values, budget + 1)
 
 
 def differences(speeds: Mapping[str, Floats], starts: Mapping[str, Sequence[float | None]]) -> list[dict[str, Any]]:
-    """Every two searches: the difference of what their runs found, and p adjusted for the number of pairs (Holm).
+    """Compare every two searches by what their runs found, with p adjusted for the number of pairs (Holm).
 
     Searches whose runs begin with the same gaits, seed by seed, are compared by the differences of these pairs (the
     paired t-test), others by Welch's t-test.
 
     Args:
-        speeds: by search, of what the run with each seed found, NaN where it found nothing, shape (S,).
-        starts: by search, something that tells the first generations of its runs from others.
+        speeds: by search, the speed that the run with each seed found, NaN if none, shape (S,).
+        starts: by search, a number for each run that is equal if first generations are equal.
     """
     rows: list[dict[str, Any]] = []
     for first, second in combinations(speeds, 2):
@@ -112,7 +112,7 @@ def differences(speeds: Mapping[str, Floats], starts: Mapping[str, Sequence[floa
 
 
 def table_of_differences(rows: Sequence[Mapping[str, Any]], labels: Mapping[str, str]) -> str:
-    """Differences of pairs as a Markdown table, by falling significance."""
+    """Format differences of pairs as a Markdown table, the most significant first."""
     lines = []
     for row in sorted(rows, key=lambda row: row["p"]):
         names, sign = (row["first"], row["second"]), 1.0

@@ -1,4 +1,4 @@
-"""The style that figures of studies share: small, for print, and legible without telling red from green.
+"""Style of the figures of studies: small, for print, and legible for colour-blind readers.
 
 Source of the colours: Okabe & Ito, Color Universal Design, 2008.
 """
@@ -49,13 +49,13 @@ STYLE: Any = MappingProxyType(
 
 @contextmanager
 def figure(path: Path, width: float, height: float, **panels: Any) -> "Iterator[tuple[Figure, np.ndarray[Any, Any]]]":
-    """A figure and its panels, to draw on; written to ``path`` when that is done.
+    """Give a figure and its panels to draw on, and write it to ``path`` afterwards.
 
     Args:
         path: its name ends in one of ``PICTURES``.
         width: [in].
         height: [in].
-        panels: of ``Figure.subplots``: rows, columns, shared axes.
+        panels: keyword arguments of ``Figure.subplots``: rows, columns, shared axes.
 
     Yields:
         The figure, and its axes, shape (rows, columns).
@@ -87,19 +87,19 @@ def save_arrays(path: Path, arrays: "Mapping[str, np.ndarray[Any, Any]]") -> Non
 
 
 def letter(panels: "np.ndarray[Any, Any]") -> None:
-    """Name panels a, b, c, ... in reading order, at their upper left."""
+    """Write the letters a, b, c, ... at the upper left of panels, in reading order."""
     for number, axes in enumerate(panels.flat):
         place: Axes = axes
         place.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
 
 
 def caption(axes: "Axes", text: str) -> None:
-    """Small text above the middle of a panel."""
+    """Write a small text above the middle of a panel."""
     axes.annotate(text, (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom", fontsize=7)
 
 
 def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
-    """A legend of all panels above them, in one row, where it hides nothing."""
+    """Add a legend in one row above all panels, where it hides nothing."""
     drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))
 
 

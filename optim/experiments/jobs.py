@@ -1,7 +1,7 @@
-"""Parts of a study beside each other, each in a process of its own.
+"""Run parts of a study in parallel, each in a process of its own.
 
-A part leaves its results in the study's folder, where the study finds them: whatever ends a process, the same command
-goes on.
+A part leaves its results in the study's folder, where the study finds them. If a process ends early, the same command
+continues.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,12 +25,12 @@ Message = float | Raised | None  # the fraction done; what a task raised; it is 
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A task at work.
+    """A task that is running.
 
     Attributes:
         name: of the task.
-        number: among all tasks.
-        process: that does it.
+        number: place among all tasks.
+        process: the process that does it.
     """
 
     name: str
@@ -41,18 +41,18 @@ class _Job:
 def run_parallel(
     tasks: Sequence[tuple[str, Task]], jobs: int, where: Mapping[str, Any], progress: Progress = None
 ) -> None:
-    """Do parts of a study in several processes, before the study gathers what they leave; nothing for one job.
+    """Do parts of a study in several processes, before the study gathers their results; one job does nothing here.
 
     Args:
-        tasks: names, and what does each; it can be pickled, and leaves its result where the study looks for it.
-        jobs: how many at a time, in their order.
+        tasks: names and functions; each can be pickled, and leaves its result where the study looks for it.
+        jobs: number of tasks at a time; they start in order.
         where: options of simulations; without ``threads``, each process has its part of the machine's.
         progress: called with the fraction done of all.
 
     Raises:
-        ValueError: for no job.
+        ValueError: for fewer than one job.
         RuntimeError: if a process ended before its task did.
-        Exception: what a task raised. In any case, and after Ctrl-C, the other processes end at once.
+        Exception: that a task raised. In any case, and after Ctrl-C, the other processes end at once.
     """
     whole_number("jobs", jobs, 1)
     if jobs == 1:
@@ -92,7 +92,7 @@ def _receive(pipe: "Connection[None, Message]", job: _Job) -> float | None:
 
 
 def _end(pipe: "Connection[None, Message]", job: _Job) -> None:
-    """Kill a process, if it is still there, and leave no zombie."""
+    """Kill a process if it still runs, and wait for its end so that no zombie is left."""
     job.process.kill()
     job.process.join()
     pipe.close()

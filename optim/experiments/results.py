@@ -1,4 +1,4 @@
-"""What studies share: budgets, results of parts that are computed once, progress, and summaries."""
+"""Tools for the results of studies: budgets, parts that are computed once, progress, and summaries."""
 
 import json
 import time
@@ -30,7 +30,7 @@ _Settings = TypeVar("_Settings")
 
 
 def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
-    """The settings of a study that go with a budget; raises ValueError for one that it does not have."""
+    """Settings of a study for a budget; raises ValueError for a budget that it does not have."""
     for name, settings in scales.items():
         if name == budget:
             return settings
@@ -44,12 +44,12 @@ def check_counts(settings: object, **least: int) -> None:
 
 
 def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
-    """Refuse a folder of something else before a study whose parts have folders of their own fills it.
+    """Check that a folder is free for a study, or belongs to it, before the study fills it.
 
     Args:
-        folder: may be new.
-        names: of all that the study puts there.
-        kind: of study, which a file in the folder tells from now on, where names alone do not.
+        folder: the study's folder, which may be new.
+        names: names of all files and folders that the study puts there.
+        kind: kind of study, kept in a file of the folder if names alone do not tell it.
 
     Raises:
         ValueError: for a file, a folder that holds anything else, or one that cannot be made.
@@ -101,11 +101,11 @@ def check_tables(folder: Path, settings: Mapping[str, Any]) -> None:
 
 
 def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
-    """Arrays of a part of a study: those in the folder, or computed now and kept there.
+    """Load the arrays of a part of a study from the folder, or compute and keep them there.
 
     Args:
         folder: None keeps nothing.
-        name: of the part, without hyphens, which end names in a folder.
+        name: name of the part, without hyphens, which end names in a folder.
         compute: called if the folder does not have the part, or only a damaged one.
     """
     for arrays in folder.load(name) if folder else ():
@@ -119,12 +119,12 @@ def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays
 def cached_in_turn(
     folder: ResultsFolder, key: str, parts: Iterable[tuple[str, Callable[[Progress], NDArray[Any]]]], progress: Progress
 ) -> list[NDArray[Any]]:
-    """An array of each part of a study, those of the folder or computed now, one after the other: see :func:`cached`.
+    """Load or compute one array for each part of a study, one after the other, as :func:`cached` does.
 
     Args:
-        folder: takes each as it comes.
-        key: of the arrays, in their files.
-        parts: their names and what computes them, which is given its own progress.
+        folder: keeps each as soon as it is computed.
+        key: name of the arrays in their files.
+        parts: names, and functions that compute the arrays and take a progress of their own.
         progress: called with the fraction done.
     """
     parts = list(parts)
@@ -136,21 +136,21 @@ def cached_in_turn(
 
 
 def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
-    """Progress of a part of so much work, after what is done of the total; None for None."""
+    """Make the progress of a part of ``length`` after ``done`` of ``total`` work; None for None."""
     return progress and (lambda fraction: progress((done + length * fraction) / total))
 
 
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
-    """Write numbers as JSON; what is not finite is refused."""
+    """Write numbers as JSON; raises ValueError for numbers that are not finite."""
     write_text(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
 def write_summary(folder: Path, name: str, summary: Mapping[str, Any], page: str = "") -> None:
-    """Write what a study found: its rows as CSV, a page of Markdown if there is one, and ``summary.json``.
+    """Write the results of a study: its rows as CSV, a page of Markdown if given, and ``summary.json``.
 
     Args:
-        folder: of the study.
-        name: of table and page.
+        folder: folder of the study.
+        name: name of the table and the page.
         summary: all numbers; ``rows`` are those of the table, by column, at least one.
         page: Markdown; none if empty.
     """
@@ -161,16 +161,16 @@ def write_summary(folder: Path, name: str, summary: Mapping[str, Any], page: str
 
 
 class Costs:
-    """A file of costs, a line for each piece of work that was completed; a kill loses at most the last."""
+    """A file of costs, one line for each completed piece of work; a kill loses at most the last."""
 
     def __init__(self, path: Path) -> None:
-        """Go on with the file, if there is one."""
+        """Continue the file, if it exists."""
         self._path = path
         keep_lines(path, len(complete_lines(path)))  # a torn last line
 
     @contextmanager
     def of(self, part: str) -> Iterator[None]:
-        """Measure a piece of work on a part, and note it when it is complete."""
+        """Measure the time of a piece of work on a part, and write it when the work is complete."""
         wall, cpu = time.perf_counter(), time.process_time()
         yield
         spent = {"wall": round(time.perf_counter() - wall, 3), "cpu": round(time.process_time() - cpu, 3)}

@@ -1,4 +1,4 @@
-"""The loop that runs searches side by side: all studies and benchmarks use it."""
+"""Run searches side by side: the loop that all studies and benchmarks use."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import Protocol, TypeVar
@@ -10,21 +10,21 @@ from taichi_sim.base.arrays import Floats
 
 
 class Search(Protocol):
-    """A search that takes its turns beside others."""
+    """A search that takes turns beside others."""
 
     @property
     def turns(self) -> int:
-        """How many turns it has completed, those before an interruption included."""
+        """Number of completed turns, including those before an interruption."""
 
     @property
     def done(self) -> bool:
         """Whether it takes no further turn."""
 
     def ask(self) -> Request:
-        """What it wants to know next; changes nothing."""
+        """Points that the search wants evaluated next; asking changes nothing."""
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
-        """Take in the judgement of what it asked for."""
+        """Receive the evaluation of the points that it asked for."""
 
 
 AnySearch = TypeVar("AnySearch", bound=Search)
@@ -34,10 +34,10 @@ Judge = Callable[[Sequence[AnySearch], Sequence[Request]], Iterable[Evaluation]]
 def run_side_by_side(
     searches: Iterable[AnySearch], judge: Judge[AnySearch], after_round: Callable[[], object] | None = None
 ) -> None:
-    """Let searches take turns until all are done. Those that have completed the fewest turns move first.
+    """Let searches take turns until all are done; those with the fewest completed turns move first.
 
     Args:
-        searches: what takes turns.
+        searches: the searches.
         judge: evaluates the requests of the searches of a round, in their order. A search is told each evaluation
             before the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
         after_round: called after each round.
@@ -64,8 +64,8 @@ def judge_together(
 
     Args:
         searches: S of them.
-        requests: what each asks for; a point's judgement must not depend on the points beside it.
-        judge: called with the search that each point is of, and the points of one batch.
+        requests: request of each search; a point's evaluation must not depend on the points beside it.
+        judge: called with the search of each point, and the points of one batch.
         kind: requests go into one batch if this is equal for their searches, and they want the same.
 
     Yields:
@@ -86,11 +86,11 @@ def judge_together(
 
 
 class BudgetedSearch:
-    """A search in memory that ends when it has made its evaluations, or when its observer says so.
+    """A search in memory that ends when its budget of evaluations is spent, or when its observer says so.
 
     Attributes:
-        name: what it is called by its observer, such as its number.
-        turns: taken so far.
+        name: its name for the observer, such as a number.
+        turns: number of turns so far.
         spent: evaluations so far, those of the last turn beyond the budget included.
     """
 
@@ -100,9 +100,9 @@ class BudgetedSearch:
         """Set up the search.
 
         Args:
-            name: see above.
-            method: not yet used.
-            budget: evaluations of the search; what its last turn has beyond them is not observed.
+            name: its name for the observer, such as a number.
+            method: the method, not yet used.
+            budget: evaluations of the search; those of its last turn beyond the budget are not observed.
             observe: called with the name, new points and their evaluation, in order; returns whether to end.
         """
         self.name, self.method, self.budget, self.observe = name, method, budget, observe

@@ -1,4 +1,4 @@
-"""What a study is: something published that ``morpholab reproduce`` repeats or extends."""
+"""Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ class Study:
 
     ``run`` is called as ``run(folder, settings, progress)``:
 
-    * ``folder`` takes the results; it is new, or that of a study of the same settings, which goes on from where it was.
-      One of something else is refused by a ValueError of one line, before any work.
+    * ``folder`` takes the results; it is new, or that of a study with equal settings, which continues where it ended.
+      A folder of something else is refused by a ValueError, before any work.
     * ``settings`` are any, those in ``scales`` or others.
     * ``progress`` is called with the fraction done; it may be None.
     * ``threads``, where ``run`` takes it, are CPU threads, all available if None; they change no result.
@@ -26,7 +26,7 @@ class Study:
     on at the same time.
 
     Attributes:
-        title: what it asks, in a line.
+        title: the question of the study, in a line.
         source: where that was published, such as ``"chapter 4"``.
         scales: settings by budget; ``"small"`` and ``"full"`` at least.
         run: does the study.
@@ -43,11 +43,11 @@ class Study:
 
     @property
     def options(self) -> set[str]:
-        """Which of ``"sweep_folder"`` and ``"jobs"`` it takes."""
+        """Options among ``"sweep_folder"`` and ``"jobs"`` that ``run`` takes."""
         return {"sweep_folder", "jobs"} & set(signature(self.run).parameters)
 
     def reproduce(self, folder: Path, budget: str = "full", progress: Progress = None, **options: Any) -> None:
-        """Do the study; it goes on where its folder left off.
+        """Run the study, or continue it where its folder ended.
 
         Args:
             folder: new, or that of the same study.
@@ -56,6 +56,6 @@ class Study:
             options: some of :attr:`options`, by name.
 
         Raises:
-            ValueError: if the study does not have the budget, or the folder is of something else.
+            ValueError: if the study does not have the budget, or the folder holds something else.
         """
         self.run(folder, scale_of(budget, self.scales), progress, **options)

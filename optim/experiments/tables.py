@@ -1,4 +1,4 @@
-"""Tables as CSV files, compressed or not."""
+"""Read and write tables as CSV files, compressed or not."""
 
 import ast
 import csv
@@ -13,7 +13,7 @@ from taichi_sim.base.files import write_bytes
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write a CSV file, whole or not at all, compressed if its name ends in ``.gz``: same rows, same bytes."""
+    """Write a CSV file atomically, compressed if its name ends in ``.gz``; equal rows give equal bytes."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
@@ -29,7 +29,7 @@ def write_records(path: Path, records: Sequence[Mapping[str, Any]]) -> None:
 
 
 def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -> list[str]:
-    """The lines of a table in Markdown.
+    """Format the lines of a Markdown table.
 
     Args:
         header: names of the columns.
@@ -64,7 +64,7 @@ def _value(cell: str) -> Any:
 
 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a CSV file, compressed if its name ends in ``.gz``.
+    """Read header and rows of a CSV file, compressed if its name ends in ``.gz``.
 
     Raises:
         ValueError: if it cannot be read or is empty.

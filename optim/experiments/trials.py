@@ -1,4 +1,4 @@
-"""Trials: what searches of several seeds evaluated, in the order asked for, and what they had found when."""
+"""Trials: all evaluations of searches with several seeds, in order, and when they found solutions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -22,17 +22,17 @@ NOTHING = -1  # where a trial has ended, or has found nothing yet
 
 
 class SolvableProblem(Protocol):
-    """What trials need of a problem: details that say how many environments a point solves."""
+    """A problem for trials: its details say how many environments each point solves."""
 
     @property
     def space(self) -> Space:
-        """What may be changed."""
+        """Space of the variables."""
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Judge points, with ``solved`` among the details."""
+        """Evaluate points, with ``solved`` among the details."""
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """Judge points of the relaxed space, with gradients if asked for."""
+        """Evaluate points of the relaxed space, with gradients if asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Trials:
 
     Attributes:
         points: shape (R, B, D).
-        objectives: maximised, shape (R, B, K); NaN of failures, too.
+        objectives: maximised, shape (R, B, K); NaN for failures, too.
         solved: environments that each point solves, shape (R, B).
         with_gradient: whether the gradient was asked for, shape (R, B).
     """
@@ -53,7 +53,7 @@ class Trials:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
-        """Build trials from what :attr:`arrays` gave."""
+        """Build trials from arrays by name, as :attr:`arrays` gives them."""
         return cls(**{f.name: arrays[f.name] for f in fields(cls)})
 
     @property
@@ -63,7 +63,7 @@ class Trials:
 
     @property
     def evaluations(self) -> Ints:
-        """Evaluations of each trial, shape (R,)."""
+        """Number of evaluations of each trial, shape (R,)."""
         return np.count_nonzero(self.solved != NOTHING, axis=1)
 
     def first(self, environments: int = 4) -> Ints:
@@ -77,7 +77,9 @@ class Trials:
         return np.where(first > 0, np.cumsum(each, axis=1)[np.arange(len(first)), first - 1], NOTHING)
 
     def reported(self, epsilons: ArrayLike) -> Ints:
-        """Points that trials would report after each evaluation, shape (R, B); -1 while all failed, and after the end.
+        """Number of the point that each trial would report after each evaluation, shape (R, B).
+
+        It is -1 while all have failed, and after the end of a trial.
 
         Source: dissertation, chapter 4: the member of the archive with the largest sum of objectives; the archive is
         that of boxes with these sides.
@@ -95,18 +97,18 @@ class Trials:
         return found
 
     def of_points(self, values: NDArray[Any], chosen: Ints, missing: float) -> NDArray[Any]:
-        """Values of points, shape (R, B), at those chosen, shape (R, B); ``missing`` where none is."""
+        """Take the values of chosen points from ``values``, shape (R, B); ``missing`` where none is chosen."""
         taken = np.take_along_axis(values, np.maximum(chosen, 0), axis=1)
         return np.where(chosen == NOTHING, missing, taken)
 
     @property
     def runs(self) -> int:
-        """R."""
+        """Number R of trials."""
         return len(self.points)
 
 
 def first_time(happens: Bools) -> Ints:
-    """The number, from 1, of the first true value in each row; -1 without one."""
+    """Number, counted from 1, of the first true value in each row; -1 if there is none."""
     return np.where(happens.any(axis=1), happens.argmax(axis=1) + 1, NOTHING)
 
 
@@ -124,7 +126,7 @@ def record_trials(
     """Run searches of several seeds side by side.
 
     Args:
-        problem: what is searched.
+        problem: the problem to search.
         method: its name in ``METHODS``.
         settings: of the method, but for the seed.
         seeds: R, one for each search.
@@ -165,5 +167,5 @@ def record_trials(
 
 
 def cached_trials(folder: ResultsFolder | None, arm: str, *searches: Any, **options: Any) -> Trials:
-    """The trials of an arm of a study: those in the folder, or made now, see :func:`record_trials`, and kept there."""
+    """Load the trials of an arm of a study from the folder, or run them by :func:`record_trials` and keep them."""
     return Trials.from_arrays(cached(folder, f"trials_{arm}", lambda: record_trials(*searches, **options).arrays))

@@ -1,4 +1,4 @@
-"""What is measured of bodies, controllers and searches. Knows neither robots nor physics."""
+"""Measures of bodies, controllers and searches, and statistics. Knows neither robots nor physics."""
 
 from optim.measures.homeostasis import homeostasis
 from optim.measures.overlap import interference, learnability

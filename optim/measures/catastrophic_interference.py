@@ -1,4 +1,4 @@
-"""Catastrophic interference in the lines of climbers: what a step that was kept did in each environment.
+"""Measures of catastrophic interference: how mutations that were kept changed the score in each environment.
 
 Source: dissertation, chapter 2, "Measuring catastrophic interference": Eq. dist_record (the change of a mutation),
 runchampion, m1 (worst distance), m2 (angle from the diagonal), m3 (length), and quadrant I (M4).
@@ -18,7 +18,7 @@ from taichi_sim.base.arrays import Bools, Floats, Ints
 
 @dataclass(frozen=True)
 class RunMeasures:
-    """The four measures of a run.
+    """The four measures (M1 to M4) of a run.
 
     Attributes:
         champion: number of the climber whose worst distance is ``worst``.
@@ -26,7 +26,7 @@ class RunMeasures:
         angle: M2, mean angle between changes and the diagonal [degrees]; NaN without changes.
         length: M3, mean length of changes [m]; NaN without changes.
         share: M4, share of changes that are better in every environment, from 0 to 1; NaN without changes.
-        changes: how many there are in the line.
+        changes: number of changes in the line.
     """
 
     champion: int
@@ -38,7 +38,7 @@ class RunMeasures:
 
 
 def changes_of(line: ArrayLike) -> Floats:
-    """Changes along a line, (A, E) [m], from its distances, (A + 1, E): positive where it came nearer.
+    """Changes of distance along a line, (A, E) [m], from its distances, (A + 1, E) [m]; positive if nearer.
 
     Eq. dist_record. Failed evaluations (NaN), which only starts can be, are left out.
     """
@@ -58,33 +58,33 @@ def angles(changes: ArrayLike) -> Floats:
 
 
 def lengths(changes: ArrayLike) -> Floats:
-    """Length of each change, (A, E) [m]: (A,). Eq. m3."""
+    """Length of each change, (A, E) [m], as a vector over environments, shape (A,) (Eq. m3)."""
     return np.asarray(np.linalg.norm(np.asarray(changes, float), axis=1))
 
 
 def avoids_interference(changes: ArrayLike) -> Bools:
-    """Whether each change, (A, E), is better in every environment (quadrant I of two): (A,)."""
+    """Whether each change, (A, E), is an improvement in every environment, shape (A,) (quadrant I for E = 2)."""
     return np.asarray((np.asarray(changes, float) > 0).all(axis=1))
 
 
 def last_kept(climber: ArrayLike) -> Ints:
-    """Where in a run the last evaluation of each climber is, shape (P,), climbers ascending."""
+    """Row of the last evaluation of each climber, shape (P,), in the order of climbers."""
     reversed_climbers = np.asarray(climber)[::-1]
     return np.asarray(len(reversed_climbers) - 1 - np.unique(reversed_climbers, return_index=True)[1])
 
 
 def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
-    """M1 to M4 of a run as the dissertation defines them.
+    """Measure M1 to M4 of a run as the dissertation defines them.
 
     The champion has the smallest worst distance in the last generation (Eq. runchampion); its line is all that its
     climber kept.
 
     Args:
-        climber: of each evaluation kept, (N,).
-        distance: at the end of each, (N, E) [m]; NaN failed.
+        climber: number of the climber of each evaluation kept, (N,).
+        distance: distance from the light at the end of each, (N, E) [m]; NaN if it failed.
 
     Raises:
-        ValueError: for other shapes, or a run without any.
+        ValueError: for other shapes, or a run without evaluations.
     """
     of, away = _checked(climber, distance)
     ends = last_kept(of)
@@ -93,20 +93,20 @@ def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
 
 
 def measure_run_as_computed(climber: ArrayLike, distance: ArrayLike, apparent: ArrayLike | None = None) -> RunMeasures:
-    """M1 to M4 as the published experiment computed them.
+    """Measure M1 to M4 of a run as the published experiment computed them.
 
     Its champion is the climber with the smallest *sum* of distances in the last generation, M1 its worst distance.
     Its line is that of the smallest worst distance of all generations, back from there, and only steps that change
     the worst distance count. (differs: for two environments the experiment walked along children, kept or not.)
 
     Args:
-        climber: of each evaluation kept, (N,).
-        distance: at the end of each, seen from above, (N, E) [m]; NaN failed.
+        climber: number of the climber of each evaluation kept, (N,).
+        distance: distance from the light at the end of each, seen from above, (N, E) [m]; NaN if it failed.
         apparent: distances that the line is measured by, (N, E) [m]: those that light readings stand for; ``distance``
             if None.
 
     Raises:
-        ValueError: for other shapes, or a run without any.
+        ValueError: for other shapes, or a run without evaluations.
     """
     of, away = _checked(climber, distance)
     _, seen = (of, away) if apparent is None else _checked(climber, apparent)

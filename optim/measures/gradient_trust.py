@@ -1,4 +1,4 @@
-"""Where a problem's exact gradient can be trusted: against central differences, and against the smoothed gradient.
+"""Check where an exact gradient can be trusted, by central differences and by the gradient of a smoothed objective.
 
 Contact makes a long rollout piecewise smooth: between two jumps the exact gradient is the slope, but a search takes
 steps that cross many. So slopes along random directions are compared over a range of step sizes, and beside them the
@@ -21,7 +21,7 @@ TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two grad
 
 @dataclass(frozen=True, eq=False)
 class Horizon:
-    """Slopes of one problem at one point along D random directions [objective per range of the variables].
+    """Slopes of one problem at one point, along D random directions [objective per range of the variables].
 
     Attributes:
         name: of the problem.
@@ -41,24 +41,24 @@ class Horizon:
 
     @property
     def errors(self) -> Floats:
-        """|difference - exact| / |exact| as vectors over the directions, for every step size, shape (S,)."""
+        """Relative error |difference - exact| / |exact| over all directions, for every step size, shape (S,)."""
         found: Floats = np.linalg.norm(self.differences - self.exact, axis=1) / np.linalg.norm(self.exact)
         return found
 
     @property
     def exact_cosines(self) -> Floats:
-        """Cosine of the exact gradient and the differences, shape (S,)."""
+        """Cosine between the exact gradient and the differences, for every step size, shape (S,)."""
         return np.array([cosine(self.exact, d) for d in self.differences])
 
     @property
     def smoothed_cosines(self) -> Floats:
-        """Cosine of the smoothed gradient and the differences, shape (S,)."""
+        """Cosine between the smoothed gradient and the differences, for every step size, shape (S,)."""
         return np.array([cosine(self.smoothed, d) for d in self.differences])
 
 
 @dataclass(frozen=True, eq=False)
 class GradientReport:
-    """What the check of several horizons found.
+    """Result of the check of several horizons.
 
     Attributes:
         steps: step sizes of the differences [ranges of the variables], shape (S,).
@@ -71,7 +71,7 @@ class GradientReport:
     horizons: tuple[Horizon, ...]
 
     def verdict(self, horizon: Horizon) -> str:
-        """At which steps to rely on what, in words."""
+        """Describe in words at which step sizes to rely on which gradient."""
         good = {
             f"exact within {TRUSTED:.0%}": horizon.errors <= TRUSTED,
             "its direction": horizon.exact_cosines >= AGREES,
@@ -82,7 +82,7 @@ class GradientReport:
         )
 
     def text(self) -> str:
-        """A table: error of the exact gradient, and cosines of it and of the smoothed one, for every step size."""
+        """Table of the exact gradient's error, and of the cosines of both gradients, for every step size."""
         lines = [f"{'horizon':<14}{'step':>8}{'error':>10}{'cosine':>9}{'smoothed':>10}"]
         for horizon in self.horizons:
             rows = zip(self.steps, horizon.errors, horizon.exact_cosines, horizon.smoothed_cosines, strict=True)
@@ -93,7 +93,7 @@ class GradientReport:
         return "\n".join(lines)
 
     def document(self) -> dict[str, Any]:
-        """All figures, fit for JSON; what is no number is None."""
+        """All numbers as a dictionary that fits JSON, with None for NaN."""
         horizons = []
         for horizon in self.horizons:
             more = {name: getattr(horizon, name) for name in ("errors", "exact_cosines", "smoothed_cosines")}
@@ -124,10 +124,10 @@ def check_gradient(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> GradientReport:
-    """Check problems such as the same robot over longer and longer horizons, each at a point of its relaxed space.
+    """Check the gradients of problems, such as one robot over longer and longer horizons.
 
     Args:
-        problems: a problem and a point by name; the point must keep away from the bounds by the largest step.
+        problems: by name, a problem and a point of its relaxed space, farther from the bounds than the largest step.
         steps: of the differences [ranges of the variables], along unit vectors.
         directions: D, random ones, orthonormal in ranges of the variables.
         smoothing: standard deviation of the smoothed gradient along each direction [ranges].
@@ -136,7 +136,7 @@ def check_gradient(
         progress: called with the fraction done.
 
     Raises:
-        ValueError: one line; if a point is too near a bound, or its evaluation fails.
+        ValueError: if a point is too near a bound, or its evaluation fails.
     """
     horizons = []
     for number, (name, (problem, point)) in enumerate(problems.items()):
@@ -184,7 +184,7 @@ def _check(
 
 
 def save_plot(report: GradientReport, path: Path) -> None:
-    """Errors and cosines over the step size, a line for each horizon, as a picture."""
+    """Write a plot of errors and cosines over the step size, with a line for each horizon."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 3.8), layout="constrained")

@@ -1,4 +1,4 @@
-"""Sensor homeostasis: how alike the worlds look to a robot's sensors, whatever world it is in.
+"""Sensor homeostasis: how alike different environments look to a robot's sensors.
 
 Source: Powers, Grindle, Frati & Bongard, A good body is all you need, arXiv 2021 (chapter 4 of Powers' dissertation,
 University of Vermont: dynamic time warping between the signals of each two environments, averaged).
@@ -13,7 +13,7 @@ from taichi_sim.base.arrays import Floats
 
 
 def homeostasis(signals: ArrayLike, distances: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Mean distance between what each sensor saw in each two environments; low means homeostatic.
+    """Mean distance between the signals of each sensor in every two environments; low means homeostatic.
 
     Compare only controllers that solve every environment: the lowest scores of all are those of controllers that
     fail because their sensors never see the light. As an objective, count it only once all environments are solved.
@@ -21,8 +21,8 @@ def homeostasis(signals: ArrayLike, distances: Callable[[Floats, Floats], Floats
     Args:
         signals: of B controllers in E environments, by S sensors, at T times, shape (B, E, S, T). In the source: the
             light, 1 / distance squared, at both sensors, at the start and after each of 10,000 steps.
-        distances: of signals from signals one by one, both of shape (P, T): shape (P,). In the source it is that of
-            ``taichi_sim.signals.warping_distances``; the same with ``normalise=True`` also accepts signals that
+        distances: function of two stacks of signals, shape (P, T), that gives P distances. In the source it is
+            ``taichi_sim.signals.warping_distances``, which with ``normalise=True`` also accepts signals that
             differ in offset and amplitude. It is called once, with P = B S E (E - 1) / 2 pairs.
 
     Returns:

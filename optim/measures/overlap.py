@@ -1,4 +1,4 @@
-"""What a sweep over controllers says of a body: how easily one that solves every environment is found.
+"""Measures of a body by a sweep over controllers: how easily one that solves every environment is found.
 
 Source: Powers, Grindle, Kriegman, Frati, Cheney & Bongard, Morphology dictates learnability in neural controllers,
 Artificial Life Conference 2020 (M_L and M_CF); Powers, Grindle, Frati & Bongard, A good body is all you need, arXiv

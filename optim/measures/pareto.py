@@ -1,4 +1,4 @@
-"""Pareto dominance and the hypervolume of fronts; objectives are maximised.
+"""Pareto dominance, and the hypervolume of fronts; objectives are maximised.
 
 Source: While, Hingston, Barone & Huband, A faster algorithm for calculating hypervolume, IEEE Transactions on
 Evolutionary Computation 10(1), 2006 (hypervolume by slicing objectives).
@@ -20,7 +20,7 @@ def dominates(ours: ArrayLike, theirs: ArrayLike) -> Bools:
 
 
 def non_dominated(objectives: ArrayLike) -> Bools:
-    """Which of N points, shape (N, K), no other dominates, shape (N,); of equal points all; failures (NaN) never."""
+    """Whether each of N points, shape (N, K), is dominated by no other, shape (N,); False for failures (NaN)."""
     objectives = np.asarray(objectives, float)
     mask = ~np.isnan(objectives).any(axis=1)
     for i in np.flatnonzero(mask):

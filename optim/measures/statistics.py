@@ -1,4 +1,4 @@
-"""Statistics that comparisons of searches need; what SciPy has is SciPy's.
+"""Statistics for comparisons of searches, from SciPy where it has them.
 
 Sources of the rest: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical
 Power Analysis, 2nd ed. 1988 (d); Holm, Scandinavian J. of Statistics 6, 1979; Fisher, Metron 1, 1921 (interval of a
@@ -20,7 +20,7 @@ MOST_AT_ONCE = 10_000_000  # numbers of bootstrap resamples in memory
 
 @dataclass(frozen=True)
 class Effect:
-    """How a sample ``b`` differs from a sample ``a``.
+    """Effect sizes and significance of the difference between a sample ``b`` and a sample ``a``.
 
     Attributes:
         difference: of the means, b - a.
@@ -41,7 +41,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Correlation:
-    """How two quantities of n things go together.
+    """Correlation of two quantities of n things.
 
     Attributes:
         n: pairs.
@@ -61,11 +61,11 @@ class Correlation:
 
 @dataclass(frozen=True)
 class WelchTest:
-    """Whether the means of two samples differ, whose variances may.
+    """Welch's t-test of whether the means of two samples differ; their variances may differ.
 
     Attributes:
         t: the statistic, positive where the second mean is larger; None where nothing varies.
-        freedom: degrees of freedom by Welch and Satterthwaite; None likewise.
+        freedom: degrees of freedom by Welch and Satterthwaite; None where nothing varies.
         p: two-sided; 1 where nothing varies and the means are equal, 0 where they are not.
     """
 
@@ -76,7 +76,7 @@ class WelchTest:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far the means of two samples are apart, for samples so small that a bootstrap's intervals are too narrow.
+    """Difference of the means of two samples that are too small for a bootstrap interval.
 
     Attributes:
         difference: of the means, b - a.
@@ -148,7 +148,7 @@ def difference_of_means(a: ArrayLike, b: ArrayLike, paired: bool = False) -> Dif
 
 
 def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]:
-    """Interval of the mean by Student's t, for few values of nearly normal spread.
+    """Confidence interval of the mean by Student's t, for few values that are nearly normal.
 
     Raises:
         ValueError: if there are less than two finite values.
@@ -159,7 +159,7 @@ def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Two-sided 95 % score interval of a share: of so many successes in at least one trial."""
+    """Two-sided 95 % score interval (Wilson) of a share: ``successes`` out of ``trials``, at least one."""
     interval = _scipy().binomtest(successes, trials, alternative="two-sided").proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
 
@@ -174,7 +174,7 @@ def pearson(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation
 
 
 def spearman(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:
-    """Rank correlation of pairs, both of shape (n,): that of their ranks, which equals share; else as ``pearson``.
+    """Rank correlation of pairs, both of shape (n,), in which equal values share a rank.
 
     The interval uses the wider variance 1.06 / (n - 3) of the transformed coefficient (Fieller et al. 1957); it is
     good for n of 10 or more.
@@ -183,7 +183,7 @@ def spearman(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlatio
 
 
 def _correlation(test: Any, x: Floats, y: Floats, alternative: Alternative, variance: float) -> Correlation:
-    """The correlation of two samples; ``variance``: that of the transformed coefficient, times n - 3."""
+    """Make the record of a test; ``variance`` is that of the transformed coefficient, times n - 3."""
     n = len(x)
     if n < 2 or not (np.ptp(x) and np.ptp(y)):
         return Correlation(n, None, None, None, 1.0)
@@ -197,7 +197,7 @@ def _correlation(test: Any, x: Floats, y: Floats, alternative: Alternative, vari
 
 
 def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> Floats:
-    """Means of samples drawn with replacement from the rows of ``sample``, shape (n, ...): (resamples, ...)."""
+    """Means of resamples of the rows of ``sample``, shape (n, ...), drawn with replacement: (resamples, ...)."""
     values = np.asarray(sample, float)
     if len(values) < 2:  # SciPy wants two
         return np.repeat(values.mean(axis=0)[None], resamples, axis=0)
@@ -215,9 +215,9 @@ def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> 
 
 
 def mean_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
-    """Percentile bootstrap interval of the mean over the first axis, shape (n, ...): two arrays of shape (...).
+    """Percentile bootstrap interval of the mean over the first axis of (n, ...): lower and upper end, shape (...).
 
-    Of five values it holds the mean in 84 % of samples instead of 95; see :func:`mean_interval`.
+    With five values it covers the mean in 84 % of samples instead of 95; :func:`mean_interval` does better.
     """
     tail = 50 * (1 - level)
     low, high = np.percentile(bootstrap_means(sample), [tail, 100 - tail], axis=0)
@@ -225,7 +225,7 @@ def mean_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
 
 
 def effect(a: ArrayLike, b: ArrayLike) -> Effect:
-    """How b differs from a, each of shape (n,) with at least two values."""
+    """Compare samples a and b, each of shape (n,) with at least two values."""
     a, b = np.asarray(a, float), np.asarray(b, float)
     tied = len(np.unique(np.concatenate([a, b]))) < len(a) + len(b)
     exact = not tied and max(len(a), len(b)) <= 20

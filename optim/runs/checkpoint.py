@@ -1,4 +1,4 @@
-"""Checkpoints of runs: the state of a search, and checksums of the files beside it.
+"""Checkpoints of runs: the state of a search, with checksums of the files beside it.
 
 A checkpoint fits its folder if it was made with the same settings and the log begins with the lines that it knew. A
 run continues from the newest undamaged checkpoint that fits.
@@ -25,7 +25,7 @@ _RECORD = "run/record"  # entry of a checkpoint beside the method's own
 
 @dataclass(frozen=True)
 class Record:
-    """What a checkpoint knows about its run.
+    """Checksums in a checkpoint that tell whether it fits its run folder.
 
     Attributes:
         lines: number of lines of the log.
@@ -43,7 +43,7 @@ class Record:
 
 
 def save(folder: Path, state: Mapping[str, NDArray[Any]], record: Record) -> None:
-    """Write a checkpoint; keep the one before as ``checkpoint.previous.npz``."""
+    """Write a checkpoint, and keep the one before as ``checkpoint.previous.npz``."""
     own = {_RECORD: np.frombuffer(json.dumps(asdict(record)).encode(), np.uint8)}
     with files.replacing(folder / CHECKPOINT) as aside:
         aside.write_bytes(files.pack({**state, **own}))
@@ -83,7 +83,7 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
 
 
 def _misfit(record: Record, lines: list[bytes], settings: str) -> str | None:
-    """Why a checkpoint does not fit; None if it does."""
+    """Reason why a checkpoint does not fit, or None if it fits."""
     if record.settings != settings:
         return "made with other settings"
     if len(lines) < record.lines:

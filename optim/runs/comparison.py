@@ -1,4 +1,4 @@
-"""Comparing runs: those that differ only in their seed are one group; curves of groups, and how they differ.
+"""Compare runs: those that differ only in their seed make one group, and groups are compared by statistics.
 
 The unit of statistics is the run. Where every group is a single run of independent climbers, it is the climber; other
 members of a population are no independent samples, so a single run of them has neither bands nor effect sizes.
@@ -47,14 +47,14 @@ JUDGED = (
 
 @dataclass(frozen=True)
 class Curve:
-    """The best scores of a group so far.
+    """Best scores of a group of runs so far, over what they spent.
 
     Attributes:
         label: what the group is.
         folders: of its runs.
         unit: ``"runs"`` or ``"climbers"``.
         x: evaluations, generations or seconds, shape (P,), rising.
-        scores: best so far, shape (U, P); NaN as long as a unit has had no success.
+        scores: best scores so far, shape (U, P); NaN as long as a unit has had no success.
     """
 
     label: str
@@ -64,13 +64,13 @@ class Curve:
     scores: Floats
 
     def at(self, x: float) -> Floats:
-        """The best scores of those with any success up to x, shape (at most U,); none before the first place."""
+        """Best scores at x of the units that have had a success, shape (at most U,); empty before the first place."""
         reached = int(np.searchsorted(self.x, x, side="right")) - 1
         values = self.scores[:, reached] if reached >= 0 else np.empty(0)
         return values[~np.isnan(values)]
 
     def band(self) -> tuple[Floats, Floats, Floats]:
-        """Mean and its 95 % bootstrap interval where all units have had a success, else NaN; each of shape (P,)."""
+        """Mean and both ends of its 95 % bootstrap interval, shape (P,) each; NaN until all units have a success."""
         mean = self.scores.mean(axis=0)
         if len(self.scores) < 2:
             return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
@@ -79,18 +79,18 @@ class Curve:
 
 @dataclass(frozen=True)
 class Standing:
-    """A group at a place on the axis.
+    """Scores of a group at one place on the axis.
 
     Attributes:
         label: of its curve.
         folders: of its runs.
         unit: ``"runs"`` or ``"climbers"``.
-        count: of them.
-        without_success: how many of them have had none so far.
-        mean: of the best scores of the others; None without any, as the following.
+        count: number of units.
+        without_success: number of units without any success so far.
+        mean: mean best score of the other units; this and the following are None if there are none.
         low: lower end of its 95 % bootstrap interval; None with fewer than two.
         high: upper end.
-        best: of them.
+        best: highest of the best scores.
     """
 
     label: str
@@ -106,7 +106,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Difference:
-    """How the second of two groups differs from the first: ``effect``, and its p adjusted for all pairs (Holm)."""
+    """Difference between two groups, second less first: its ``effect``, and its p adjusted for all pairs (Holm)."""
 
     first: str
     second: str
@@ -115,7 +115,7 @@ class Difference:
 
 
 def check_comparable(histories: Sequence[History]) -> None:
-    """Raise a one-line ValueError unless the scores of all runs mean the same."""
+    """Raise ValueError unless the scores of all runs have the same meaning."""
     first = histories[0]
     for other in histories[1:]:
         problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
@@ -129,7 +129,7 @@ def check_comparable(histories: Sequence[History]) -> None:
 
 
 def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
-    """One curve for each group of runs that differ in their seed only.
+    """Make one curve for each group of runs that differ in their seed only.
 
     Raises:
         ValueError: if a run has no generation yet, its times are unknown but wanted, two runs of a
@@ -152,7 +152,7 @@ def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
 
 
 def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
-    """The last place on the axis that every curve has come to.
+    """Last place on the axis that every curve has reached.
 
     Raises:
         ValueError: if a curve begins beyond it.
@@ -161,7 +161,7 @@ def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
 
 
 def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
-    """How the groups differ at x, each pair with at least two units on both sides."""
+    """Compare groups at x, each pair in which both groups have at least two units."""
     pairs = [
         (a.label, b.label, effect(a.at(x), b.at(x)))
         for a, b in itertools.combinations(compared, 2)
@@ -172,7 +172,7 @@ def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
 
 
 def standing(curve: Curve, x: float) -> Standing:
-    """Where a group stands at x."""
+    """Summarise the scores of a group at x."""
     scores = curve.at(x)
     low, high = (float(bound) for bound in mean_band(scores)) if len(scores) > 1 else (None, None)
     mean, best = (float(scores.mean()), float(scores.max())) if len(scores) else (None, None)
@@ -181,7 +181,7 @@ def standing(curve: Curve, x: float) -> Standing:
 
 
 def _overlap(places: Mapping[str, Floats], axis: Axis) -> tuple[float, float]:
-    """Where the last of some runs begins, and where the first of them ends; a one-line ValueError if that is before."""
+    """Range of the axis that all runs cover; raises ValueError if there is none."""
     late = max(places, key=lambda name: float(places[name][0]))
     early = min(places, key=lambda name: float(places[name][-1]))
     begin, end = float(places[late][0]), float(places[early][-1])
@@ -194,7 +194,7 @@ def _overlap(places: Mapping[str, Floats], axis: Axis) -> tuple[float, float]:
 
 
 def _check_independent(group: Sequence[History]) -> None:
-    """Raise a one-line ValueError if two runs have equal seeds too: they are one sample, counted twice."""
+    """Raise ValueError if two runs also have equal seeds: they would be one sample, counted twice."""
     first: dict[str, Path] = {}
     for history in group:
         other = first.setdefault(identity(history.config), history.path)
@@ -218,7 +218,7 @@ def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> 
 
 
 def _places(history: History, axis: Axis) -> Floats:
-    """Where the generations lie on the axis."""
+    """Places of a run's generations on the axis."""
     if axis == "evaluations":
         return np.array([generation.evaluations for generation in history.generations], float)
     if axis == "generations":
@@ -227,7 +227,7 @@ def _places(history: History, axis: Axis) -> Floats:
 
 
 def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Problem and method, with the defaults of settings that an older version did not have."""
+    """Problem and method without the seed; settings that an older version did not have get their defaults."""
     given = config["method"]
     usual = default_settings(given["name"]) if given["name"] in METHODS else {}
     method = {name: value for name, value in {**usual, **given}.items() if name != "seed"}
@@ -235,7 +235,7 @@ def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
-    """Names of groups: the method and the settings in which they differ, or the folder if that is long."""
+    """Labels of groups: the method and the settings in which they differ, or the folder if that is too long."""
     flat = [_flat(_without_seed(group[0].config)) for group in groups]
     labels = []
     for settings, group in zip(flat, groups, strict=True):

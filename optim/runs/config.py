@@ -1,4 +1,4 @@
-"""``config.toml``: every setting of a run, sealed by a checksum in its last line."""
+"""Read and write ``config.toml``, which has every setting of a run and a checksum in its last line."""
 
 import hashlib
 import json
@@ -41,7 +41,7 @@ def write_config(folder: Path, config: Mapping[str, Any]) -> None:
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """The settings of the run in a folder.
+    """Read the settings of the run in a folder.
 
     Raises:
         ValueError: if there are none, or they cannot be read, were changed, or are of a newer program.
@@ -76,12 +76,12 @@ def _is_objective(entry: object) -> bool:
 
 
 def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping[str, Any]], P]) -> P:
-    """The problem of a run with these settings.
+    """Build the problem of a run from its settings.
 
     Args:
         folder: of the run.
         config: its settings.
-        build: makes the problem of its description, ``from_description`` of the kind that is wanted.
+        build: makes the problem from its description: ``from_description`` of the kind that is wanted.
 
     Raises:
         ValueError: if the description is damaged or of another kind.
@@ -93,7 +93,7 @@ def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping
 
 
 def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], generations: int) -> dict[str, Any]:
-    """The content of ``config.toml`` for a search of a problem by a method with some settings."""
+    """Make the content of ``config.toml`` for a search of a problem by a method."""
     return {
         "problem": problem.describe(),
         "method": {"name": method, **settings},
@@ -103,20 +103,20 @@ def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], gene
 
 
 def score_in(config: Mapping[str, Any]) -> Objective:
-    """Name and unit of the scores in a run's log, by its settings alone."""
+    """Name and unit of the scores in a run's log, read from its settings."""
     if config.get(OBJECTIVES):
         return score_of([Objective(**objective) for objective in config[OBJECTIVES]])
     return SCORES_OF_1_0.get(config["problem"].get("kind", GAIT), Objective("score"))
 
 
 def identity(config: Mapping[str, Any]) -> str:
-    """Checksum of the settings that a run never changes and that its results depend on."""
+    """Checksum of the settings on which a run's results depend, and which it never changes."""
     lasting = {name: value for name, value in config.items() if name not in ("generations", OBJECTIVES)}
     return hashlib.sha256(json.dumps(lasting, sort_keys=True).encode()).hexdigest()
 
 
 def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path, prefix: str = "") -> None:
-    """Raise a one-line ValueError if settings asked for are not those of the run; ``generations`` may be raised.
+    """Raise ValueError if the settings asked for are not those of the run; ``generations`` may be raised.
 
     Settings of the problem and the method may be left out; one that is a table may not be given in part.
     """
@@ -135,6 +135,6 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
 
 
 def _default(method: Mapping[str, Any], setting: str) -> Any:
-    """The default of a setting of the method that a run names; None if there is none."""
+    """Default of a setting of the run's method; None if there is none."""
     name = str(method.get("name"))
     return default_settings(name).get(setting) if name in METHODS else None

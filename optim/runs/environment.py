@@ -1,4 +1,4 @@
-"""The machine, versions and command line of a run."""
+"""Describe the environment of a run: machine, versions and command line."""
 
 import os
 import platform
@@ -9,12 +9,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-JUDGING = ("morpholab", "numpy", "taichi")  # packages that judgements depend on
+JUDGING = ("morpholab", "numpy", "taichi")  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 
 
 def environment(**more: Any) -> dict[str, Any]:
-    """Versions, machine and command line of this process, with ``more`` about the run; fits JSON."""
+    """Describe versions, machine and command line of this process, with ``more`` about the run; fits JSON."""
     return {
         "versions": versions(),
         "platform": platform.platform(),
@@ -27,9 +27,9 @@ def environment(**more: Any) -> dict[str, Any]:
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Where two environments differ in what results can depend on, such as ``numpy 2.4.6, now 2.5.0``.
+    """List differences between two environments that can change results, such as ``numpy 2.4.6, now 2.5.0``.
 
-    What the first does not tell of is unknown, not different.
+    An entry that the first does not have is unknown, not different.
     """
     known, found = before.get("versions", {}), now.get("versions", {})
     pairs = [(name, known.get(name), found.get(name)) for name in known]
@@ -43,7 +43,7 @@ def versions() -> dict[str, str | None]:
 
 
 def cpu_model() -> str:
-    """The model of the CPU, for which kernels are compiled: results may differ between two in their last bits."""
+    """Model of the CPU, for which kernels are compiled: results of two models may differ in their last bits."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor() or platform.machine()

@@ -1,4 +1,4 @@
-"""Designs that could not be evaluated because they killed what evaluated them, kept for a closer look."""
+"""Files of designs that killed the processes that evaluated them, kept for a closer look."""
 
 import json
 import re
@@ -10,9 +10,9 @@ from taichi_sim.base.arrays import Floats
 
 
 def save_failed(folder: RunFolder, space: Space, points: Floats, reason: str) -> Path:
-    """Write points, shape (N, D), to a file of their own, ``failed-1.json`` and so on; its path.
+    """Write failed points, shape (N, D), to a new file ``failed-1.json`` and so on, and return its path.
 
-    Its number is above all that are there, also where some have been deleted.
+    Its number is above those of all existing files, even if some were deleted.
     """
     names = space.names
     document = {

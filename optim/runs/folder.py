@@ -1,4 +1,4 @@
-"""The files of a run.
+"""Run folders: the files of a run, written so that it survives a kill.
 
 =========================== ======================================================================
 ``config.toml``             every setting: the problem, the method, the number of generations; sealed
@@ -58,11 +58,11 @@ class RunFolder:
 
     @property
     def lines(self) -> int:
-        """How many generations are complete."""
+        """Number of complete generations."""
         return self._lines
 
     def restore(self) -> tuple[State, str] | None:
-        """Go back to the last checkpoint: the method's state and the last line of the log; None without any.
+        """Go back to the last checkpoint; return the method's state and the last line of the log, or None without any.
 
         Raises:
             ValueError: if there are checkpoints, but none is whole and fits the rest of the folder.
@@ -82,7 +82,7 @@ class RunFolder:
         return state, files.complete_lines(self.path / LOG)[-1].decode()
 
     def _cut(self, lines: int) -> None:
-        """Cut the logs back to what the checkpoint knows."""
+        """Cut the logs back to the lines that the checkpoint covers."""
         self._lines = lines
         files.keep_lines(self.path / LOG, lines)
         files.keep_lines(self.path / TIMING, lines)
@@ -91,14 +91,14 @@ class RunFolder:
         )
 
     def _check_timing(self, record: Record) -> None:
-        """Times tell nothing about results: a damaged file is begun anew."""
+        """Begin the file of times anew if it is damaged: results do not depend on it."""
         if self._timing.hexdigest() != record.timing:
             self._note(f"note: {self.path}: {TIMING} is not as it was written, beginning it anew")
             (self.path / TIMING).unlink(missing_ok=True)
             self._timing = hashlib.sha256()
 
     def _check_environment(self, record: Record) -> None:
-        """Say what a run that continues may owe to another machine."""
+        """Note differences between this machine and the one on which the run began."""
         path = self.path / ENVIRONMENT
         content = path.read_bytes() if path.is_file() else b""
         if files.sha256(content) != record.environment:
@@ -110,10 +110,10 @@ class RunFolder:
             self._note(f"note: {self.path}: began elsewhere ({', '.join(changed)}); its last bits may differ")
 
     def commit(self, line: str, state: State, seconds: float) -> None:
-        """End a generation: its log line, its wall time [s], then the checkpoint that knows them.
+        """End a generation: write its log line, its wall time [s], then a checkpoint that covers both.
 
         Raises:
-            RuntimeError: if the disk takes no more; what was there before is kept.
+            RuntimeError: if the disk is full or broken; what was there before is kept.
         """
         finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         timing = {"generation": self._lines, "seconds": round(seconds, 3), "finished": finished}
@@ -127,16 +127,16 @@ class RunFolder:
         self._lines += 1
 
     def update(self, name: str, write: Callable[[Path], None]) -> None:
-        """Let ``write`` make the file ``name`` of the folder; it changes only if the content does.
+        """Write the file ``name`` of the folder by calling ``write``; the file changes only if its content does.
 
         Raises:
-            RuntimeError: if the disk takes no more.
+            RuntimeError: if the disk is full or broken.
         """
         with self.writing(), files.replacing(self.path / name, if_changed=True) as aside:
             write(aside)
 
     def update_text(self, name: str, text: str) -> None:
-        """Write a text to the file ``name``, which changes only if the text does."""
+        """Write a text to the file ``name``; the file changes only if the text does."""
 
         def write(path: Path) -> None:
             path.write_text(text, encoding="utf-8")
@@ -145,7 +145,7 @@ class RunFolder:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """While a file of the folder is written: say in one line what went wrong, and what is kept.
+        """Turn errors of the disk, while a file of the folder is written, into one that tells what is kept.
 
         Raises:
             RuntimeError: instead of errors of the disk.
@@ -171,7 +171,7 @@ def open_run(
     environment: Mapping[str, Any] | None = None,
     note: Callable[[str], None] = _to_stderr,
 ) -> Iterator[RunFolder]:
-    """Start a run in a new folder, or continue one, and keep other processes off meanwhile.
+    """Start a run in a new folder, or continue one, and lock the folder meanwhile.
 
     Args:
         path: the folder; unless ``resume``, it must not exist, be empty, or hold no generation yet.
@@ -200,7 +200,7 @@ def open_run(
 
 
 def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of the run that continues or begins, on disk."""
+    """Write the settings of a run that begins, or check and update those of one that continues; return them."""
     if resume and has_run(path):
         known = read_config(path)
         check_same(known, config, path)
@@ -221,7 +221,7 @@ def _write_json(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def _check_free(path: Path) -> None:
-    """A run may start where nothing is, or where one ended before its first generation was complete."""
+    """Raise ValueError unless a run may start here: in a new or empty folder, or where no generation was complete."""
     if path.exists() and not path.is_dir():
         raise ValueError(f"out: {path} is a file; name a new folder")
     if has_run(path):
@@ -234,10 +234,10 @@ def _check_free(path: Path) -> None:
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Keep other processes off a folder.
+    """Lock a folder against other processes.
 
     Raises:
-        ValueError: if one is there already.
+        ValueError: if another process has locked it.
     """
     with (path / LOCK).open("a") as file:
         deadline = time.monotonic() + LOCK_PATIENCE
@@ -253,7 +253,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def in_use(path: Path) -> bool:
-    """Whether a process has the folder locked, as one does whose run goes on."""
+    """Whether a process has the folder locked, because its run goes on."""
     try:
         with (path / LOCK).open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -13,19 +13,19 @@ from taichi_sim.base.arrays import Floats
 
 @dataclass(frozen=True)
 class Generation:
-    """One generation of a run as its line in ``log.jsonl``. None stands where every evaluation has failed.
+    """One generation of a run: its line in ``log.jsonl``. Scores are None as long as every evaluation has failed.
 
     Attributes:
-        generation: counted from 0, the starts.
-        evaluations: made since the run began.
-        failed: evaluations of this generation that failed.
+        generation: number, counted from 0, which is the starting points.
+        evaluations: evaluations since the run began.
+        failed: failed evaluations of this generation.
         best: best score so far.
-        mean: of the scores of what the search keeps: the climbers' best points, a population, a front.
-        median: of the same.
-        scores: those of independent climbers, shape (C,), for statistics; None of other methods.
+        mean: mean score of what the search keeps: the climbers' best points, a population, or a front.
+        median: median score of what the search keeps.
+        scores: scores of independent climbers, shape (C,), for statistics; None for other methods.
         best_point: values of the best point by name.
         best_details: the problem's details of the best point by name.
-        numbers: what else the method tells of itself.
+        numbers: other numbers that the method reports.
     """
 
     generation: int
@@ -40,7 +40,7 @@ class Generation:
     numbers: dict[str, float | int | None]
 
     def to_json(self) -> str:
-        """One line, the same for the same numbers."""
+        """Format the generation as one line of JSON; equal numbers give equal bytes."""
         return json.dumps(asdict(self), allow_nan=False)
 
 
@@ -51,7 +51,7 @@ def record(
     points: Floats,
     evaluation: Evaluation,
 ) -> Generation:
-    """The record of a generation that the method was just told."""
+    """Make the record of the generation that the method was just told."""
     valid = result.scores[~np.isnan(result.scores)]
     best_details = last.best_details if last else None
     scores = evaluation.objectives.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Reading runs without touching them: while they go on, and after."""
+"""Read runs without changing them, while they go on and after."""
 
 import datetime
 import json
@@ -21,14 +21,14 @@ from taichi_sim.base import files
 
 @dataclass(frozen=True)
 class History:
-    """What a run has done so far, checked against its checkpoint.
+    """Progress of a run so far, checked against its checkpoint.
 
     Attributes:
         path: the folder.
         config: its settings.
         generations: the generations, as logged.
-        seconds: how long each of them took; NaN where that is not known.
-        finished: when the last one was finished, ISO 8601; None if that is not known.
+        seconds: time of each generation [s]; NaN if unknown.
+        finished: when the last one ended, ISO 8601; None if unknown.
         running: whether a process is at work on it.
         found: the newest checkpoint that fits, its record, and why others do not, as ``checkpoint.load`` returns them.
     """
@@ -43,26 +43,26 @@ class History:
 
     @property
     def state(self) -> str:
-        """``"running"``, ``"finished"`` or ``"stopped"``."""
+        """State of the run: ``"running"``, ``"finished"`` or ``"stopped"``."""
         if self.running:
             return "running"
         return "finished" if len(self.generations) > self.config["generations"] else "stopped"
 
     @property
     def pace(self) -> float | None:
-        """Median time of a generation [s]; of the last ten, as the machine may have changed."""
+        """Median time of the last ten generations [s]; None if unknown."""
         known = [seconds for seconds in self.seconds[-10:] if not np.isnan(seconds)]
         return float(np.median(known)) if known else None
 
     @property
     def seconds_left(self) -> float | None:
-        """Time that the rest will take at this pace; None if that is not known."""
+        """Time that the remaining generations take at this pace [s]; None if unknown."""
         left = max(0, self.config["generations"] + 1 - len(self.generations))
         return 0.0 if left == 0 else None if self.pace is None else left * self.pace
 
 
 def read_history(folder: Path) -> History:
-    """What the run in a folder has done so far.
+    """Read the progress of the run in a folder.
 
     Raises:
         ValueError: if there is no run, or its files do not fit each other.
@@ -80,7 +80,10 @@ def read_history(folder: Path) -> History:
 
 
 def read_result(history: History, problem: Problem) -> SearchResult | None:
-    """What the search of a run holds after its last complete generation, of the run's own problem; None before one."""
+    """Restore the search's result after the last complete generation; None before the first.
+
+    ``problem`` must be that of the run.
+    """
     if history.found is None:
         return None
     settings = dict(history.config["method"])
@@ -90,7 +93,7 @@ def read_result(history: History, problem: Problem) -> SearchResult | None:
 
 
 def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[float, ...], str | None]:
-    """Times of the generations, and when the last one ended; unknown where the file is not as it was written."""
+    """Read the times of the generations, and when the last one ended; unknown if the file was changed."""
     count = record.lines if record else 0
     lines = files.complete_lines(folder / TIMING)
     sizes = range(min(count, len(lines)), 0, -1)  # a file begun anew is shorter than the log
@@ -102,10 +105,10 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:
-    """The run folders given, and those in folders given.
+    """List the given run folders, and the run folders inside given folders.
 
     Raises:
-        ValueError: if a path holds none.
+        ValueError: if a path has no run.
     """
     found: list[Path] = []
     for path in paths:

@@ -1,4 +1,4 @@
-"""The loop of a run: search for a generation, write its designs, its log line and a checkpoint."""
+"""The loop of a run: search for one generation, then write its designs, its log line and a checkpoint."""
 
 import functools
 import json
@@ -15,18 +15,18 @@ from optim.search.method import Method, SearchResult
 
 
 class FolderSearch:
-    """A search in a run folder, generation by generation, going on where the folder left off.
+    """A search in a run folder, generation by generation, which continues where the folder ended.
 
     A generation ends with its designs, then its log line, then a checkpoint. What a kill cuts off is done again from
     the last checkpoint, with the same result.
 
     Attributes:
-        problem: what is searched; the mean of its objectives is the score.
+        problem: the problem; the mean of its objectives is the score.
         last: the last generation; None before the first.
     """
 
     def __init__(self, problem: Problem, method: Method, folder: RunFolder) -> None:
-        """Restore what the folder holds.
+        """Restore the search from the folder, if it has begun.
 
         Args:
             problem: what to search.
@@ -49,11 +49,11 @@ class FolderSearch:
 
     @property
     def turns(self) -> int:
-        """Generations completed, the starts among them."""
+        """Number of complete generations, including the starts."""
         return self.last.generation + 1 if self.last else 0
 
     def ask(self) -> Request:
-        """What the method wants to know next."""
+        """Points that the method wants evaluated next."""
         self._asked = time.perf_counter()
         return Request(self._method.ask(), self._method.wants, self._method.sharpness)
 
@@ -74,7 +74,7 @@ def run_search(
     progress: Callable[[Generation], None] | None = None,
     evaluate: Evaluate | None = None,
 ) -> Generation:
-    """Run a search up to and including a generation, going on where the folder left off; see :class:`FolderSearch`.
+    """Run a search in a folder up to and including a generation, from where the folder ended.
 
     Args:
         problem: what to evaluate; the mean of its objectives is the score.
@@ -100,7 +100,7 @@ def run_search(
 
 
 def _write_designs(problem: Problem, result: SearchResult, folder: RunFolder) -> None:
-    """The files of the best design, and of the front or the elites where the method keeps any."""
+    """Write the files of the best design, and of the front or the elites if the method keeps any."""
     if not np.isnan(result.score):
         folder.update("best.json", functools.partial(problem.save, result.point))
     if result.kind in ("front", "elites"):

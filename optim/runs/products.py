@@ -1,4 +1,4 @@
-"""Files made of the best design of a run: made again when the design has changed, or the files have."""
+"""Files made from the best design of a run, made again if the design or a file has changed."""
 
 import json
 from collections.abc import Callable
@@ -11,10 +11,10 @@ PRODUCTS = "products.json"
 
 
 class Products:
-    """The files that a run folder holds beside the run itself; ``products.json`` tells of what they were made."""
+    """Files that are made from the best design; ``products.json`` has the checksums of source and files."""
 
     def __init__(self, run: RunFolder, source: str = "best.json") -> None:
-        """Read what is known of the files made of ``source``."""
+        """Read the checksums of the files made from ``source``."""
         self._run, self._folder, self._source = run, run.path, run.path / source
         try:
             known = json.loads((self._folder / PRODUCTS).read_text(encoding="utf-8"))
@@ -23,7 +23,7 @@ class Products:
             self._known = {}
 
     def make(self, name: str, write: Callable[[Path], object]) -> None:
-        """Let ``write`` make the file ``name``, unless it is there, whole, and made of the source as it is now.
+        """Write the file ``name`` by calling ``write``, unless it exists undamaged and is made from the current source.
 
         Raises:
             RuntimeError: if it cannot be written.

@@ -1,4 +1,4 @@
-"""What a search asks of a problem in one generation: to be judged at once, or in parts elsewhere."""
+"""Requests of a search to evaluate points, and how they are cut into parts and joined."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ from taichi_sim.base.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """Points, shape (N, D), how they shall be judged, and with which sharpness; see ``Method.wants``."""
+    """Points to evaluate, shape (N, D); ``wants`` is that of ``Method``, ``sharpness`` that of a relaxation."""
 
     points: Floats
     wants: Wants = "points"
     sharpness: float = 0.0
 
     def part(self, begin: int, end: int) -> "Request":
-        """Some of the points."""
+        """Request for the points from ``begin`` up to ``end``."""
         return Request(self.points[begin:end], self.wants, self.sharpness)
 
 
@@ -29,7 +29,7 @@ Evaluate = Callable[[Request], Evaluation]
 
 
 def judge(problem: Problem, request: Request) -> Evaluation:
-    """The judgement that a request wants, computed here.
+    """Evaluate a request in this process.
 
     Raises:
         ValueError: if the problem has no relaxation, but one is wanted.
@@ -45,12 +45,12 @@ def judge(problem: Problem, request: Request) -> Evaluation:
 
 
 def join_requests(requests: Sequence[Request]) -> Request:
-    """One request for the points of several that want the same with the same sharpness."""
+    """Join requests that want the same with the same sharpness into one."""
     return replace(requests[0], points=np.concatenate([request.points for request in requests]))
 
 
 def part_of(evaluation: Evaluation, rows: slice) -> Evaluation:
-    """The judgement of some of the points."""
+    """Part of an evaluation: that of some of its points."""
     return Evaluation(
         evaluation.objectives[rows],
         evaluation.status[rows],
@@ -60,7 +60,7 @@ def part_of(evaluation: Evaluation, rows: slice) -> Evaluation:
 
 
 def join(parts: Sequence[Evaluation]) -> Evaluation:
-    """The judgement of a request from those of its parts, in order."""
+    """Join the evaluations of a request's parts, in order."""
     gradients = [part.gradients for part in parts]
     return Evaluation(
         np.concatenate([part.objectives for part in parts]),
@@ -71,9 +71,9 @@ def join(parts: Sequence[Evaluation]) -> Evaluation:
 
 
 def failures(like: Evaluation, count: int, status: str) -> Evaluation:
-    """The judgement of ``count`` points that all failed, to be joined with one of other points.
+    """Evaluation of ``count`` points that all failed, to be joined with that of other points.
 
-    Details have the names, types and shapes of the other's: NaN, or zero where a type has no NaN.
+    Details have the names, types and shapes of those in ``like``: NaN, or zero if a type has no NaN.
     """
     return Evaluation(
         np.full((count, like.objectives.shape[1]), np.nan),
@@ -84,7 +84,7 @@ def failures(like: Evaluation, count: int, status: str) -> Evaluation:
 
 
 def _blank(like: NDArray[Any], count: int) -> NDArray[Any]:
-    """``count`` rows that say nothing, joinable with those given."""
+    """``count`` rows of NaN, or zero if the type has no NaN, that can be joined with the given array."""
     blank = np.zeros((count, *like.shape[1:]), like.dtype)
     if np.issubdtype(like.dtype, np.inexact):
         blank[...] = np.nan

@@ -58,7 +58,7 @@ class NeuronPolicy:
     """
 
     def __init__(self, weights: ArrayLike, memory: float = 1.0, gain: float = 1.0) -> None:
-        """Take weights as of ``robots.quadruped.simulate``, of shape (5, 8)."""
+        """Take the weights of one controller, shape (5, 8), ordered as in ``robots.quadruped.simulate``."""
         self._weights, self._memory, self._gain = np.asarray(weights, float), memory, gain
         self.reset()
 

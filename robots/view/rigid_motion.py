@@ -213,7 +213,7 @@ def rover_motion(
 ) -> Motion:
     """Build the motion of a simulated two-wheel vehicle; its sensors show what they read.
 
-    Channels: sensors, motor neurons, distance and speed. Arguments and errors as of :func:`quadruped_motion`.
+    Channels: sensors, motor neurons, distance and speed. Arguments and errors are those of :func:`quadruped_motion`.
     """
     robot = _place(result.closest.shape, controller, environment)
     tree, frames = rover.tree(), result.rollouts.frames

@@ -1,4 +1,4 @@
-"""Workers that judge the requests of a search: processes of this machine, or actors on a Ray cluster."""
+"""Workers that evaluate the requests of a search: processes of this machine, or actors on a Ray cluster."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -29,9 +29,11 @@ def open_workers(
     note: Callable[[str], None],
     progress: Callable[[float], None] | None = None,
 ) -> Iterator[Evaluate]:
-    """Workers, and what judges requests with them: the same bits as here, whatever their number and place.
+    """Start workers, and give a function that evaluates requests with them.
 
-    A request is cut into parts, which go to idle workers. A worker that dies is replaced, and its part judged
+    Results have the same bits as those of this process, for any number and place of workers.
+
+    A request is cut into parts, which go to idle workers. A worker that dies is replaced, and its part evaluated
     again; a part that kills two workers is bisected, down to single designs, which fail. An exception of the
     problem is raised here as itself. On leaving, whatever the reason, all workers end at once.
 
@@ -42,14 +44,14 @@ def open_workers(
         address: of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
             starts one on this machine for as long as the workers are open.
         threads: CPU threads of one worker.
-        part: points that a worker judges at once, at most.
+        part: most points that a worker evaluates at once.
         save_failed: saves points, shape (F, D), that killed their workers, with the reason; returns the file.
         note: told about every death, and of whatever else the user should know.
         progress: called with the fraction of a request that is done.
 
     Yields:
-        A function that judges a request. It raises RuntimeError if no worker can be started, or if
-        every design of a request kills its worker and none was ever judged: then the fault is not with the designs.
+        A function that evaluates a request. It raises RuntimeError if no worker can be started, or if
+        every design of a request kills its worker and none was ever evaluated: then the designs are not to blame.
 
     Raises:
         ValueError: for settings that are not allowed, a problem that cannot be pickled, a cluster

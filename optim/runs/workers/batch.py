@@ -1,4 +1,4 @@
-"""One request cut into parts: which are still to be judged, which again, and what they come to."""
+"""A request cut into parts: hands them out, repeats those that failed, and joins their evaluations."""
 
 import dataclasses
 from collections import deque
@@ -16,7 +16,7 @@ ATTEMPTS = 2
 
 @dataclass(frozen=True)
 class Part:
-    """Points ``begin`` to ``end`` of a request, which have killed ``deaths`` workers so far."""
+    """Part of a request, points ``begin`` to ``end``, which has killed ``deaths`` workers so far."""
 
     begin: int
     end: int
@@ -30,14 +30,14 @@ class Part:
 
 
 class Batch:
-    """Hands out the parts of a request, takes in their judgements in any order and joins them in theirs.
+    """Hands out the parts of a request, takes their evaluations in any order, and joins them in the request's order.
 
     A part that kills two workers is bisected: only a single design that does so by itself has failed. What comes
     out therefore depends on the points alone, not on how they were cut or who was first.
 
     Args:
-        request: of N points.
-        size: of a part, at most.
+        request: N points.
+        size: most points of a part.
     """
 
     def __init__(self, request: Request, size: int) -> None:
@@ -51,12 +51,12 @@ class Batch:
 
     @property
     def complete(self) -> bool:
-        """Whether every point has been judged, or found to kill workers."""
+        """Whether every point has been evaluated, or found to kill workers."""
         return not self._waiting and not self._away
 
     @property
     def fraction(self) -> float:
-        """The fraction of the points that is finished."""
+        """Fraction of the points that is finished."""
         finished = sum(len(part) for part in self._judged) + len(self._killers)
         return finished / max(1, len(self._request.points))
 
@@ -66,7 +66,7 @@ class Batch:
         return self._request.points[sorted(part.begin for part in self._killers)]
 
     def take(self) -> tuple[Part, Request] | None:
-        """The next part to judge, if one is waiting."""
+        """Next part to evaluate, with its request, or None if no part is waiting."""
         if not self._waiting:
             return None
         part = self._waiting.popleft()
@@ -74,12 +74,12 @@ class Batch:
         return part, self._request.part(part.begin, part.end)
 
     def put(self, part: Part, evaluation: Evaluation) -> None:
-        """Take in the judgement of a part."""
+        """Store the evaluation of a part."""
         self._away -= 1
         self._judged[part] = evaluation
 
     def bury(self, part: Part) -> str:
-        """Take in that a part killed its worker; says what follows from it."""
+        """Note that a part killed its worker, and return a text about what happens next."""
         self._away -= 1
         deaths = part.deaths + 1
         if deaths < ATTEMPTS:
@@ -93,7 +93,7 @@ class Batch:
         return "judged in halves, this was the second time"
 
     def joined(self, like: Evaluation) -> Evaluation:
-        """The judgement of all points; those that killed have details as ``like``, any judgement by the problem."""
+        """Join the evaluation of all points; those that killed workers have details in the form of ``like``."""
         wanted = self._request.wants == "gradients"
         slopes = np.full((1, self._request.points.shape[1]), np.nan) if wanted else None
         failed = dataclasses.replace(failures(like, 1, KILLER), gradients=slopes)

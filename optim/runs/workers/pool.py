@@ -1,4 +1,4 @@
-"""A pool of workers, in processes or on a cluster, that judges the parts of a request."""
+"""A pool of workers, in processes or on a cluster, that evaluates the parts of a request."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,46 +14,46 @@ STARTS = 3  # deaths at start, one after the other, that are enough
 
 
 class Died(Exception):
-    """A worker is gone; the message says how, as in "killed by SIGKILL"."""
+    """Raised if a worker has died; the message says how, as in "killed by SIGKILL"."""
 
 
 class Worker(Protocol):
-    """Owes an answer from its start on: None once it is ready, then one for every request."""
+    """A worker: it answers None once it has started, then answers every request."""
 
     def submit(self, request: Request) -> None:
-        """Hand over a request; the worker must owe nothing. That it is dead shows in its answer."""
+        """Send a request to a worker that has no answer pending; if it is dead, its answer tells."""
 
     def answer(self) -> Answer:
-        """What it has to say, if :meth:`Backend.ready` named it; raises ``Died``."""
+        """Receive the answer of a worker that :meth:`Backend.ready` named; raises ``Died`` if it has died."""
 
     def kill(self) -> None:
-        """End it at once, whatever it does."""
+        """End the worker at once, whatever it does."""
 
 
 W = TypeVar("W", bound=Worker)
 
 
 class Backend(Protocol[W]):
-    """Where workers come from."""
+    """Starts workers of one kind, such as processes, and waits for their answers."""
 
     @property
     def cores(self) -> int:
-        """CPU cores there."""
+        """Number of CPU cores for workers."""
 
     def start(self) -> W:
         """Start a worker, without waiting until it is ready."""
 
     def ready(self, workers: Sequence[W], wait: bool) -> Sequence[W]:
-        """Those of the workers that have an answer, or are dead; waits for at least one if told to."""
+        """List workers that have an answer or are dead; with ``wait``, wait for at least one."""
 
 
 class Pool(Generic[W]):
-    """Workers of one backend, replaced as they die.
+    """A fixed number of workers of one backend; those that die are replaced.
 
     Args:
-        backend: where they come from.
-        count: how many.
-        size: points that one judges at once, at most.
+        backend: starts the workers.
+        count: number of workers.
+        size: most points that a worker evaluates at once.
         save_failed: saves designs that kill their workers, and returns where.
         note: told about every death.
         progress: told the fraction of a request's points that is done with.
@@ -78,10 +78,10 @@ class Pool(Generic[W]):
         self._idle: list[W] = []
         self._busy: dict[W, Part] = {}
         self._start_deaths = 0
-        self._known: Evaluation | None = None  # the last judgement of any part
+        self._known: Evaluation | None = None  # the last evaluation of any part
 
     def fill(self) -> None:
-        """Start workers where some are missing."""
+        """Start workers until there are enough."""
         while len(self._starting) + len(self._idle) + len(self._busy) < self._count:
             self._starting.append(self._backend.start())
 
@@ -91,7 +91,7 @@ class Pool(Generic[W]):
             worker.kill()
 
     def evaluate(self, request: Request) -> Evaluation:
-        """The judgement of a request; see :func:`optim.runs.workers.open_workers`."""
+        """Evaluate a request, as :func:`optim.runs.workers.open_workers` describes."""
         size = max(1, min(self._size, -(-len(request.points) // self._count)))
         batch = Batch(request, size)
         try:
@@ -121,10 +121,10 @@ class Pool(Generic[W]):
             worker.submit(taken[1])
 
     def _hear(self, worker: W, batch: Batch) -> None:
-        """Take in what a worker has to say.
+        """Receive the answer of a worker.
 
         Raises:
-            Exception: what the problem raised there.
+            Exception: that the problem raised in the worker.
         """
         part = self._busy.pop(worker, None)
         if part is None:
@@ -163,7 +163,7 @@ class Pool(Generic[W]):
         self._note(f"note: a worker died ({death}) before it was ready; another one is started")
 
     def _save(self, killers: Floats, count: int) -> Evaluation:
-        """Save what killed its workers; a judgement of other points, of this request or one before.
+        """Save points that killed their workers; return any evaluation so far, for the form of its details.
 
         Raises:
             RuntimeError: if there has never been one.

@@ -1,4 +1,4 @@
-"""Workers as processes of this machine.
+"""Workers that are processes of this machine.
 
 A pipe to each process instead of a ``ProcessPoolExecutor``: that one waits for ever for the rest of an answer whose
 writer was killed halfway, and cannot end its workers before they have finished. Here a pipe has one writer, so that
@@ -32,7 +32,7 @@ _LAST_BREATH = 1.0  # seconds for a process that has closed its pipe to end by i
 
 @dataclass(frozen=True, eq=False)
 class ProcessWorker:
-    """A process, and this end of the pipe to it."""
+    """A worker process, with this side's end of the pipe to it."""
 
     process: SpawnProcess
     connection: "Connection[object, Answer]"
@@ -50,14 +50,14 @@ class ProcessWorker:
             raise Died(how_it_ended(self.process)) from None
 
     def kill(self) -> None:
-        """SIGKILL; leaves no zombie."""
+        """Kill the process (SIGKILL), and wait for its end so that no zombie is left."""
         self.process.kill()
         self.process.join()
         self.connection.close()
 
 
 class Processes:
-    """Starts workers that die with this process, at the latest; see :func:`start_process`.
+    """Starts worker processes, which end with this process at the latest.
 
     Args:
         problem: what they judge.
@@ -81,7 +81,7 @@ class Processes:
         return ProcessWorker(process, ours)
 
     def ready(self, workers: Sequence[ProcessWorker], wait: bool) -> list[ProcessWorker]:
-        """Those whose pipe has something to read, or has ended."""
+        """List the workers whose pipe has something to read, or has ended."""
         by_connection = {worker.connection: worker for worker in workers}
         found = connections.wait(list(by_connection), None if wait else 0.0)
         return [worker for connection, worker in by_connection.items() if connection in found]
@@ -90,12 +90,12 @@ class Processes:
 def start_process(
     life: "Callable[[Connection[Any, Any]], None]", environment: Mapping[str, str]
 ) -> "tuple[SpawnProcess, Connection[Any, Any]]":
-    """Start a process that dies with this one, never sees Ctrl-C, and writes to stderr alone.
+    """Start a process that ends with this one, ignores Ctrl-C, and writes to stderr only.
 
     Use it in one thread: Linux counts the end of the thread that started a process as the death of its parent.
 
     Args:
-        life: all that it does, given its end of the pipe; it can be pickled.
+        life: function that the process runs, called with its end of the pipe; it can be pickled.
         environment: variables that are set before it loads anything.
 
     Returns:
@@ -118,7 +118,7 @@ def start_process(
 
 
 def how_it_ended(process: SpawnProcess) -> str:
-    """Why a process that has closed its pipe is gone."""
+    """Describe how a process that has closed its pipe ended."""
     process.join(_LAST_BREATH)
     if process.exitcode is not None and process.exitcode < 0:
         return f"killed by {signal.Signals(-process.exitcode).name}"
@@ -134,7 +134,7 @@ def _live(life: "Callable[[Connection[Any, Any]], None]", connection: "Connectio
 
 
 def _serve(connection: "Connection[Answer, Request]") -> None:
-    """The life of a worker: the problem first, then requests until the pipe ends."""
+    """Serve as a worker: receive the problem, then answer requests until the pipe ends."""
     service = Service()
     with contextlib.suppress(EOFError, ConnectionError):
         connection.send(service.load(connection.recv_bytes()))
@@ -151,7 +151,7 @@ def _die_with(parent: int) -> None:
 
 @contextlib.contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Keeps Ctrl-C for later; a process started meanwhile never sees one, not even while it is starting."""
+    """Delay Ctrl-C; a process that starts meanwhile never receives one."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

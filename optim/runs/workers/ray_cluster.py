@@ -1,4 +1,4 @@
-"""Workers as actors on a Ray cluster, which may be started for them on this machine."""
+"""Workers that are actors on a Ray cluster, which may be started for them on this machine."""
 
 import contextlib
 import logging
@@ -31,25 +31,25 @@ _CONNECTING = {"RAY_NUM_REDIS_GET_RETRIES": "1", "RAY_py_gcs_connect_timeout_s":
 
 
 class RemoteService(Service):
-    """What an actor runs."""
+    """The service that runs in an actor."""
 
     def about(self) -> dict[str, Any]:
-        """Where it runs, and on what."""
+        """Describe the machine that the actor runs on: host, CPU and versions."""
         return {"host": socket.gethostname(), "cpu": cpu_model(), "versions": versions()}
 
 
 @dataclass(eq=False)
 class RayWorker:
-    """An actor, and what it owes.
+    """A worker that is an actor, with its pending answers.
 
     Attributes:
         ray: the module.
         actor: a handle of a ``RemoteService``.
-        about: reference of what it will say about itself.
-        owed: reference of its next answer.
-        check: raises ValueError if what it says about itself will not do.
-        started: when it was asked for [s].
-        checked: whether that has been looked at.
+        about: reference to its answer about its machine.
+        owed: reference to its next answer.
+        check: raises ValueError if its machine is not suitable.
+        started: when it was requested [s].
+        checked: whether the machine has been checked.
         killed: whether it has been ended here.
     """
 
@@ -63,11 +63,11 @@ class RayWorker:
     killed: bool = False
 
     def submit(self, request: Request) -> None:
-        """Call the actor."""
+        """Send a request to the actor."""
         self.owed = self.actor.judge.remote(request)
 
     def answer(self) -> Answer:
-        """Fetch the answer; the first time, see first whether the actor will do."""
+        """Receive the answer; the first time, check the actor's machine before."""
         owed, self.owed = self.owed, None
         errors = self.ray.exceptions
         try:
@@ -87,7 +87,7 @@ class RayWorker:
 
     @property
     def runs(self) -> bool:
-        """Whether the cluster has found a place for it."""
+        """Whether the cluster has started the actor."""
         return self.checked or bool(self.ray.wait([self.about], timeout=0)[0])
 
 
@@ -96,7 +96,7 @@ class RayCluster:
 
     Args:
         ray: the module.
-        problem: what they judge; one defined in a script or notebook may travel, too.
+        problem: what they evaluate; it may be defined in a script or notebook.
         threads: of an actor; it takes as many CPUs of the cluster.
         variables: environment variables of an actor.
         note: told about other CPUs, and of actors that find no place.
@@ -119,7 +119,7 @@ class RayCluster:
         return int(self._ray.cluster_resources().get("CPU", 1))
 
     def start(self) -> RayWorker:
-        """Ask for an actor, what it runs on, and whether it can load the problem."""
+        """Request an actor, the description of its machine, and whether it can load the problem."""
         actor = self._actor.remote()
         owed = actor.about.remote(), actor.load.remote(self._pickled)
         worker = RayWorker(self._ray, actor, *owed, self._check, time.monotonic())
@@ -127,7 +127,7 @@ class RayCluster:
         return worker
 
     def ready(self, workers: Sequence[RayWorker], wait: bool) -> list[RayWorker]:
-        """Those whose answer is there, or will never come."""
+        """List the workers whose answer has come, or never will."""
         by_reference = {worker.owed: worker for worker in workers if worker.owed is not None}
         while by_reference:
             timeout = min(1.0, NOTE_AFTER) if wait else 0
@@ -138,10 +138,10 @@ class RayCluster:
         return []
 
     def _look_for_places(self) -> None:
-        """Note that some actors have found no place for long.
+        """Note if the cluster has had no room for some actors for long.
 
         Raises:
-            RuntimeError: if none has for very long.
+            RuntimeError: if there has been no room for any for very long.
         """
         now = time.monotonic()
         workers = [worker for worker in self._workers if not worker.killed]
@@ -159,10 +159,10 @@ class RayCluster:
             )
 
     def _check(self, about: dict[str, Any]) -> None:
-        """Note another CPU.
+        """Check the description of an actor's machine, and note a different CPU.
 
         Raises:
-            ValueError: for other versions.
+            ValueError: for different versions.
         """
         here, there, host = versions(), about["versions"], about["host"]
         for name in ("python", *JUDGING):
@@ -179,12 +179,12 @@ class RayCluster:
 
 
 def _essential(name: str, version: str | None) -> str | None:
-    """The part of a version that must agree; for Python without the patch release."""
+    """Part of a version that must agree: for Python without the patch release."""
     return version.rpartition(".")[0] if name == "python" and version else version
 
 
 def _last_line(error: Exception) -> str:
-    """What an error of Ray comes to: the last of its many lines, without advice."""
+    """Short form of an error of Ray: the last of its many lines, without advice."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     text = (lines or [type(error).__name__])[-1].rpartition("Worker exit detail: ")[2]
     return re.split(r"\.? (?:Some common causes|There are some)", text)[0][:300]
@@ -194,10 +194,10 @@ def _last_line(error: Exception) -> str:
 def open_cluster(
     problem: Problem, count: int | None, threads: int, address: str | None, note: Callable[[str], None]
 ) -> Iterator[RayCluster]:
-    """A connection to a cluster, or to one started here for as long; see ``open_workers``.
+    """Connect to a cluster, or start one on this machine that ends with the connection.
 
     Raises:
-        ValueError: if there is no Ray, no such address or no cluster there.
+        ValueError: if Ray is not installed, the address is not allowed, or no cluster answers there.
     """
     here = address in (None, "local")
     if not here and address != "auto":
@@ -233,7 +233,7 @@ def _import_ray() -> Any:
 
 
 def _connect(ray: Any, address: str | None, cpus: int) -> None:
-    """Start a cluster, or connect to one; Ray's errors, which are many and long, in one line."""
+    """Start a cluster, or connect to one; Ray's long errors become short ones."""
     quiet = {"log_to_driver": False, "logging_level": logging.CRITICAL}
     try:
         if address is None:
@@ -247,10 +247,10 @@ def _connect(ray: Any, address: str | None, cpus: int) -> None:
 
 
 def _reach(address: str) -> None:
-    """Try to connect by TCP: Ray itself would try for long.
+    """Check that an address answers by TCP, because Ray itself would try for long.
 
     Raises:
-        ValueError: if that fails.
+        ValueError: if it does not answer.
     """
     match = _ADDRESS.fullmatch(address)
     if not match or not 1 <= int(match["port"]) <= 65535:

@@ -1,4 +1,4 @@
-"""What happens in a worker, wherever it runs."""
+"""The service that runs in every worker, in a process or on a cluster."""
 
 import contextlib
 import os
@@ -22,7 +22,7 @@ THREAD_VARIABLES = (
 
 @dataclass(frozen=True)
 class Raised:
-    """An exception instead of an answer."""
+    """Answer that carries an exception."""
 
     error: Exception
 
@@ -31,13 +31,13 @@ Answer = Evaluation | Raised | None
 
 
 def thread_environment(threads: int) -> dict[str, str]:
-    """Environment variables that hold a process to a number of threads."""
+    """Environment variables that limit a process to a number of threads."""
     return dict.fromkeys(THREAD_VARIABLES, str(threads))
 
 
 @contextlib.contextmanager
 def environment_set(variables: Mapping[str, str]) -> Iterator[None]:
-    """Sets environment variables for a while: for the processes started meanwhile, before they load anything."""
+    """Set environment variables for a while: processes started meanwhile have them before they load anything."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -51,10 +51,10 @@ def environment_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 def pickled(problem: Problem, dumps: Callable[[Problem], bytes]) -> bytes:
-    """The problem as it travels to workers.
+    """Pickle a problem, to send it to workers.
 
     Raises:
-        ValueError: if it cannot.
+        ValueError: if it cannot be pickled.
     """
     try:
         return dumps(problem)
@@ -63,12 +63,12 @@ def pickled(problem: Problem, dumps: Callable[[Problem], bytes]) -> bytes:
 
 
 class Service:
-    """Keeps the problem, and answers requests for judgements of it."""
+    """Keeps a problem, and answers requests to evaluate its points."""
 
     _problem: Problem
 
     def load(self, content: bytes) -> Answer:
-        """Take over a pickled problem; None, or what went wrong."""
+        """Load a pickled problem; return None, or the exception."""
         try:
             self._problem = pickle.loads(content)
         except Exception as error:
@@ -77,7 +77,7 @@ class Service:
         return None
 
     def judge(self, request: Request) -> Answer:
-        """The judgement of a request, or what the problem raised."""
+        """Evaluate a request; return the evaluation, or the exception."""
         try:
             return judge(self._problem, request)
         except Exception as error:
@@ -85,7 +85,7 @@ class Service:
 
 
 def portable(error: Exception) -> Exception:
-    """The error, with a note where it was raised, or another in its place if it cannot be pickled."""
+    """Make an exception that can be pickled, with a note where it was raised."""
     where = "".join(traceback.format_exception(error)).rstrip()
     try:
         pickle.loads(pickle.dumps(error))

@@ -1,4 +1,4 @@
-"""Trees from the parts that files of robots describe: masses are summed, and what has none joins what carries it."""
+"""Build trees from the parts of a robot's file: masses are summed, and massless parts join those that carry them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,14 +16,14 @@ _STRAIGHT = 1e-6  # sines below it are rounding
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A robot of a file.
+    """A robot that was read from a file.
 
     Attributes:
         tree: the robot; its first body is the base.
-        senses: what the file's touch sensors feel.
-        world: time step, gravity and friction of the file, where it has them.
-        commands: names of what the commands go to, in their order.
-        ignored: what the file says and the engine has not, one entry each.
+        senses: the file's touch sensors.
+        world: time step, gravity and friction that the file gives, and defaults.
+        commands: names of the actuators or joints that receive the commands, in order.
+        ignored: entries of the file that the engine does not support.
     """
 
     tree: Tree
@@ -35,7 +35,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A frame in the world at rest.
+    """A frame: a position and axes, in the world, with the robot at rest.
 
     Attributes:
         position: of its origin [m].
@@ -46,20 +46,20 @@ class Place:
     rotation: Floats
 
     def then(self, position: Floats, rotation: Floats) -> "Place":
-        """A frame given in this one."""
+        """Convert a frame that is given relative to this one to the world."""
         return Place(self.position + self.rotation @ position, self.rotation @ rotation)
 
 
 @dataclass(frozen=True, eq=False)
 class Lump:
-    """A mass, its centre [m] and its inertia about the centre [kg m^2], in the axes of the world at rest."""
+    """A mass [kg], its centre [m] and its inertia about the centre [kg m^2], in the axes of the world at rest."""
 
     mass: float = 0.0
     centre: Floats = field(default_factory=lambda: np.zeros(3))
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __add__(self, other: "Lump") -> "Lump":
-        """Both together (Steiner)."""
+        """Combine two masses into one (parallel axis theorem)."""
         mass = self.mass + other.mass
         if mass == 0:
             return self
@@ -72,13 +72,13 @@ class Lump:
 
     @classmethod
     def of(cls, mass: float, place: Place, inertia: Floats) -> "Lump":
-        """Put a mass at a place, with its inertia in the axes of that place."""
+        """Place a mass, whose inertia is given in the axes of that place."""
         return cls(mass, place.position, place.rotation @ inertia @ place.rotation.T)
 
 
 @dataclass(frozen=True)
 class HingeOf:
-    """The hinge that carries a part, at rest in the world; as of ``Hinge``."""
+    """The hinge that carries a part, at rest in the world; the fields are those of ``Hinge``."""
 
     anchor: Floats
     axis: Floats
@@ -89,12 +89,12 @@ class HingeOf:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A body as a file has it.
+    """A body as a file describes it.
 
     Attributes:
         name: of the part.
         parent: name of the part that carries it; None for the base.
-        hinge: that it hangs on; None: it is fixed to its parent.
+        hinge: the hinge that joins it to its parent; None if it is fixed to the parent.
         lump: its mass.
         shapes: solids with centres in the world at rest.
     """
@@ -120,7 +120,7 @@ def box(name: str, place: Place, size: Floats) -> Box:
     """A cuboid along the axes of a place in the world.
 
     Raises:
-        ValueError: where these are not the axes of the world.
+        ValueError: if these are not the axes of the world.
     """
     straight = np.abs(place.rotation).round(6)
     if np.abs(np.abs(place.rotation) - straight.round()).max() > _STRAIGHT:
@@ -129,7 +129,10 @@ def box(name: str, place: Place, size: Floats) -> Box:
 
 
 def solid_inertia(kind: str, mass: float, size: Sequence[float]) -> Floats:
-    """Inertia of a solid along its own axes: sphere (radius), box (edges), capsule or cylinder (radius, length)."""
+    """Inertia of a solid about its own axes [kg m^2].
+
+    Sizes are those of a sphere (radius), a box (edges), or a capsule or cylinder (radius, length).
+    """
     if kind == "sphere":
         return Sphere(size[0]).inertia(mass)
     if kind == "box":
@@ -141,7 +144,7 @@ def solid_inertia(kind: str, mass: float, size: Sequence[float]) -> Floats:
 
 
 def solid_volume(kind: str, size: Sequence[float]) -> float:
-    """Volume of such a solid [m^3]."""
+    """Volume of a solid [m^3], with the sizes of :func:`solid_inertia`."""
     ball = 4 / 3 * np.pi * size[0] ** 3
     if kind == "box":
         return float(np.prod(size))
@@ -151,10 +154,10 @@ def solid_volume(kind: str, size: Sequence[float]) -> float:
 
 
 def placed(kind: str, name: str, place: Place, size: Sequence[float]) -> Solid:
-    """The solid that touches the ground; a capsule of the same length over all instead of a cylinder.
+    """Make the solid that touches the ground; a cylinder becomes a capsule of the same overall length.
 
     Raises:
-        ValueError: for what the engine has not.
+        ValueError: for solids that the engine does not support.
     """
     if kind == "sphere":
         return sphere(place, size[0])
@@ -167,12 +170,12 @@ def placed(kind: str, name: str, place: Place, size: Sequence[float]) -> Solid:
 
 
 def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
-    """The tree of parts, parents first.
+    """Build a tree from parts, which are given parents first.
 
     Parts without mass that are fixed to another become one with it.
 
     Raises:
-        ValueError: for a part without mass that moves on its own, or whatever ``Tree`` does not allow.
+        ValueError: for a part without mass that moves on its own, or parts that ``Tree`` does not allow.
     """
     found: dict[str, Part] = {}
     joined: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""Robots from files: MJCF (MuJoCo) and URDF, as far as they are trees of hinges over flat ground."""
+"""Read robots from MJCF (MuJoCo) and URDF files that describe trees of hinges over flat ground."""
 
 import warnings
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ def load_model(
     speed: float = 10.0,
     fastest: float = 10.0,
 ) -> Model:
-    """Read a robot from a file; settings and errors as of :func:`parse_model`."""
+    """Read a robot from a file, with the settings and errors of :func:`parse_model`."""
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -37,19 +37,19 @@ def parse_model(
 ) -> Model:
     """Read a robot from the text of an MJCF or URDF file.
 
-    Bodies touch the ground, the plane z = 0, and nothing else. What the file says and the engine has not is named in
-    one warning, where a robot moves without it much as it would; else it is an error.
+    Bodies touch the ground, the plane z = 0, and nothing else. What the engine does not support is named in
+    one warning if the robot moves nearly alike without it; else it is an error.
 
     Args:
-        text: of the file.
-        angles: of hinges in the position that becomes the tree's rest, by their joints' names [rad]; else 0.
+        text: content of the file.
+        angles: hinge angles of the tree's rest pose, by the names of joints [rad]; 0 for the others.
         fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
         speed: of position drives whose own does not follow from the file: what part of the way to its target a drive
             wants to go in a second [1/s].
         fastest: rate of drives by torque, which the engine drives by rate, at full command [rad/s].
 
     Raises:
-        ValueError: for a text that is not such a file or means what the engine has not.
+        ValueError: for a text that is not such a file, or needs what the engine does not support.
     """
     positive("speed", speed)
     positive("fastest", fastest)

@@ -1,4 +1,4 @@
-"""MJCF: bodies, hinges, solids, drives and touch sensors of MuJoCo's files as a tree of hinges.
+"""Read MJCF, MuJoCo's format: bodies, hinges, solids, drives and touch sensors become a tree of hinges.
 
 Source: MuJoCo documentation, "XML reference" (meaning and defaults of attributes) and "Modeling" (frames, default
 classes). Angles are degrees unless the compiler says otherwise.
@@ -38,10 +38,10 @@ _OPTIONS = ("timestep", "gravity")
 
 
 def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: float) -> Model:
-    """The robot of an MJCF file.
+    """Read the robot of an MJCF file.
 
     Raises:
-        ValueError: for what is not allowed.
+        ValueError: for entries that are not allowed.
     """
     for tag in _WRONG:
         if root.find(tag) is not None:
@@ -68,7 +68,7 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
 
 @dataclass(eq=False)
 class _Reader:
-    """What was found so far."""
+    """Reader of an MJCF file, which collects parts, drives, sensors and ignored entries."""
 
     root: Element
     angles: dict[str, float]
@@ -108,18 +108,18 @@ class _Reader:
             self._read_defaults(child, child.get("class", ""), own)
 
     def resolved(self, element: Element, childclass: str) -> Element:
-        """The element with the defaults of its class."""
+        """Copy of an element that has the defaults of its class."""
         name = element.get("class", childclass)
         if name not in self.defaults:
             raise ValueError(f"{named(element)}: there is no class {name!r}; there are {', '.join(self.defaults)}")
         return Element(element.tag, {**self.defaults[name].get(element.tag, {}), **element.attrib})
 
     def angle(self, value: float) -> float:
-        """An angle of the file [rad]."""
+        """Convert an angle of the file to radians."""
         return float(np.radians(value)) if self.degrees else value
 
     def turn(self, element: Element) -> Floats:
-        """An element's rotation, from whichever attribute gives it."""
+        """Rotation matrix of an element, from whichever attribute gives it."""
         if "quat" in element.attrib:
             found = Rotation.from_quat(numbers(element, "quat", None, 4), scalar_first=True)
         elif "axisangle" in element.attrib:
@@ -141,7 +141,7 @@ class _Reader:
         return np.asarray(found.as_matrix())
 
     def read(self) -> bool:
-        """Read all bodies; whether the base is fixed to the world."""
+        """Read all bodies; return whether the base is fixed to the world."""
         bases = []
         for worldbody in self.root.iterfind("worldbody"):
             for child in _known(worldbody):
@@ -192,7 +192,7 @@ class _Reader:
                 self.ignored[f"<{child.tag}>"] = None
 
     def _read_joint(self, joint: Element, place: Place, is_base: bool) -> tuple[Place, HingeOf | None]:
-        """The place of the body as its hinge lies at rest, and the hinge."""
+        """Read a joint: the place of the body when its hinge is at rest, and the hinge."""
         kind = joint.get("type", "hinge")
         if kind == "free" and is_base:
             return place, None
@@ -225,7 +225,7 @@ class _Reader:
         return moved, HingeOf(anchor, axis, motor, command, stops)
 
     def _read_matter(self, body: Element, place: Place, childclass: str) -> tuple[Lump, list[Solid]]:
-        """Mass and solids of a body."""
+        """Read the mass and the solids of a body."""
         inertial, lump, shapes = single(body, "inertial"), Lump(), list[Solid]()
         rule = self.compiler.get("inertiafromgeom", "auto")
         from_geoms = rule == "true" or (rule == "auto" and inertial is None)
@@ -254,7 +254,7 @@ class _Reader:
         return lump, shapes
 
     def _read_geom(self, geom: Element, kind: str, place: Place) -> tuple[Place, list[float]]:
-        """Where a solid lies, and its size: radius, length between ends, or edges [m]."""
+        """Read the place of a solid, and its size: radius, length between ends, or edges [m]."""
         if kind not in _SIZES:
             raise ValueError(f"{named(geom)}: type {kind!r} is not allowed; give {', '.join(_SIZES)}")
         size = numbers(geom, "size")
@@ -273,7 +273,7 @@ class _Reader:
         return at, [float(size[0]), *(float(2 * each) for each in size[1 : _SIZES[kind]])]
 
     def _friction(self, geom: Element) -> float:
-        """Coefficient of friction of a solid on the ground: the larger one of both."""
+        """Coefficient of friction of a solid on the ground: the larger of the two coefficients."""
         pair = [each for each in (geom, self.floor) if each is not None]
         return max(0.0 if each.get("condim") == "1" else numbers(each, "friction", "1")[0] for each in pair)
 
@@ -281,7 +281,7 @@ class _Reader:
         return numbers(Element("option", self.options), name, default)
 
     def world(self) -> World:
-        """Time step, gravity and friction of the file."""
+        """World settings of the file: time step, gravity and friction."""
         gravity = self._option("gravity", "0 0 -9.81")
         if len(gravity) != 3 or gravity[:2].any():
             raise ValueError(f"option: gravity {self.options['gravity']!r} is not allowed; give one along z")
@@ -292,7 +292,7 @@ class _Reader:
         )
 
     def all_ignored(self) -> tuple[str, ...]:
-        """What the engine has not, one entry for each kind."""
+        """Entries of the file that the engine does not support, one for each kind."""
         found = [f"<{tag}>" for tag in sorted({child.tag for child in self.root} - set(_READ))]
         found += [f"option {name}" for name in self.options if name not in _OPTIONS]
         found += sorted({f"<{each.tag}> sensors" for each in self.root.iterfind("sensor/*") if each.tag != "touch"})
@@ -315,14 +315,14 @@ def _known(body: Element) -> Iterable[Element]:
 
 
 def _touches(geom: Element, floor: Element | None) -> bool:
-    """Whether a solid touches the ground: a bit of either's type is in the other's affinity."""
+    """Whether a solid collides with the floor: their contact types and affinities have a bit in common."""
     other = Element("geom") if floor is None else floor
     mine, theirs = ([int(number(each, name, "1")) for name in ("contype", "conaffinity")] for each in (geom, other))
     return bool(mine[0] & theirs[1] or theirs[0] & mine[1])
 
 
 def _to(axis: Floats) -> Floats:
-    """The smallest rotation that takes the third axis there."""
+    """Matrix of the smallest rotation that takes the third axis to a direction."""
     cross = np.array([-axis[1], axis[0], 0.0])
     sine = np.linalg.norm(cross)
     if sine < 1e-12:

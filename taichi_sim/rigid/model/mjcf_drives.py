@@ -1,4 +1,4 @@
-"""MuJoCo's actuators as drives that hold a rate as far as their torque goes.
+"""Convert MuJoCo's actuators to drives, which hold a rate as far as their torque allows.
 
 Source: MuJoCo documentation, "XML reference", actuator: force = kp (ctrl - length) - kv velocity of position, and
 kv (ctrl - velocity) of velocity actuators, with length = gear x angle; the hinge feels gear x force.
@@ -21,13 +21,15 @@ def drive(
     fastest: float,
     quickest: float,
 ) -> tuple[Motor, list[str]]:
-    """A hinge's drive, whose commands from -1 to 1 mean the actuator's range, and what of it is ignored.
+    """Convert an actuator to a drive of its hinge, and name the settings that are ignored.
+
+    Commands from -1 to 1 cover the actuator's range.
 
     A position actuator wants the rate at which its spring and its damping balance, a velocity actuator that of its
-    control. Both have what torque their spring or damper has at most where the file sets no limit.
+    control. If the file sets no limit, the torque is the largest that the spring or the damper can have.
 
     Args:
-        actuator: position, velocity or motor.
+        actuator: element of a position, velocity or motor actuator.
         span: smallest and largest angle of the hinge [rad].
         rest: its angle at rest [rad].
         damping: of the hinge [N m s].
@@ -36,7 +38,7 @@ def drive(
         quickest: largest speed of a position drive [1/s].
 
     Raises:
-        ValueError: for other actuators, or where a range is missing or not symmetric.
+        ValueError: for other actuators, or if a range is missing or not symmetric.
     """
     gear = float(numbers(actuator, "gear", "1")[0])
     if actuator.tag not in ("position", "velocity", "motor") or gear == 0:

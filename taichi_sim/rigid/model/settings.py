@@ -1,4 +1,4 @@
-"""Settings of the world that robots are in, and of their neurons."""
+"""Settings of the world of rigid robots, and of their neurons."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,13 +10,13 @@ from taichi_sim.rigid.model.shapes import is_number, positive
 
 @dataclass(frozen=True)
 class World:
-    """Ground, gravity and time.
+    """Ground, gravity and time step of a simulation.
 
     Attributes:
         time_step: [s].
         gravity: along z [m/s^2].
         slip: speed of a point on the ground for each newton of friction [m/(N s)].
-        friction: coefficient of friction; infinite: viscous slip alone.
+        friction: coefficient of friction; if infinite, viscous slip alone acts.
         error_reduction: part of a penetration that a step undoes (ODE's ERP).
         integration: ``"momentum"`` carries momenta from step to step and conserves them in free flight;
             ``"velocity"`` carries each body's velocity, adds the gyroscopic moment at the start of the step and lets
@@ -45,12 +45,12 @@ class World:
 
 @dataclass(frozen=True)
 class Network:
-    """Neurons m = tanh(memory m + gain sum of W s), one for each motor.
+    """Neural network with one neuron m = tanh(memory m + gain sum of W s) for each motor.
 
     Attributes:
         memory: weight of a neuron's own last value.
-        gain: of all sensors.
-        touch_values: what touch sensors say apart from the ground, and on it.
+        gain: factor of all sensor values.
+        touch_values: readings of touch sensors off the ground, and on it.
     """
 
     memory: float = 1.0

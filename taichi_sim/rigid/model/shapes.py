@@ -13,7 +13,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def vector(field: str, value: Vector) -> Floats:
-    """Three finite numbers.
+    """Check that a value is three finite numbers, and return them as an array.
 
     Raises:
         ValueError: for anything else.
@@ -38,7 +38,7 @@ def is_whole(value: object) -> bool:
 
 
 def positive(field: str, value: float, zero: bool = False) -> float:
-    """A finite number above zero, or zero where that is allowed.
+    """Check that a value is a finite number above zero, or zero if ``zero`` allows it.
 
     Raises:
         ValueError: for anything else.
@@ -50,10 +50,10 @@ def positive(field: str, value: float, zero: bool = False) -> float:
 
 
 def unit(field: str, value: Vector) -> Floats:
-    """A direction as a unit vector.
+    """Check a direction, and return it as a unit vector.
 
     Raises:
-        ValueError: for the zero vector or anything that is no vector.
+        ValueError: for the zero vector, or anything that is no vector.
     """
     found = vector(field, value)
     length = float(np.linalg.norm(found))
@@ -79,17 +79,17 @@ class Sphere:
         vector("centre", self.centre)
 
     def points(self) -> list[tuple[Floats, float]]:
-        """Balls that touch the ground where the solid does: centres from the body's centre, and radii [m]."""
+        """Balls that stand for the solid in contact: centres from the body's centre of mass, and radii [m]."""
         return [(np.array(self.centre, float), self.radius)]
 
     def inertia(self, mass: float) -> Floats:
-        """Inertia of so much mass about the solid's own centre, (3, 3) [kg m^2]."""
+        """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
         return np.eye(3) * 0.4 * mass * self.radius**2
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """A cylinder with half balls at its ends.
+    """A capsule: a cylinder with half balls at its ends.
 
     Attributes:
         radius: [m].
@@ -110,12 +110,12 @@ class Capsule:
         vector("centre", self.centre)
 
     def points(self) -> list[tuple[Floats, float]]:
-        """Balls at the two ends: centres from the body's centre, and radii [m]."""
+        """Balls at the two ends: centres from the body's centre of mass, and radii [m]."""
         arm = unit("axis", self.axis) * self.length / 2
         return [(np.array(self.centre) + side * arm, self.radius) for side in (-1.0, 1.0)]
 
     def inertia(self, mass: float) -> Floats:
-        """Inertia of so much mass about the solid's own centre, (3, 3) [kg m^2]."""
+        """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
         r, l = self.radius, self.length
         cylinder = mass * l / (l + 4 / 3 * r)
         ends = mass - cylinder
@@ -143,13 +143,13 @@ class Box:
         vector("centre", self.centre)
 
     def points(self) -> list[tuple[Floats, float]]:
-        """The eight corners as balls of radius 0: centres from the body's centre, and radii [m]."""
+        """The eight corners as balls of radius 0: centres from the body's centre of mass, and radii [m]."""
         half = np.array(self.size, float) / 2
         signs = np.array([(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
         return [(np.array(self.centre) + half * each, 0.0) for each in signs]
 
     def inertia(self, mass: float) -> Floats:
-        """Inertia of so much mass about the solid's own centre, (3, 3) [kg m^2]."""
+        """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
         x, y, z = np.array(self.size, float) ** 2
         return np.diag([y + z, x + z, x + y]) * mass / 12
 

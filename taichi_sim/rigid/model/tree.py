@@ -1,4 +1,4 @@
-"""Descriptions of articulated bodies: a base, and bodies hanging on it by hinges or fixed to each other.
+"""Descriptions of articulated robots: a base, and bodies joined to it by hinges or welds.
 
 Everything is given as it lies at rest, in the frame of the world: all bodies' axes are then the world's.
 """
@@ -48,13 +48,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Motor:
-    """A drive that holds a hinge's rate: by_command m + by_angle angle + offset, as far as its torque goes.
+    """A drive that holds a hinge's rate at by_command m + by_angle angle + offset, as far as its torque allows.
 
     Attributes:
-        torque: largest, either way [N m].
-        by_command: rate for a command of one [rad/s].
-        by_angle: rate for an angle of one, negative for position control [1/s].
-        offset: [rad/s].
+        torque: largest torque in either direction [N m].
+        by_command: rate for each unit of the command m [rad/s].
+        by_angle: rate for each radian of the angle, negative for position control [1/s].
+        offset: constant part of the rate [rad/s].
     """
 
     torque: float
@@ -70,7 +70,9 @@ class Motor:
 
     @classmethod
     def position(cls, lowest: float, highest: float, speed: float, torque: float) -> "Motor":
-        """Commands from -1 to 1 mean angles from lowest to highest [rad]; the rate is speed [1/s] times what lacks.
+        """Make a position drive: commands from -1 to 1 mean angles from ``lowest`` to ``highest`` [rad].
+
+        The rate is ``speed`` [1/s] times the angle that is missing.
 
         Raises:
             ValueError: for angles that are no numbers, or a speed that is not positive.
@@ -83,7 +85,7 @@ class Motor:
 
     @classmethod
     def velocity(cls, fastest: float, torque: float) -> "Motor":
-        """Commands from -1 to 1 mean rates up to ``fastest`` [rad/s]."""
+        """Make a velocity drive: commands from -1 to 1 mean rates from -``fastest`` to ``fastest`` [rad/s]."""
         return cls(torque, fastest)
 
 
@@ -96,9 +98,9 @@ class Hinge:
         child: name of the body it carries.
         anchor: a point on the axis at rest [m].
         axis: its direction at rest.
-        motor: what drives it, with the number of its command; None turns freely.
-        command: number of the motor's command.
-        stops: smallest and largest angle [rad]; None turns all around.
+        motor: its drive; None turns freely.
+        command: number of the command that the drive receives.
+        stops: smallest and largest angle [rad]; None has no limits.
     """
 
     parent: str
@@ -128,7 +130,7 @@ def _around_zero(stops: object) -> bool:
 
 @dataclass(frozen=True)
 class Weld:
-    """A joint that holds.
+    """A joint that fixes the child to the parent.
 
     Attributes:
         parent: name of the body nearer to the base.
@@ -144,7 +146,7 @@ Joint = Hinge | Weld
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """An articulated body; its first body is the base.
+    """An articulated robot; its first body is the base.
 
     Attributes:
         bodies: all bodies.
@@ -152,7 +154,7 @@ class Tree:
         fixed: whether the base is fixed to the world.
 
     Raises:
-        ValueError: where joints make no tree.
+        ValueError: if the joints make no tree.
     """
 
     bodies: Sequence[Body]
@@ -194,27 +196,27 @@ class Tree:
 
     @cached_property
     def ordered(self) -> list[tuple[Body, Joint | None]]:
-        """Bodies with the joints that carry them, parents first."""
+        """All bodies with the joints that carry them, parents first; the base has no joint."""
         joint_of = {joint.child: joint for joint in self.joints}
         return [(self.bodies[i], joint_of.get(self.bodies[i].name)) for i in self.order]
 
     @cached_property
     def hinges(self) -> list[Hinge]:
-        """All hinges in the order of their bodies: the order of angles."""
+        """All hinges in the order of their bodies, which is the order of angles in results."""
         return [joint for _, joint in self.ordered if isinstance(joint, Hinge)]
 
     @cached_property
     def hinged(self) -> list[int]:
-        """Their bodies' places in ``ordered``."""
+        """Places in ``ordered`` of the bodies that hinges carry."""
         return [n for n, (_, joint) in enumerate(self.ordered) if isinstance(joint, Hinge)]
 
     @property
     def motors(self) -> int:
-        """How many commands there are."""
+        """Number of commands."""
         return max((h.command + 1 for h in self.hinges if h.motor is not None), default=0)
 
     def place_of(self, name: str) -> int:
-        """Place of a body in ``ordered``.
+        """Place in ``ordered`` of the body with a name.
 
         Raises:
             ValueError: for a body that does not exist.
@@ -225,7 +227,7 @@ class Tree:
         return names.index(name)
 
     def points(self) -> list[tuple[int, Floats, float]]:
-        """Balls that touch the ground where the bodies do: body (its place), centre from the body's, radius [m]."""
+        """Balls that stand for the bodies in contact: place of the body, centre from its centre of mass, radius [m]."""
         return [
             (n, centre, radius)
             for n, (body, _) in enumerate(self.ordered)

@@ -1,4 +1,4 @@
-"""URDF: links and joints as a tree of hinges.
+"""Read URDF: links and joints become a tree of hinges.
 
 Source: http://wiki.ros.org/urdf/XML (link, joint). All angles are radians; a joint's frame is its child's.
 """
@@ -21,10 +21,12 @@ _HINGED = ("revolute", "continuous")
 
 
 def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float) -> Model:
-    """The robot of a URDF file; revolute joints are driven to angles, continuous ones at rates, as far as effort goes.
+    """Read the robot of a URDF file.
+
+    Revolute joints get position drives, continuous joints velocity drives; effort limits the torque.
 
     Raises:
-        ValueError: for what is not allowed.
+        ValueError: for entries that are not allowed.
     """
     links = {link.get("name", ""): link for link in root.findall("link")}
     joints = root.findall("joint")
@@ -65,7 +67,7 @@ def _link_of(joint: Element, end: str) -> str:
 
 
 def _origin(element: Element) -> tuple[Floats, Floats]:
-    """Position and rotation of an element's origin; roll, pitch and yaw about fixed axes."""
+    """Read position and rotation matrix of an element's origin; roll, pitch and yaw turn about fixed axes."""
     origin = single(element, "origin")
     if origin is None:
         return np.zeros(3), np.eye(3)
@@ -76,7 +78,7 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
 def _hang(
     joint: Element, parent: Place, angles: dict[str, float], speed: float, command: int
 ) -> tuple[Place, HingeOf | None]:
-    """The place of a joint's child, and the hinge it hangs on."""
+    """Read a joint: the place of its child, and the hinge that carries the child."""
     kind, place = joint.get("type", ""), parent.then(*_origin(joint))
     if kind == "fixed":
         return place, None
@@ -102,7 +104,7 @@ def _hang(
 
 
 def _part(link: Element, parent: str | None, hinge: HingeOf | None, place: Place) -> Part:
-    """A link at its place in the world."""
+    """Read a link as a part at its place in the world."""
     lump, inertial = Lump(), single(link, "inertial")
     if inertial is not None:
         mass, inertia = single(inertial, "mass"), single(inertial, "inertia")
@@ -131,7 +133,7 @@ def _solid(collision: Element, link: Element, place: Place) -> Solid:
 
 
 def _ignored(root: Element) -> tuple[str, ...]:
-    """What the engine has not: one entry for each kind."""
+    """Entries of the file that the engine does not support, one for each kind."""
     found = [f"<{tag}>" for tag in sorted({child.tag for child in root} - {"link", "joint"})]
     if root.find("link/visual") is not None:
         found.append("<visual>")

@@ -1,4 +1,4 @@
-"""Numbers and turns in the attributes of XML elements."""
+"""Read numbers and directions from the attributes of XML elements."""
 
 from xml.etree.ElementTree import Element
 
@@ -8,16 +8,16 @@ from taichi_sim.base.arrays import Floats
 
 
 def named(element: Element) -> str:
-    """How messages call an element."""
+    """Name of an element for messages."""
     name = element.get("name")
     return f"{element.tag} {name}" if name else element.tag
 
 
 def numbers(element: Element, attribute: str, default: str | None = None, count: int | None = None) -> Floats:
-    """An attribute's numbers.
+    """Read the numbers in an attribute.
 
     Raises:
-        ValueError: where it is missing, or not so many finite numbers.
+        ValueError: if it is missing, or does not hold ``count`` finite numbers.
     """
     text = element.get(attribute, default)
     if text is None:
@@ -33,12 +33,12 @@ def numbers(element: Element, attribute: str, default: str | None = None, count:
 
 
 def number(element: Element, attribute: str, default: str | None = None) -> float:
-    """An attribute's only number; errors as of ``numbers``."""
+    """Read an attribute with a single number, with the errors of :func:`numbers`."""
     return float(numbers(element, attribute, default, 1)[0])
 
 
 def direction(element: Element, attribute: str, default: str) -> Floats:
-    """An attribute's three numbers as a unit vector; errors as of ``numbers``, and of the zero vector."""
+    """Read an attribute with three numbers as a unit vector; the errors are those of :func:`numbers` and ``unit``."""
     found = numbers(element, attribute, default, 3)
     length = np.linalg.norm(found)
     if length < 1e-12:
@@ -47,10 +47,10 @@ def direction(element: Element, attribute: str, default: str) -> Floats:
 
 
 def single(element: Element, tag: str) -> Element | None:
-    """The only child of a kind, or None.
+    """Return the only child with a tag, or None if there is none.
 
     Raises:
-        ValueError: for several.
+        ValueError: if there are several.
     """
     found = element.findall(tag)
     if len(found) > 1:
