@@ -30,6 +30,7 @@ from typing import Any
 
 from optim.runs import checkpoint
 from optim.runs.checkpoint import CHECKPOINT, LOG, PREVIOUS, Record, State
+from optim.runs.compatibility import check_resumable
 from optim.runs.config import OBJECTIVES, SECTIONS, check_same, has_run, identity, read_config, write_config
 from optim.runs.environment import differences
 from taichi_sim.base import files
@@ -203,6 +204,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
     """Write the settings of a run that begins, or check and update those of one that continues; return them."""
     if resume and has_run(path):
         known = read_config(path)
+        check_resumable(known, written_by_1_0=OBJECTIVES not in known)
         check_same(known, config, path)
         resolved = known | {"generations": config.get("generations", known["generations"])}
     else:
