@@ -31,7 +31,7 @@ def compare(
     Args:
         samples: by name, each of shape (n,).
         pairs: names of two samples each; with ``"less"`` the first tends to be less than the second.
-        alternative: of the test.
+        alternative: alternative of the test.
 
     Returns:
         For each pair: names and sizes, medians, U of the first (pairs of values in which it is the larger, ties

@@ -28,7 +28,7 @@ class _Job:
     """A task that is running.
 
     Attributes:
-        name: of the task.
+        name: name of the task.
         number: place among all tasks.
         process: the process that does it.
     """

@@ -114,7 +114,7 @@ class BudgetedSearch:
         return self._ended or self.spent >= self.budget
 
     def ask(self) -> Request:
-        """The next points of the method."""
+        """Points that the method wants evaluated next."""
         return Request(self.method.ask(), self.method.wants, self.method.sharpness)
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:

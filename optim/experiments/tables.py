@@ -33,7 +33,7 @@ def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -
 
     Args:
         header: names of the columns.
-        align: of each column: ``l`` for left, ``r`` for right.
+        align: alignment of each column: ``l`` for left, ``r`` for right.
         rows: cells of each row.
     """
     rules = [{"l": "---", "r": "---:"}[side] for side in align]

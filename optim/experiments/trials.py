@@ -58,7 +58,7 @@ class Trials:
 
     @property
     def arrays(self) -> Arrays:
-        """All arrays by name, for a file."""
+        """Arrays of the trials by name, to be saved in a file."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
@@ -128,7 +128,7 @@ def record_trials(
     Args:
         problem: the problem to search.
         method: its name in ``METHODS``.
-        settings: of the method, but for the seed.
+        settings: settings of the method, but for the seed.
         seeds: R, one for each search.
         budget: B, evaluations of each.
         environments: how many there are to be solved.

@@ -24,11 +24,11 @@ class Horizon:
     """Slopes of one problem at one point, along D random directions [objective per range of the variables].
 
     Attributes:
-        name: of the problem.
-        value: of the objective.
+        name: name of the problem.
+        value: value of the objective.
         exact: from the gradient, shape (D,).
         differences: central ones for every step size, shape (S, D); NaN where an evaluation failed.
-        smoothed: of the objective under normal deviates along these directions, shape (D,).
+        smoothed: slopes of the objective under normal deviates along these directions, shape (D,).
         smoothed_error: standard errors of those, shape (D,).
     """
 
@@ -128,11 +128,11 @@ def check_gradient(
 
     Args:
         problems: by name, a problem and a point of its relaxed space, farther from the bounds than the largest step.
-        steps: of the differences [ranges of the variables], along unit vectors.
+        steps: step sizes of the differences [ranges of the variables], along unit vectors.
         directions: D, random ones, orthonormal in ranges of the variables.
         smoothing: standard deviation of the smoothed gradient along each direction [ranges].
         samples: antithetic pairs of the smoothed gradient.
-        seed: of directions and deviates.
+        seed: seed of directions and deviates.
         progress: called with the fraction done.
 
     Raises:

@@ -23,12 +23,12 @@ class Effect:
     """Effect sizes and significance of the difference between a sample ``b`` and a sample ``a``.
 
     Attributes:
-        difference: of the means, b - a.
+        difference: difference of the means, b - a.
         low: lower end of its 95 % bootstrap interval.
         high: upper end.
         superiority: A12, the probability that one of b exceeds one of a, ties counted half.
         cohens_d: the difference in pooled standard deviations; None where nothing varies.
-        p: of the two-sided Mann-Whitney test.
+        p: p of the two-sided Mann-Whitney test.
     """
 
     difference: float
@@ -49,7 +49,7 @@ class Correlation:
         low: lower end of its two-sided 95 % interval by Fisher's transformation; -1 with less than 4 pairs, None
             without a coefficient.
         high: upper end; 1 with less than 4 pairs.
-        p: of the t-test of no correlation, against the alternative asked for; 1 where r is None, or with 2 pairs.
+        p: p of the t-test of no correlation, against the alternative asked for; 1 where r is None, or with 2 pairs.
     """
 
     n: int
@@ -79,10 +79,10 @@ class Difference:
     """Difference of the means of two samples that are too small for a bootstrap interval.
 
     Attributes:
-        difference: of the means, b - a.
+        difference: difference of the means, b - a.
         low: lower end of its 95 % interval by Student's t.
         high: upper end.
-        p: of the two-sided t-test; 1 where nothing varies and the means are equal, 0 where they are not.
+        p: p of the two-sided t-test; 1 where nothing varies and the means are equal, 0 where they are not.
     """
 
     difference: float

@@ -84,7 +84,7 @@ def draw_band(
         axes: to draw on.
         x: places, shape (P,).
         mean, low, high: there, shape (P,); NaN leaves a gap.
-        colour: of both.
+        colour: colour of the mean and the band.
         label: for the legend.
         steps: whether values hold until the next place; otherwise they are joined.
     """

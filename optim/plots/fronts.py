@@ -23,8 +23,8 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
 
     Args:
         axes: to draw on.
-        objectives: of N designs, shape (N, K), K = 2 or 3; rows with NaN are left out.
-        names: of the objectives.
+        objectives: objectives of N designs, shape (N, K), K = 2 or 3; rows with NaN are left out.
+        names: names of the objectives.
         best: row of a design to be marked.
 
     Returns:
@@ -77,7 +77,7 @@ def draw_points(
         axes: to draw on.
         x, y: places of the designs, shape (N,).
         filled: which circles are filled, shape (N,); all by default.
-        colour: of all.
+        colour: colour of all circles.
         label: for the legend.
     """
     x, y = np.asarray(x), np.asarray(y)
@@ -93,7 +93,7 @@ def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequ
         axes: to draw on.
         places: two descriptors of each, shape (N, 2).
         scores: shape (N,).
-        names: of the descriptors.
+        names: names of the descriptors.
 
     Returns:
         The drawn points, for :func:`add_bar`.

@@ -51,7 +51,7 @@ class Curve:
 
     Attributes:
         label: what the group is.
-        folders: of its runs.
+        folders: run folders of the group.
         unit: ``"runs"`` or ``"climbers"``.
         x: evaluations, generations or seconds, shape (P,), rising.
         scores: best scores so far, shape (U, P); NaN as long as a unit has had no success.
@@ -82,8 +82,8 @@ class Standing:
     """Scores of a group at one place on the axis.
 
     Attributes:
-        label: of its curve.
-        folders: of its runs.
+        label: label of its curve.
+        folders: run folders of the group.
         unit: ``"runs"`` or ``"climbers"``.
         count: number of units.
         without_success: number of units without any success so far.

@@ -79,7 +79,7 @@ def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping
     """Build the problem of a run from its settings.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
         config: its settings.
         build: makes the problem from its description: ``from_description`` of the kind that is wanted.
 

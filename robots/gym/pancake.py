@@ -68,11 +68,11 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         """Take the design and the terrain.
 
         Args:
-            pressure: of the core [Pa], or one for each of several.
+            pressure: pressure of the core [Pa], or one for each of several.
             orientation: heading [degrees]: 0 rolls, 90 inches.
             slope: [degrees].
             actions: bits, or numbers.
-            geometry: of the body, or its name.
+            geometry: geometry of the body, or its name.
             actuation: rates and friction.
             perturbation: standard deviation of noise on the start positions [m].
             render_mode: None.

@@ -86,7 +86,7 @@ def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None 
 
     Args:
         axes: to draw on.
-        schedule: of T columns, played R times.
+        schedule: schedule of T columns, played R times.
         edges: where columns begin and end, such as times [s], shape (T R + 1,); by default columns count.
     """
     played = np.tile(schedule.levels, schedule.repeats)
@@ -104,8 +104,8 @@ def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, na
         axes: to draw on.
         levels: from 0 to 1, shape (N, K).
         edges: times at which the levels begin and end, shape (K + 1,).
-        colours: of the rows, shape (N, 3).
-        names: of the rows.
+        colours: colours of the rows, shape (N, 3).
+        names: names of the rows.
         apart: number of the row above which there is a gap; 0 for none.
     """
     tops = np.arange(len(levels)) + 0.35 * ((np.arange(len(levels)) >= apart) & (apart > 0))

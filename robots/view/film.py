@@ -104,7 +104,7 @@ def pictures(
         motions: to show.
         seconds: length of the film [s]; by default that of the longest motion.
         rate: pictures a second [Hz].
-        width: of a picture [pixels].
+        width: width of a picture [pixels].
         colour: "material", "strain", "contact", "friction" or "beams".
         one_scale: whether all robots are drawn on equally long ground.
 
@@ -145,9 +145,9 @@ def save_gif(
 
     Args:
         motions: to show.
-        path: of the file.
+        path: path of the file.
         rate: pictures a second [Hz]; GIF counts hundredths of a second, to which it is rounded.
-        colours: of the palette, 4 to 256.
+        colours: colours of the palette, 4 to 256.
         **options: keyword arguments of :func:`pictures`.
 
     Returns:

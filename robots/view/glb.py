@@ -33,7 +33,7 @@ def save_glb(motion: Motion, path: str | PathLike[str], *, rate: float | None = 
 
     Args:
         motion: to write.
-        path: of the file, which must not exist yet.
+        path: path of the file, which must not exist yet.
         rate: most frames a second [Hz]; all frames by default.
 
     Returns:

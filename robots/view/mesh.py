@@ -20,7 +20,7 @@ def faces(motion: Motion, frame: int = -1) -> tuple[Floats, Ints]:
 
     Args:
         motion: to draw.
-        frame: which of its frames.
+        frame: number of the frame.
 
     Returns:
         Corners, counter-clockwise seen from outside [m], shape (N, 4, 3), of which two may be one; numbers of nodes,

@@ -29,9 +29,9 @@ class Channel:
     """A value that changes in time: one row of the timeline.
 
     Attributes:
-        name: of the row.
-        unit: of the values; empty if they have none.
-        times: of the values, increasing [s], shape (K,).
+        name: name of the row.
+        unit: unit of the values; empty if there is none.
+        times: times of the values, increasing [s], shape (K,).
         values: shape (K,); of a switch from 0, off, to 1, on.
         colour: red, green, blue from 0 to 1.
         switch: whether a value holds until the next one; otherwise they are joined by lines.
@@ -63,7 +63,7 @@ class Node:
     """One solid of a motion.
 
     Attributes:
-        name: of the node.
+        name: name of the node.
         solid: centred, its axis along z, in the node's frame, before it is scaled.
         colour: red, green, blue from 0 to 1.
         channel: number of the channel that shows on it: pale at the channel's smallest value, in full colour at its
@@ -119,18 +119,18 @@ class Motion:
 
     Attributes:
         name: what it shows, in a few words.
-        times: of the frames [s], increasing, shape (F,).
+        times: times of the frames [s], increasing, shape (F,).
         nodes: what moves.
-        translation: of the nodes' centres [m], shape (F, N, 3).
+        translation: translation of the nodes' centres [m], shape (F, N, 3).
         rotation: of the nodes, unit quaternions (w, x, y, z), shape (F, N, 4); of the two that are one rotation,
             what is kept is the one nearer to the frame before.
-        scale: of the nodes along their own axes, shape (F, N, 3).
+        scale: scale of the nodes along their own axes, shape (F, N, 3).
         path: where the whole is, for the camera to follow [m], shape (F, 3).
         channels: rows of the timeline.
         lights: places of lights [m], shape (L, 3).
-        light_radius: of the balls that they are shown as [m].
+        light_radius: radius of the balls that show the lights [m].
         ground: below everything.
-        skin: of nodes that are all cubes, if they are joined.
+        skin: skin of nodes that are all cubes, if they are joined.
         lattice: what the nodes feel, if they are the voxels of a lattice.
 
     Raises:

@@ -42,7 +42,7 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
     """Draw poses of a motion above its channels over time; dashed lines mark when the poses are.
 
     Args:
-        motion: of any robot.
+        motion: motion of any robot.
         frames: poses, at equal times from the beginning to the end; at least 2.
         title: by default the motion's name.
 
@@ -76,7 +76,7 @@ def save_motion_picture(
     Args:
         design: what to simulate.
         terrain: where.
-        path: of the picture; its suffix chooses the format (png, pdf, svg).
+        path: path of the picture; its suffix chooses the format (png, pdf, svg).
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         frames: poses to draw; at least 2.

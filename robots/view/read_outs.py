@@ -24,9 +24,9 @@ class ShapeCurves:
     """Shapes of idle robots at several core pressures, when their gaits begin.
 
     Attributes:
-        pressures: of the core [Pa], shape (K,).
-        width: of the skin, across the pouch [m], shape (K,).
-        height: of the skin [m], shape (K,).
+        pressures: pressures of the core [Pa], shape (K,).
+        width: width of the skin, across the pouch [m], shape (K,).
+        height: height of the skin [m], shape (K,).
         ratio: width per height, shape (K,).
         curvature: mean curvature of the skins [1/m], shape (K,); see ``shape.curvature``.
     """
@@ -49,7 +49,7 @@ def shape_curves(
     """Inflate idle robots on flat ground and measure their shapes; a robot that diverges has NaN.
 
     Args:
-        pressures: of the core [Pa].
+        pressures: pressures of the core [Pa].
         geometry: shape and materials of the robots.
         actuation: how they are inflated; their gaits, in which nothing moves, are cut to one step of settling.
         precision: "f32" or "f64".

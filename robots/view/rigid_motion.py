@@ -54,9 +54,9 @@ def rigid_motion(
 
     Args:
         tree: the robot.
-        frames: of the engine's result.
-        robot: place in the batch.
-        name: of the motion.
+        frames: frames of the engine's result.
+        robot: number of the robot in the batch.
+        name: name of the motion.
         style: colour of a body of a name, and the number of the channel that it shows.
         channels: rows of the timeline before distance and speed.
         balls: bodies without solids that are to be seen, with radii [m].
@@ -120,11 +120,11 @@ def driven_motion(
 
     Args:
         tree: the robot.
-        frames: of the engine's result.
+        frames: frames of the engine's result.
         sensors: names of the readings in the frames; one called ``light`` is that of a light.
         drives: names of the commands.
-        robot: place in the batch.
-        name: of the motion.
+        robot: number of the robot in the batch.
+        name: name of the motion.
         lights: their places [m], shape (L, 3).
 
     Raises:
@@ -157,11 +157,11 @@ def quadruped_motion(
 
     Args:
         quadruped: the robot.
-        result: of ``simulate``, with frames.
+        result: result of ``simulate``, with frames.
         lights: places of the light in the environments, as given to ``simulate``, (E, 2) [m].
-        controller: which of them.
-        environment: which of them.
-        name: of the motion; by default that of the kind of robot.
+        controller: number of the controller.
+        environment: number of the environment.
+        name: name of the motion; by default that of the kind of robot.
 
     Raises:
         ValueError: for results without frames, and frames of other robots.

@@ -37,7 +37,7 @@ class Camera:
 
     Attributes:
         heading: direction of travel [degrees] from x towards y.
-        slope: of the ground [degrees]; the picture is level with gravity, not with the ground.
+        slope: slope of the ground [degrees]; the picture is level with gravity, not with the ground.
         shift_right: how far to the right on paper a length of 1 goes that points to the left of the robot.
         shift_up: how far up on paper such a length goes.
     """
@@ -79,9 +79,9 @@ class Polygons:
     """Coloured polygons of a robot on paper, and its shadow.
 
     Attributes:
-        corners: of its faces, those at the back first [m], shape (N, 4, 2).
-        colours: of the faces: red, green, blue from 0 to 1, shape (N, 3).
-        shadow: of the faces, on the ground straight below [m], shape (M, 4, 2).
+        corners: corners of its faces, those at the back first [m], shape (N, 4, 2).
+        colours: colours of the faces: red, green, blue from 0 to 1, shape (N, 3).
+        shadow: shadow of the faces, on the ground straight below [m], shape (M, 4, 2).
     """
 
     corners: Floats
@@ -99,7 +99,7 @@ def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polyg
 
     Args:
         quads: corners of faces, counter-clockwise seen from outside [m], shape (N, 4, 3); two corners may be one.
-        colours: of the faces, shape (N, 3).
+        colours: colours of the faces, shape (N, 3).
         camera: that looks at them.
         level: z of the ground [m].
     """

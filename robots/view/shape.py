@@ -106,7 +106,7 @@ def menger_curvature(points: Floats, axis: Floats) -> Floats:
     """Curvature of the circles through each three consecutive points [1/m], shape (..., N - 2).
 
     Args:
-        points: of lines, shape (..., N, 3) [m].
+        points: points of lines, shape (..., N, 3) [m].
         axis: unit vectors about which a line of positive curvature turns, shape (..., N - 2, 3).
     """
     first, second = points[..., 1:-1, :] - points[..., :-2, :], points[..., 2:, :] - points[..., 1:-1, :]

@@ -50,12 +50,12 @@ def inflatable_motion(
     heading.
 
     Args:
-        result: of ``simulate``, with frames.
-        design: of the robot.
+        result: result of ``simulate``, with frames.
+        design: the robot's design.
         terrain: where it was; flat ground by default.
         actuation: how it was driven.
-        robot: place in the batch.
-        name: of the motion.
+        robot: number of the robot in the batch.
+        name: name of the motion.
 
     Raises:
         ValueError: for results without frames, and frames of other robots.
@@ -93,11 +93,11 @@ def journey_motion(
     Channels are those of :func:`inflatable_motion`, with distance and speed along the heading of each leg.
 
     Args:
-        result: of ``simulate_journey``, with frames.
-        legs: of the journey.
+        result: result of ``simulate_journey``, with frames.
+        legs: legs of the journey.
         actuation: how it was driven.
-        robot: place in the batch.
-        name: of the motion.
+        robot: number of the robot in the batch.
+        name: name of the motion.
 
     Raises:
         ValueError: for results without frames.
@@ -144,11 +144,11 @@ def lattice_robot_motion(
     Channels: each drive, as in the first of its regions, then distance and speed along the heading.
 
     Args:
-        result: of ``simulate``, with frames.
+        result: result of ``simulate``, with frames.
         robot: as it was simulated, without anything free, or where it starts.
         terrain: where it was; flat ground by default.
-        place: of the point in the batch.
-        name: of the motion.
+        place: place of the point in the batch.
+        name: name of the motion.
 
     Raises:
         ValueError: for results without frames, and points that are no robots.

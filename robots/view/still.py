@@ -44,7 +44,7 @@ class Setting:
     Attributes:
         motion: to show.
         colour: "material", "strain", "contact", "friction", or "beams": links and pressure.
-        colouring: of the nodes; for beams with the scale of the strains.
+        colouring: colouring of the nodes; for beams with the scale of the strains.
         stretch: the ground.
     """
 
@@ -111,7 +111,7 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
     Args:
         axes: to draw on; this sets their limits.
         given: what all pictures of the motion share.
-        frame: which of its frames.
+        frame: number of the frame.
         outlined: whether voxels have outlines.
     """
     motion, stretch = given.motion, given.stretch

@@ -38,10 +38,10 @@ def draw_robots(
         axes: to draw on; this sets their limits.
         robots: its poses on paper.
         stretch: the ground below all of them.
-        path: of the robot's middle on paper [m], shape (F, 2).
+        path: path of the robot's middle on paper [m], shape (F, 2).
         poses: how far along the path they are.
-        times: of the poses [s].
-        length: of the robot [m].
+        times: times of the poses [s].
+        length: length of the robot [m].
         outlined: whether faces have outlines.
     """
     rim, together = stretch.rim, _apart(robots)

@@ -31,13 +31,13 @@ def vehicle_motion(
     distance from the light, way gone and speed, both ahead.
 
     Args:
-        traces: of the vehicle.
-        body: of the vehicle.
+        traces: traces of the vehicle.
+        body: body of the vehicle.
         task: that it was given.
         which: place of the body among the traces.
-        controller: which of them.
-        environment: which of them.
-        name: of the motion.
+        controller: number of the controller.
+        environment: number of the environment.
+        name: name of the motion.
 
     Raises:
         ValueError: for traces of other bodies and tasks, and places that are not there.

@@ -31,7 +31,7 @@ class Compute:
 
     Attributes:
         device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
-        precision: of all real numbers, ``"f32"`` or ``"f64"``.
+        precision: precision of all real numbers, ``"f32"`` or ``"f64"``.
         threads: CPU threads that share a batch, all available ones if None; results do not depend on it.
 
     Raises:
@@ -55,7 +55,7 @@ class Compute:
 
     @property
     def options(self) -> ComputeOptions:
-        """The fields as keyword arguments of public functions."""
+        """Convert the settings to keyword arguments of public functions."""
         return {"device": self.device, "precision": self.precision, "threads": self.threads}
 
     @property

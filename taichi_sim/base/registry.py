@@ -19,7 +19,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
     Listing names reads the metadata of installed packages and runs no code of theirs.
 
     Args:
-        group: of the entry points, such as ``"morpholab.methods"``.
+        group: group name of the entry points, such as ``"morpholab.methods"``.
         noun: what error messages call one of these things; the name of the field that holds it.
         builtin: where each built-in thing is defined, as ``"module:attribute"``, by name.
     """

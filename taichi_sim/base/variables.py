@@ -18,7 +18,7 @@ class Variable:
         kind: ``"continuous"``; ``"integer"``, rounded; ``"angle"``, which wraps round from ``high`` to
             ``low``; ``"binary"``, an integer from 0 to 1.
         step: standard deviation of a mutation, in the unit of the variable.
-        unit: of the values, such as ``Pa``; empty for a plain number.
+        unit: unit of the values, such as ``Pa``; empty for a plain number.
         start: the value before any search; None is the middle.
     """
 

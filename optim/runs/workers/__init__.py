@@ -41,7 +41,7 @@ def open_workers(
         problem: sent to every worker once, by pickle.
         count: number of workers; None for as many as this machine, or the cluster, has cores for.
         backend: ``"processes"`` of this machine, spawned, or ``"ray"``, actors on a cluster.
-        address: of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
+        address: address of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
             starts one on this machine for as long as the workers are open.
         threads: CPU threads of one worker.
         part: most points that a worker evaluates at once.

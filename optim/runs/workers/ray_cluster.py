@@ -97,7 +97,7 @@ class RayCluster:
     Args:
         ray: the module.
         problem: what they evaluate; it may be defined in a script or notebook.
-        threads: of an actor; it takes as many CPUs of the cluster.
+        threads: threads of an actor; it takes as many CPUs of the cluster.
         variables: environment variables of an actor.
         note: told about other CPUs, and of actors that find no place.
     """

@@ -23,7 +23,7 @@ def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *
 
     Args:
         motions: one, or up to four to see side by side.
-        path: of the file, which must not exist yet.
+        path: path of the file, which must not exist yet.
         title: above them.
 
     Returns:
@@ -61,7 +61,7 @@ def show(motions: Motion | Sequence[Motion], *, title: str = "", height: int = 8
     Args:
         motions: one, or up to four to see side by side.
         title: above them.
-        height: of the player [px].
+        height: height of the player [px].
     """
     return Player(page(motions, title), whole_number("height", height, 200))
 

@@ -24,7 +24,7 @@ def load_voxel_file(path: str | PathLike[str], base: str | PathLike[str] | None 
     """Read a voxel robot from a file; one warning names what the lattice does not support.
 
     Args:
-        path: of a ``.vxl.json``, ``.vxa``, ``.vxc`` or ``.vxd`` file.
+        path: path of a ``.vxl.json``, ``.vxa``, ``.vxc`` or ``.vxd`` file.
         base: the ``.vxa`` that a ``.vxd`` changes; by default ``base.vxa`` in the same folder.
 
     Raises:

@@ -129,7 +129,7 @@ def body_from_mesh(
     Args:
         mesh: a mesh of trimesh, or a file that trimesh reads.
         pitch: edge of the voxels, in the mesh's unit.
-        material: of all voxels.
+        material: material of all voxels.
         scale: metres per unit of the mesh, 0.001 for millimetres.
         repair: close small holes and join equal vertices of a mesh that is not watertight.
         most_voxels: largest number of voxels that :func:`predict` may give.

@@ -22,7 +22,7 @@ class Heat:
     Attributes:
         amplitude: [K].
         period: [s].
-        phase: of each voxel [periods], shape (V,).
+        phase: phase of each voxel [periods], shape (V,).
         mean: [K].
     """
 

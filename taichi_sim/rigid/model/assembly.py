@@ -38,7 +38,7 @@ class Place:
     """A frame: a position and axes, in the world, with the robot at rest.
 
     Attributes:
-        position: of its origin [m].
+        position: position of its origin [m].
         rotation: matrix of its axes.
     """
 
@@ -92,7 +92,7 @@ class Part:
     """A body as a file describes it.
 
     Attributes:
-        name: of the part.
+        name: name of the part.
         parent: name of the part that carries it; None for the base.
         hinge: the hinge that joins it to its parent; None if it is fixed to the parent.
         lump: its mass.

@@ -32,8 +32,8 @@ def drive(
         actuator: element of a position, velocity or motor actuator.
         span: smallest and largest angle of the hinge [rad].
         rest: its angle at rest [rad].
-        damping: of the hinge [N m s].
-        speed: of position drives without any damping [1/s].
+        damping: damping of the hinge [N m s].
+        speed: speed of position drives without any damping [1/s].
         fastest: rate of drives by torque at full command [rad/s].
         quickest: largest speed of a position drive [1/s].
 

@@ -93,7 +93,7 @@ class Capsule:
 
     Attributes:
         radius: [m].
-        length: of the cylinder [m].
+        length: length of the cylinder [m].
         axis: along it, in the axes of the world at rest.
         centre: from the body's centre of mass [m].
     """

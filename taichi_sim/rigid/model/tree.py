@@ -18,8 +18,8 @@ class Body:
     """A rigid body.
 
     Attributes:
-        name: of the body, unique in its tree.
-        position: of its centre of mass at rest [m].
+        name: name of the body, unique in its tree.
+        position: position of its centre of mass at rest [m].
         mass: [kg].
         shapes: solids it is made of; all of them collide with the ground.
         inertia: about the centre of mass, (3, 3) [kg m^2]; of its only solid, centred, if not given.
