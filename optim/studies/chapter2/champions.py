@@ -60,13 +60,8 @@ def follow(settings: Interference, robot: str, weights: Floats, threads: int | N
     frames = result.rollouts.frames
     assert frames is not None  # they were asked for
     shape = (len(weights), len(settings.lights), len(frames.times))
-    return Champions(
-        weights,
-        frames.times,
-        frames.position[:, :, :2].swapaxes(0, 1).reshape(*shape, 2),
-        frames.readings[:, :, -1].T.reshape(shape),
-        result.distance,
-    )
+    paths = frames.position[:, :, :2].swapaxes(0, 1).reshape(*shape, 2)
+    return Champions(weights, frames.times, paths, frames.readings[:, :, -1].T.reshape(shape), result.distance)
 
 
 def time_near(seen: Champions, lights: Sequence[Sequence[float]]) -> tuple[Floats, Floats]:
@@ -133,10 +128,8 @@ def train_alone(
     chosen = [Treatment(robot, "min") for robot in robots]  # all ways to combine one environment are the same
     for n, light in enumerate(settings.lights):
         single = replace(settings, lights=(light,))
-        folder = out / "alone" / f"{light[0]:g},{light[1]:g}"
-        found = evolve(
-            single, chosen, effort.runs, effort.generations, folder, threads, part_of(progress, n, len(settings.lights))
-        )
+        folder, share = out / "alone" / f"{light[0]:g},{light[1]:g}", part_of(progress, n, len(settings.lights))
+        found = evolve(single, chosen, effort.runs, effort.generations, folder, threads, share)
         for treatment, seen in champions_of(single, found, threads).items():
             near, waiting = time_near(seen, single.lights)
             numbers = np.column_stack([seen.distance, near, waiting])

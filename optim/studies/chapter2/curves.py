@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from optim.experiments.tables import write_table
 from optim.measures.catastrophic_interference import RunMeasures
 from optim.measures.statistics import mean_band
-from optim.studies.chapter2.evolution import Run
+from optim.studies.chapter2.evolution import Run, by_treatment
 from optim.studies.chapter2.settings import FITNESS, Treatment
 from taichi_sim.base.arrays import Arrays, Floats
 
@@ -38,10 +38,10 @@ def write_curves(found: Mapping[Run, Arrays], path: Path) -> dict[Treatment, Flo
     Returns:
         By treatment, quantities of ``QUANTITIES`` of its runs, (R, G, 2).
     """
-    curves: dict[Treatment, list[Floats]] = {}
-    for (treatment, _), state in found.items():
-        curves.setdefault(treatment, []).append(curve(state, treatment.fitness))
-    stacked = {treatment: np.stack(each) for treatment, each in curves.items()}
+    stacked = {
+        treatment: np.stack([curve(state, treatment.fitness) for state in states])
+        for treatment, states in by_treatment(found).items()
+    }
     rows = []
     for treatment, values in stacked.items():
         low, high = mean_band(values)
@@ -73,11 +73,9 @@ def all_mutations(
     found: Mapping[Run, Arrays], champions: Mapping[Run, RunMeasures] | None = None
 ) -> dict[Treatment, tuple[Floats, NDArray[np.int32]]]:
     """Beneficial mutations of all runs by treatment; of the lines of run champions only, if these are given."""
-    parts: dict[Treatment, list[tuple[Floats, NDArray[np.int32]]]] = {}
-    for run, state in found.items():
-        only = None if champions is None else [champions[run].champion]
-        parts.setdefault(run[0], []).append(mutations(state, only))
+    only = {run: None if champions is None else [champions[run].champion] for run in found}
+    each = {run: mutations(state, only[run]) for run, state in found.items()}
     return {
-        treatment: (np.concatenate([changes for changes, _ in each]), np.concatenate([born for _, born in each]))
-        for treatment, each in parts.items()
+        treatment: (np.concatenate([changes for changes, _ in parts]), np.concatenate([born for _, born in parts]))
+        for treatment, parts in by_treatment(each).items()
     }

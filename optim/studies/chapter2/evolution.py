@@ -1,10 +1,10 @@
 """Runs of climbers side by side, kept in a folder, where they go on after any interruption."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ KIND = "interference"
 SECONDS_BETWEEN_FILES = 60.0  # a kill loses so much
 
 Run = tuple[Treatment, int]
+_Part = TypeVar("_Part")
 KEPT = ("born", "climber", "light", "distance")
 
 
@@ -110,6 +111,14 @@ class Climbers:
         self.method.restore(state)
 
 
+def by_treatment(found: Mapping[Run, _Part]) -> dict[Treatment, list[_Part]]:
+    """Collect parts of runs, such as the states of their climbers, by treatment."""
+    parts: dict[Treatment, list[_Part]] = {}
+    for (treatment, _), part in found.items():
+        parts.setdefault(treatment, []).append(part)
+    return parts
+
+
 def evolve(
     settings: Interference,
     chosen: Sequence[Treatment],
@@ -141,21 +150,17 @@ def evolve(
         ValueError: for numbers that are not allowed, a device that is not there, or a folder of other
             settings, or of runs that went further.
     """
-    for name, value, low in (("runs", runs, 1), ("generations", generations, 0)):
-        checks.integer(name, value, low)
+    checks.integer("runs", runs, 1)
+    checks.integer("generations", generations, 0)
     runtime.start(settings.device, settings.precision, threads)  # refuses what is not there before a folder is made
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
-    members = {
-        (treatment, run): Climbers(settings, treatment, run, generations + 1)
-        for treatment in chosen
-        for run in range(runs)
-    }
+    goal = generations + 1
+    members = {(each, run): Climbers(settings, each, run, goal) for each in chosen for run in range(runs)}
     for (treatment, run), climbers in members.items():
         for state in folder.load(treatment.file(run)) if folder else ():
             if "climber" in state:
                 climbers.restore(state)
-    goal, reached = generations + 1, max(each.turns for each in members.values())
-    if reached > goal:
+    if (reached := max(each.turns for each in members.values())) > goal:
         raise ValueError(f"generations: {generations} is not allowed; {out} holds {reached - 1}")
     changed: set[Run] = set()
     written = time.monotonic()

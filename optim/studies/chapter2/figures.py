@@ -3,7 +3,8 @@
 Source: dissertation, chapter 2, figures "raw", "best" and "trace".
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,31 @@ def _layout(treatments: Sequence[Treatment]) -> tuple[list[str], list[str]]:
     return rows, [robot for robot in ROBOTS if any(treatment.robot == robot for treatment in treatments)]
 
 
-def _name(panels: "np.ndarray[Any, Any]", rows: Sequence[str], columns: Sequence[str]) -> None:
-    """Robots above the columns, ways to combine environments beside the rows."""
-    for axes, robot in zip(panels[0], columns, strict=True):
-        axes.set_title(robot)
-    for axes, row in zip(panels[:, -1], rows, strict=True):
-        axes.annotate(row, (1.04, 0.5), xycoords="axes fraction", rotation=-90, va="center")
+@contextmanager
+def _grid_of_treatments(
+    treatments: Sequence[Treatment], path: Path, size: tuple[float, float], labels: tuple[str, str]
+) -> Iterator[tuple[Any, dict[Treatment, Any]]]:
+    """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows.
+
+    Args:
+        treatments: that have panels.
+        path: of the picture.
+        size: width and height [in].
+        labels: of x and y, for all panels.
+
+    Yields:
+        The figure, and the panel of each treatment.
+    """
+    rows, columns = _layout(treatments)
+    shape: Any = {"nrows": len(rows), "ncols": len(columns), "sharex": True, "sharey": True}
+    with figure(path, *size, **shape) as (drawn, panels):
+        yield drawn, {each: panels[rows.index(each.row), columns.index(each.robot)] for each in treatments}
+        for axes, robot in zip(panels[0], columns, strict=True):
+            axes.set_title(robot)
+        for axes, row in zip(panels[:, -1], rows, strict=True):
+            axes.annotate(row, (1.04, 0.5), xycoords="axes fraction", rotation=-90, va="center")
+        drawn.supxlabel(labels[0], fontsize=8)
+        drawn.supylabel(labels[1], fontsize=8)
 
 
 def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]], path: Path) -> None:
@@ -42,54 +62,34 @@ def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]]
     every = np.concatenate([changes for changes, _ in mutations.values()])
     reach = 1.05 * max(1.0, np.abs(every).max(initial=0.0))
     latest = max(1, *(int(born.max(initial=0)) for _, born in mutations.values()))
-    with figure(
-        path,
-        0.9 + 1.75 * len(columns),
-        0.5 + 1.65 * len(rows),
-        nrows=len(rows),
-        ncols=len(columns),
-        sharex=True,
-        sharey=True,
-    ) as (drawn, panels):
+    size = 0.9 + 1.75 * len(columns), 0.5 + 1.65 * len(rows)
+    labels = "nearer to the light in the first environment [m]", "in the second [m]"
+    marks: Any = {"s": 3, "lw": 0, "vmin": 0, "vmax": latest, "cmap": "viridis", "rasterized": True, "zorder": 2}
+    with _grid_of_treatments(list(mutations), path, size, labels) as (drawn, panels):
         points: Any = None
         for treatment, (changes, born) in mutations.items():
-            axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
+            axes = panels[treatment]
             axes.fill_between([0, reach], 0, reach, color=SHADES[0], lw=0)
             axes.fill_between([-reach, 0], 0, reach, color=SHADES[1], lw=0)
             axes.fill_between([0, reach], -reach, 0, color=SHADES[1], lw=0)
             axes.plot([-reach, reach], [-reach, reach], color="0.75", lw=0.5, zorder=1)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
             chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
-            points = axes.scatter(
-                *changes[chosen].T,
-                c=born[chosen],
-                s=3,
-                lw=0,
-                vmin=0,
-                vmax=latest,
-                cmap="viridis",
-                rasterized=True,
-                zorder=2,
-            )
-        _name(panels, rows, columns)
-        drawn.supxlabel("nearer to the light in the first environment [m]", fontsize=8)
-        drawn.supylabel("in the second [m]", fontsize=8)
-        drawn.colorbar(points, ax=panels, label="generation", fraction=0.03, aspect=40)
-    arrays: dict[str, np.ndarray[Any, Any]] = {}
-    for treatment, (changes, born) in mutations.items():
-        arrays |= {
-            f"{treatment.robot}_{treatment.row}_{name}": values
-            for name, values in (("change", changes), ("generation", born))
-        }
+            points = axes.scatter(*changes[chosen].T, c=born[chosen], **marks)
+        drawn.colorbar(points, ax=list(drawn.axes), label="generation", fraction=0.03, aspect=40)
+    arrays: dict[str, np.ndarray[Any, Any]] = {
+        f"{treatment.robot}_{treatment.row}_{name}": values
+        for treatment, both in mutations.items()
+        for name, values in zip(("change", "generation"), both, strict=True)
+    }
     save_arrays(path.with_suffix(".npz"), arrays)
 
 
 def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
     """Worst distance and fitness over generations: means of runs with 95 % bands; a column each robot."""
     rows, columns = _layout(list(curves))
-    with figure(
-        path, PAGE, 1.0 + 1.25 * (1 + len(rows)), nrows=1 + len(rows), ncols=len(columns), sharex=True, sharey="row"
-    ) as (_, panels):
+    shape: Any = {"nrows": 1 + len(rows), "ncols": len(columns), "sharex": True, "sharey": "row"}
+    with figure(path, PAGE, 1.0 + 1.25 * (1 + len(rows)), **shape) as (_, panels):
         for treatment, values in curves.items():
             row, column = rows.index(treatment.row), columns.index(treatment.robot)
             for n, axes in enumerate((panels[0, column], panels[1 + row, column])):
@@ -134,19 +134,10 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
     every = np.concatenate([settings.lights, *(seen.paths[chosen[t]].reshape(-1, 2) for t, seen in champions.items())])
     low, high = np.nanmin(every, axis=0) - 1, np.nanmax(every, axis=0) + 1
     width, height = high - low
-    size = 6.2 / len(columns)  # in
-    with figure(
-        path,
-        PAGE,
-        0.6 + (size * height / width + 0.15) * len(rows),
-        nrows=len(rows),
-        ncols=len(columns),
-        sharex=True,
-        sharey=True,
-    ) as (drawn, panels):
+    size = PAGE, 0.6 + (6.2 / len(columns) * height / width + 0.15) * len(rows)
+    with _grid_of_treatments(list(champions), path, size, ("x [m]", "y [m]")) as (_, panels):
         for treatment, seen in champions.items():
-            axes = panels[rows.index(treatment.row), columns.index(treatment.robot)]
-            run = chosen[treatment]
+            axes, run = panels[treatment], chosen[treatment]
             for n, ((x, y), line) in enumerate(zip(settings.lights, seen.paths[run], strict=True)):
                 axes.plot(x, y, "*", color="#E69F00", ms=10, mec="0.3", mew=0.4, zorder=3)
                 axes.plot(*line.T, color=colours[treatment.robot], lw=0.8, ls=("-", "--", "-.", ":")[n % 4])
@@ -156,8 +147,5 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
             axes.plot(0, 0, "s", color="black", ms=3, zorder=3)
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             axes.yaxis.set_major_locator(MultipleLocator(5))
-        _name(panels, rows, columns)
-        drawn.supxlabel("x [m]", fontsize=8)
-        drawn.supylabel("y [m]", fontsize=8)
     header = ("fitness", "robot", "run", "environment", "time", "x", "y", "light")
     write_table(path.with_suffix(".csv.gz"), header, data)

@@ -90,12 +90,8 @@ def likeness(
     found: dict[str, Cells] = {name: {} for name in QUANTITIES}
     for cell, each in seen.items():
         early = each.times < EARLY
-        numbers = (
-            warping(each.light, threads),
-            warping(each.light[:, :, early], threads),
-            asymmetry(each.paths, settings.lights),
-            divergence(each.paths, each.times),
-        )
+        signals = warping(each.light, threads), warping(each.light[:, :, early], threads)
+        numbers = (*signals, asymmetry(each.paths, settings.lights), divergence(each.paths, each.times))
         for name, values in zip(QUANTITIES, numbers, strict=True):
             found[name][cell] = values[np.isfinite(values)]
     return found
@@ -107,11 +103,8 @@ def write_likeness(found: Mapping[str, Cells], out: Path) -> dict[str, Any]:
     rows, text = [], ["# Whether environments look alike\n"]
     for name, cells in found.items():
         rows += [(name, *cell, number) for cell, numbers in cells.items() for number in numbers.tolist()]
-        means = [
-            {"fitness": row, "robot": robot, "mean": float(numbers.mean())}
-            for (row, robot), numbers in cells.items()
-            if len(numbers)
-        ]
+        known = ((cell, float(numbers.mean())) for cell, numbers in cells.items() if len(numbers))
+        means = [{"fitness": row, "robot": robot, "mean": mean} for (row, robot), mean in known]
         tests = {}
         for row in dict.fromkeys(row for row, _ in cells):
             samples = {robot: numbers for (other, robot), numbers in cells.items() if other == row and len(numbers) > 1}

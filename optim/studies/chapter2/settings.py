@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -73,11 +74,8 @@ def treatments(
     Raises:
         ValueError: for no names, unknown ones, or one given twice.
     """
-    for field, names, known in (
-        ("robots", robots, tuple(ROBOTS)),
-        ("fitness", fitness, tuple(FITNESS)),
-        ("trainers", trainers, tuple(TRAINERS)),
-    ):
+    each = (("robots", robots, ROBOTS), ("fitness", fitness, FITNESS), ("trainers", trainers, TRAINERS))
+    for field, names, known in each:
         if not names:
             raise ValueError(f"{field}: none given; give some of {', '.join(known)}")
         for name in names:
@@ -110,9 +108,9 @@ class Interference:
     def __post_init__(self) -> None:
         checks.integer("population", self.population, 1, MOST_POINTS)
         checks.integer("steps", self.steps, 1)
-        checks.choice("variant", self.variant, tuple(VARIANTS))
-        checks.choice("precision", self.precision, ("f64", "f32"))
-        checks.choice("device", self.device, ("cpu", "cuda", "vulkan", "metal"))
+        known = {"variant": tuple(VARIANTS), "precision": ("f64", "f32"), "device": ("cpu", "cuda", "vulkan", "metal")}
+        for name, names in known.items():
+            checks.choice(name, getattr(self, name), names)
 
     def method(self, trainer: str, run: int) -> Method:
         """The climbers of a run; the same run of another treatment draws the same numbers.
@@ -122,27 +120,16 @@ class Interference:
         not.
         """
         bounds = "clip" if self.variant == "text" else "none"
-        return build_method(
-            TRAINERS[trainer],
-            SPACE,
-            {"climbers": self.population, "seed": run, "bounds": bounds, "streams": "generations"},
-        )
+        climbers = {"climbers": self.population, "seed": run, "bounds": bounds, "streams": "generations"}
+        return build_method(TRAINERS[trainer], SPACE, climbers)
 
     def fitness_and_slopes(self, treatment: Treatment, points: Floats, threads: int | None = None) -> Evaluation:
         """The logarithm of the fitness of points, shape (N, 40), and its gradients."""
         weights, done, slopes = controllers(points), list[Floats](), list[Floats]()
         each = max(1, AT_ONCE // len(self.lights))
         for first in range(0, len(weights), each):
-            seen = differentiate(
-                ROBOTS[treatment.robot],
-                weights[first : first + each],
-                self.lights,
-                variant=VARIANTS[self.variant],
-                steps=self.steps,
-                precision=self.precision,
-                device=self.device,
-                threads=threads,
-            )
+            part = weights[first : first + each]
+            seen = differentiate(ROBOTS[treatment.robot], part, self.lights, **self._options(threads))
             found = seen.gradient
             assert found is not None
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -155,17 +142,12 @@ class Interference:
         self, robot: str, weights: Floats, threads: int | None = None, record_every: int | None = None
     ) -> QuadrupedResult:
         """Run controllers, (N, 5, 8), in a robot, each in all environments."""
-        return simulate(
-            ROBOTS[robot],
-            weights,
-            self.lights,
-            variant=VARIANTS[self.variant],
-            steps=self.steps,
-            record_every=record_every,
-            precision=self.precision,
-            device=self.device,
-            threads=threads,
-        )
+        return simulate(ROBOTS[robot], weights, self.lights, record_every=record_every, **self._options(threads))
+
+    def _options(self, threads: int | None) -> dict[str, Any]:
+        """Options of simulations."""
+        where = {"precision": self.precision, "device": self.device, "threads": threads}
+        return {"variant": VARIANTS[self.variant], "steps": self.steps, **where}
 
 
 def controllers(points: Floats) -> Floats:

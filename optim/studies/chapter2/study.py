@@ -13,22 +13,14 @@ from optim.experiments.results import Budget, Progress, check_folder, part_of, w
 from optim.experiments.study import Study
 from optim.studies.chapter2.champions import Alone, champions_of, train_alone, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
-from optim.studies.chapter2.evolution import Run, evolve
+from optim.studies.chapter2.evolution import evolve
 from optim.studies.chapter2.likeness import likeness, write_likeness
 from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
 from optim.studies.chapter2.tables import measure, write_tables
-from taichi_sim.base.arrays import Arrays
 
 TABLES = (
-    "tables.md",
-    "tables.csv",
-    "runs.csv",
-    "tests.csv",
-    "curves.csv",
-    "likeness.md",
-    "likeness.csv",
-    "summary.json",
-    "champions",
+    *("tables.md", "tables.csv", "runs.csv", "tests.csv", "curves.csv"),
+    *("likeness.md", "likeness.csv", "summary.json", "champions"),
 )
 PICTURES = ("curves.png", "traces.png")
 PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
@@ -85,12 +77,13 @@ def train(
     write_json(out / "summary.json", summary)
     curves = write_curves(found, out / "curves.csv")
     if figures:
-        from optim.studies.chapter2.figures import draw_curves, draw_traces
+        from optim.studies.chapter2.figures import draw_changes, draw_curves, draw_traces
 
         draw_curves(curves, out / "curves.png")
         draw_traces(champions, settings, out / "traces.png")
         if len(settings.lights) == 2:
-            _draw_changes(found, out)
+            draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
+            draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
     return summary
 
 
@@ -98,13 +91,6 @@ def files_of(settings: Interference, figures: bool) -> list[str]:
     """Names of what :func:`train` writes, beside raw results."""
     two = PICTURES_OF_TWO if len(settings.lights) == 2 else ()
     return [*TABLES, *((*PICTURES, *two) if figures else ())]
-
-
-def _draw_changes(found: Mapping[Run, Arrays], out: Path) -> None:
-    from optim.studies.chapter2.figures import draw_changes
-
-    draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
-    draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
 
 
 def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
@@ -115,19 +101,11 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     """
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
     interference = Interference(population=settings.population)
-    for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
-        train(
-            replace(interference, lights=LIGHTS[environments]),
-            treatments(),
-            settings.runs,
-            settings.generations,
-            folder / name,
-            figures=True,
-            progress=part_of(progress, n, 3),
-        )
-    alone = train_alone(
-        replace(interference, lights=LIGHTS[4]), tuple(ROBOTS), settings.alone, folder, progress=part_of(progress, 2, 3)
-    )
+    two, four = (replace(interference, lights=LIGHTS[environments]) for environments in (2, 4))
+    for n, (name, world) in enumerate((("two", two), ("four", four))):
+        effort, share = (settings.runs, settings.generations), part_of(progress, n, 3)
+        train(world, treatments(), *effort, folder / name, figures=True, progress=share)
+    alone = train_alone(four, tuple(ROBOTS), settings.alone, folder, progress=part_of(progress, 2, 3))
     write_json(folder / "summary.json", {"alone": alone})
 
 
@@ -137,14 +115,8 @@ STUDY = Study(
     scales=SCALES,
     run=study,
     writes=(
-        "two/tables.md",
-        "two/changes.png",
-        "two/changes-of-champions.png",
-        "two/curves.png",
-        "two/traces.png",
-        "four/tables.md",
-        "four/curves.png",
-        "four/traces.png",
+        *(f"two/{name}" for name in ("tables.md", *PICTURES_OF_TWO, *PICTURES)),
+        *(f"four/{name}" for name in ("tables.md", *PICTURES)),
         "alone.csv",
     ),
     cost="65 h of CPU time for two environments, 80 for four",

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.experiments.tables import write_table
+from optim.experiments.tables import markdown, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
-from optim.studies.chapter2.evolution import Run
+from optim.studies.chapter2.evolution import Run, by_treatment
 from optim.studies.chapter2.settings import Treatment
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.files import write_text
@@ -56,25 +56,21 @@ PUBLISHED_DEVIATION = {(2, "M1"): _grid(1.55, 2.44, 2.29, 1.20, 1.62, 0.54, 0.68
 
 def measure(found: Mapping[Run, Arrays], definition: str = "defined") -> dict[Run, RunMeasures]:
     """M1 to M4 of each run, as defined or as computed."""
-    if definition == "computed":
-        with np.errstate(divide="ignore"):
-            apparent = {run: state["light"] ** -0.5 for run, state in found.items()}
-        return {
-            run: measure_run_as_computed(state["climber"], state["distance"], apparent[run])
-            for run, state in found.items()
-        }
-    return {run: measure_run(state["climber"], state["distance"]) for run, state in found.items()}
+    if definition == "defined":
+        return {run: measure_run(state["climber"], state["distance"]) for run, state in found.items()}
+    with np.errstate(divide="ignore"):
+        apparent = {run: state["light"] ** -0.5 for run, state in found.items()}
+    each = {run: (state["climber"], state["distance"], apparent[run]) for run, state in found.items()}
+    return {run: measure_run_as_computed(*arrays) for run, arrays in each.items()}
 
 
 def cells_of(measured: Mapping[Run, RunMeasures]) -> dict[str, dict[Treatment, Floats]]:
     """By measure and treatment, the numbers of its runs, without those of runs that have none."""
-    rows: dict[Treatment, list[tuple[float, ...]]] = {}
-    for (treatment, _), m in measured.items():
-        rows.setdefault(treatment, []).append((m.worst, m.angle, m.length, 100 * m.share))
+    rows = by_treatment({run: (m.worst, m.angle, m.length, 100 * m.share) for run, m in measured.items()})
+    columns = {treatment: np.array(values).T for treatment, values in rows.items()}
     return {
-        name: {treatment: column[np.isfinite(column)] for treatment, column in columns.items()}
+        name: {treatment: each[n][np.isfinite(each[n])] for treatment, each in columns.items()}
         for n, name in enumerate(MEASURES)
-        if (columns := {treatment: np.array(values)[:, n] for treatment, values in rows.items()})
     }
 
 
@@ -106,18 +102,15 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
     """A row for each treatment: number of runs, mean, standard deviation, 95 % bootstrap interval, published values."""
     rows = []
     for treatment, values in cells.items():
-        place = treatment.row, treatment.robot
-        low, high = mean_band(values) if len(values) > 1 else (None, None)
+        place, several = (treatment.row, treatment.robot), len(values) > 1
+        low, high = map(float, mean_band(values)) if several else (None, None)
         rows.append(
             {
                 "measure": name,
-                "fitness": treatment.row,
-                "robot": treatment.robot,
-                "runs": len(values),
+                **{"fitness": treatment.row, "robot": treatment.robot, "runs": len(values)},
                 "mean": float(values.mean()) if len(values) else None,
-                "deviation": float(values.std(ddof=1)) if len(values) > 1 else None,
-                "low": None if low is None else float(low),
-                "high": None if high is None else float(high),
+                "deviation": float(values.std(ddof=1)) if several else None,
+                **{"low": low, "high": high},
                 "published": PUBLISHED.get((environments, name), {}).get(place),
                 "published_deviation": PUBLISHED_DEVIATION.get((environments, name), {}).get(place),
             }
@@ -165,17 +158,9 @@ def _test_rows(definitions: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
     for definition, part in definitions.items():
         for name, tests in part["tests"].items():
             for t in tests:
-                yield (
-                    definition,
-                    name,
-                    " ".join(t["first"]),
-                    " ".join(t["second"]),
-                    t["difference"],
-                    *t["interval"],
-                    t["A12"],
-                    t["p"],
-                    t["p_bonferroni"],
-                )
+                pair = " ".join(t["first"]), " ".join(t["second"])
+                effects = t["difference"], *t["interval"], t["A12"], t["p"], t["p_bonferroni"]
+                yield definition, name, *pair, *effects
 
 
 def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
@@ -187,14 +172,11 @@ def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
         cells = {(row["fitness"], row["robot"]): row for row in rows}
         yield f"## {name}: {title}\n"
         yield "Mean ± standard deviation, [95 % interval], published mean.\n"
-        yield f"| {name} | " + " | ".join(robots) + " |"
-        yield "| --- |" + " --- |" * len(robots)
-        for way in fitness:
-            yield f"| {way} | " + " | ".join(_cell(cells.get((way, robot))) for robot in robots) + " |"
+        lines = [(way, *(_cell(cells.get((way, robot))) for robot in robots)) for way in fitness]
+        yield from markdown((name, *robots), "l" * (1 + len(robots)), lines)
         marked = [t for t in part["tests"][name] if t["significant"]]
-        yield f"\nOf {len(part['tests'][name])} pairs, {len(marked)} differ at the 0.05 level (Bonferroni)" + (
-            ": " + "; ".join(_mark(t["first"], t["second"]) for t in marked) + ".\n" if marked else ".\n"
-        )
+        which = ": " * bool(marked) + "; ".join(_mark(t["first"], t["second"]) for t in marked)
+        yield f"\nOf {len(part['tests'][name])} pairs, {len(marked)} differ at the 0.05 level (Bonferroni){which}.\n"
 
 
 def _cell(row: Mapping[str, Any] | None) -> str:
