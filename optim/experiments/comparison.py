@@ -81,6 +81,11 @@ def describe_times(times: ArrayLike, budget: int) -> dict[str, Any]:
     }
 
 
+def quartiles(values: Floats) -> dict[str, Any]:
+    """How many values there are, shape (N,), and their quartiles; None without any."""
+    return {"n": len(values), "quartiles": np.percentile(values, [25, 50, 75]).tolist() if len(values) else None}
+
+
 def ranked(times: ArrayLike, budget: int) -> Any:
     """Evaluations until success for rank tests: trials without success rank after every other."""
     values = np.asarray(times)

@@ -98,6 +98,11 @@ def caption(axes: "Axes", text: str) -> None:
     axes.annotate(text, (0.5, 1.02), xycoords="axes fraction", ha="center", va="bottom", fontsize=7)
 
 
+def note(axes: "Axes", text: str, top: float) -> None:
+    """Small text in the upper right corner of a panel; ``top`` is the height of its upper edge [panels]."""
+    axes.annotate(text, (0.97, top), xycoords="axes fraction", ha="right", va="top", fontsize=7)
+
+
 def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
     """Add a legend in one row above all panels, where it hides nothing."""
     drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))

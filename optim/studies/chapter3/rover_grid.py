@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import cached
+from optim.experiments.results import cached, check_counts
 from robots.braitenberg import weight_grid
 from robots.rover import STEPS, Rover, simulate
 from taichi_sim.base import checks
@@ -38,8 +38,7 @@ class RoverGrid:
     precision: str = "f32"
 
     def __post_init__(self) -> None:
-        checks.integer("weights", self.weights, 2)
-        checks.integer("steps", self.steps, 1)
+        check_counts(self, weights=2, steps=1)
         checks.choice("precision", self.precision, ("f32", "f64"))
 
     @property
@@ -99,7 +98,6 @@ def _stand_in(design: int) -> tuple[int, bool]:
 
 def _one(design: int, settings: RoverGrid, where: dict[str, Any]) -> Arrays:
     """Success in one body, (n, n, 4)."""
-    done = simulate(
-        Rover.published(design), settings.pairs, steps=settings.steps, precision=settings.precision, **where
-    )
+    options = {"steps": settings.steps, "precision": settings.precision, **where}
+    done = simulate(Rover.published(design), settings.pairs, **options)
     return {"success": done.success.reshape(settings.weights, settings.weights, -1)}

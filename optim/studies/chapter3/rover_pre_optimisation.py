@@ -8,6 +8,7 @@ reaches the light in all environments.
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, COLUMN, figure
-from optim.experiments.results import Budget, Progress, cached, write_json
+from optim.experiments.results import Budget, Progress, cached, check_counts, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
 from optim.experiments.trials import Trials, cached_trials
@@ -34,7 +35,6 @@ from optim.studies.chapter3.rover_problem import (
     effort,
 )
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -64,8 +64,7 @@ class PreOptimisation:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        for name, low in {"runs": 1, "budget": 1, "seed": 0, "weights": 2, "steps": 1}.items():
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, runs=1, budget=1, seed=0, weights=2, steps=1)
 
     def problem(self, controller: str) -> RoverProblem:
         """The problem with a controller."""
@@ -126,9 +125,9 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
                 progress((n * settings.runs + run + 1) / parts)
         fronts[name] = Front.of(trials)
     rows = [
-        (name, front.distance[i], front.effort[i], front.solved[i], *problems[name].named(front.points[i]).values())
+        (name, *judged, *problems[name].named(point).values())
         for name, front in fronts.items()
-        for i in range(len(front.points))
+        for point, *judged in zip(front.points, front.distance, front.effort, front.solved, strict=True)
     ]
     header = ("controller", "distance", "effort", "solved", *RoverProblem("evolved").space.names)
     write_table(folder / "rover-fronts.csv", header, rows)
@@ -137,18 +136,13 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
     for name, front in fronts.items():
         near = front.least_effort(front.distance <= published["distance_with_weights_1"])
         base = front.least_effort(front.solved == 4)
-        bodies = [None if i is None else problems[name].rover(front.points[i]) for i in (base, near)]
-        summary[name] = {
-            "front": len(front.points),
-            "base": None if bodies[0] is None else _judged(name, bodies[0], settings, results),
-            "as_near_as_published": None
-            if bodies[1] is None or near is None
-            else {
-                "parameters": _shown(bodies[1]),
-                "effort": float(front.effort[near]),
-                "distance": float(front.distance[near]),
-            },
-        }
+        summary[name] = {"front": len(front.points), "base": None, "as_near_as_published": None}
+        if base is not None:
+            summary[name]["base"] = _judged(name, problems[name].rover(front.points[base]), settings, results)
+        if near is not None:
+            numbers = {"effort": float(front.effort[near]), "distance": float(front.distance[near])}
+            body = problems[name].rover(front.points[near])
+            summary[name]["as_near_as_published"] = {"parameters": _shown(body), **numbers}
     write_json(folder / "summary.json", summary)
     draw(fronts, published, folder / "rover-pre-optimisation.png")
 
@@ -160,19 +154,10 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
     """
 
     def compute() -> Arrays:
-        searched = replace(base, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT)
-        alone = simulate(searched, (1.0, 1.0), steps=settings.steps, precision="f32", threads=settings.threads)
-        pairs = RoverGrid(settings.weights).pairs
-        swept = [
-            simulate(
-                Rover(sites, **_parameters(base)),
-                pairs,
-                steps=settings.steps,
-                precision="f32",
-                threads=settings.threads,
-            ).success.sum(axis=1, dtype=np.uint8)
-            for sites in SITES.values()
-        ]
+        run = partial(simulate, steps=settings.steps, precision="f32", threads=settings.threads)
+        alone = run(replace(base, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT), (1.0, 1.0))
+        pairs, bodies = RoverGrid(settings.weights).pairs, [Rover(at, **_parameters(base)) for at in SITES.values()]
+        swept = [run(body, pairs).success.sum(axis=1, dtype=np.uint8) for body in bodies]
         return {"closest": alone.closest, "overlaps": np.array(swept).reshape(-1, *[settings.weights] * 2)}
 
     found = cached(results, f"judged_{name}", compute)
@@ -209,14 +194,8 @@ def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> Non
         axes = panels[0, 0]
         for (name, front), colour in zip(fronts.items(), COLOURS, strict=False):
             draw_points(axes, front.effort, front.distance, front.solved == 4, colour=colour, label=LABELS[name])
-        axes.plot(
-            published["effort"],
-            published["distance_with_weights_1"],
-            "*",
-            color=COLOURS[7],
-            markersize=8,
-            label="published base",
-        )
+        base = published["effort"], published["distance_with_weights_1"]
+        axes.plot(*base, "*", color=COLOURS[7], markersize=8, label="published base")
         axes.plot([], [], "o", color="black", markersize=3, label="filled: all four lights reached")
         axes.set(xlabel="torque + speed + rate [$\\pi$]", ylabel="sum of smallest distances [m]", ylim=(0, None))
         axes.legend(loc="upper right")

@@ -29,20 +29,10 @@ BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 PUBLISHED = {"canonical": (1, 0.000068, 0.00052), "best": (57, 0.0039, 0.038)}
 MODELS = ("rigid bodies", "theoretical")
 COLUMNS = (
-    "body",
-    "model",
-    "controllers",
-    "solving_0",
-    "solving_1",
-    "solving_2",
-    "solving_3",
-    "solving_4",
-    "M_L",
-    "M_CF",
-    "published_solving_4",
-    "published_M_L",
-    "published_M_CF",
+    *("body", "model", "controllers", *(f"solving_{lights}" for lights in range(5)), "M_L", "M_CF"),
+    *("published_solving_4", "published_M_L", "published_M_CF"),
 )
+FILES = tuple(f"rover-success.{end}" for end in ("csv", "npz", "png"))
 
 
 @dataclass(frozen=True)
@@ -66,9 +56,7 @@ def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> No
 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
-    check_folder(
-        folder, ("success", "theory", "summary.json", *(f"rover-success.{end}" for end in ("csv", "npz", "png")))
-    )
+    check_folder(folder, ("success", "theory", "summary.json", *FILES))
     vehicles = [rover.vehicle for rover in BODIES.values()]
     designs = [vehicle.design for vehicle in vehicles if vehicle.design is not None]  # both are of the grid
     reached = successes(designs, settings.grid, folder / "success", progress=part_of(progress, 0, 2))

@@ -87,14 +87,12 @@ def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None
     metrics = {(model, name): metric(found) for model, found in overlaps.items() for name, metric in METRICS.items()}
     known = {key: dict(zip(named, values[: len(named)].tolist(), strict=True)) for key, values in metrics.items()}
     metrics = {key: values[len(named) :] for key, values in metrics.items()}
-    columns = [settings.designs]
-    header = ["design"]
+    columns: dict[str, list[Any]] = {"design": list(settings.designs)}
     for model, found in overlaps.items():
-        short = model.split()[0]
-        header += [f"{short}_{name}" for name in ("all", "any", *METRICS)]
-        columns += [np.count_nonzero(found[len(named) :] >= least, axis=(1, 2)).tolist() for least in (4, 1)]
-        columns += [metrics[model, name].tolist() for name in METRICS]
-    write_table(folder / "rover-sweep.csv", header, zip(*columns, strict=True))
+        counts = (np.count_nonzero(found[len(named) :] >= least, axis=(1, 2)) for least in (4, 1))
+        each = zip(("all", "any", *METRICS), (*counts, *(metrics[model, name] for name in METRICS)), strict=True)
+        columns |= {f"{model.split()[0]}_{name}": values.tolist() for name, values in each}
+    write_table(folder / "rover-sweep.csv", list(columns), zip(*columns.values(), strict=True))
     write_json(folder / "summary.json", summary(settings, metrics, known))
     draw(metrics, known, folder / "rover-sweep.png")
 

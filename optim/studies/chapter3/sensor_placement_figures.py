@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, COLUMN, PAGE, caption, figure, letter, save_arrays
+from optim.experiments.figures import COLOURS, COLUMN, PAGE, caption, figure, letter, note, save_arrays
 from optim.experiments.tables import write_table
 from optim.studies.chapter3.sensor_placement import (
-    Distribution,
     central_controller,
     correlation_of_metrics,
     distribution,
@@ -27,7 +26,7 @@ from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of
 from robots.braitenberg import VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap, draw_paths
-from taichi_sim.base.arrays import Arrays, Bytes, Floats
+from taichi_sim.base.arrays import Arrays, Bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,46 +51,26 @@ def save_distributions(table: SweepTable, path: Path) -> None:
         for axes, (name, one) in zip(panels.flat, found.items(), strict=True):
             axes.stairs(one.counts, one.edges, fill=True, color=COLOURS[0])
             axes.set(xlabel=MEANINGS[name], yscale="log", ylim=(0.7, 1.5 * one.counts.max()))
-            axes.annotate(
-                f"{one.zeros} of {one.counts.sum()} bodies at 0",
-                (0.97, 0.93),
-                xycoords="axes fraction",
-                ha="right",
-                va="top",
-                fontsize=7,
-            )
+            note(axes, f"{one.zeros} of {one.counts.sum()} bodies at 0", 0.93)
         panels[0, 0].set_ylabel("bodies")
         letter(panels)
-    rows = (row for name, one in found.items() for row in _bins(name, one))
+    rows = [
+        (name, *each)
+        for name, one in found.items()
+        for each in zip(one.edges[:-1].tolist(), one.edges[1:].tolist(), one.counts.tolist(), strict=True)
+    ]
     write_table(path.with_suffix(".csv"), ("metric", "from", "to", "bodies"), rows)
-
-
-def _bins(name: str, found: Distribution) -> Any:
-    edges = found.edges.tolist()
-    return zip([name] * len(found.counts), edges[:-1], edges[1:], found.counts.tolist(), strict=True)
 
 
 def save_correlation(table: SweepTable, notable: Mapping[int, str], path: Path) -> None:
     """Every body by both metrics, some with their names; beside it the table of the sweep as CSV."""
     found = correlation_of_metrics(table)
     with figure(path, COLUMN, 2.8) as (_, panels):
-        axes = panels[0, 0]
-        axes.scatter(
-            table.learnability, table.interference, s=3, color=COLOURS[0], alpha=0.25, linewidths=0, rasterized=True
-        )
-        for number, (design, name) in enumerate(notable.items(), 1):
-            one = table.rows([design])
-            axes.scatter(
-                one.learnability,
-                one.interference,
-                s=22,
-                marker="D",
-                color=COLOURS[number],
-                label=_named(name),
-                edgecolors="black",
-                linewidths=0.5,
-                zorder=3,
-            )
+        axes, every = panels[0, 0], table.metrics.values()
+        axes.scatter(*every, s=3, color=COLOURS[0], alpha=0.25, linewidths=0, rasterized=True)
+        diamond: Any = {"s": 22, "marker": "D", "edgecolors": "black", "linewidths": 0.5, "zorder": 3}
+        for (design, name), colour in zip(notable.items(), COLOURS[1:], strict=False):
+            axes.scatter(*table.rows([design]).metrics.values(), color=colour, label=_named(name), **diamond)
         axes.set(xlabel=MEANINGS["M_L"], ylabel=MEANINGS["M_CI"])
         axes.legend(loc="lower right")
         if found.r is not None:
@@ -119,12 +98,9 @@ class Example:
 def examples(table: SweepTable, designs: Mapping[int, str], folder: Path) -> dict[int, Example]:
     """Bodies of a sweep in a folder, by number and with what they are."""
     bodies = [VehicleBody.published(design) for design in designs]
-    overlaps = overlaps_of(bodies, table.settings, folder)
-    task = table.settings.task
-    return {
-        design: Example(name, body, overlap, task)
-        for (design, name), body, overlap in zip(designs.items(), bodies, overlaps, strict=True)
-    }
+    each = zip(designs.values(), bodies, overlaps_of(bodies, table.settings, folder), strict=True)
+    examples = (Example(*one, table.settings.task) for one in each)
+    return dict(zip(designs, examples, strict=True))
 
 
 def save_examples(examples: Mapping[int, Example], path: Path) -> None:
@@ -142,7 +118,8 @@ def save_examples(examples: Mapping[int, Example], path: Path) -> None:
             if weights is not None:
                 places = paths(example.body, weights[None], example.task, STEPS_PER_POINT)[0]
                 arrays |= {f"weights_{design}": weights, f"paths_{design}": places}
-                _draw_paths(row[1], places, example.task, weights)
+                draw_paths(row[1], places, np.unique(example.task.lights, axis=0))
+                caption(row[1], "$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights))
             else:
                 row[1].axis("off")
                 row[1].annotate("no controller solves all", (0.5, 0.5), xycoords="axes fraction", ha="center")
@@ -176,11 +153,6 @@ def _draw_body(axes: "Axes", example: Example, design: int) -> None:
     axes.set(aspect="equal", xlim=limits, ylim=limits, xticks=ticks, yticks=ticks)
     axes.set(xlabel="ahead [m]", ylabel="to the left [m]")
     caption(axes, f"design {design}\n{_named(example.name)}")
-
-
-def _draw_paths(axes: "Axes", places: Floats, task: VehicleTask, weights: Floats) -> None:
-    draw_paths(axes, places, np.unique(task.lights, axis=0))
-    caption(axes, "$w_1 = {:.2f}$, $w_2 = {:.2f}$".format(*weights))
 
 
 def _named(text: str) -> str:

@@ -16,18 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.experiments.comparison import compare, describe_times, ranked
+from optim.experiments.comparison import compare, describe_times, quartiles, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
-from optim.experiments.results import Budget, Progress, cached, part_of, write_json
+from optim.experiments.results import Budget, Progress, cached, check_counts, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import read_table, write_table
 from optim.experiments.trials import NOTHING, Trials, cached_trials, first_time
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
-from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, sensor_distances, spread_out
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -60,8 +59,7 @@ class CoOptimisation:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        for name, low in {"runs": 2, "budget": 1, "seed": 0}.items():
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, runs=2, budget=1, seed=0)
 
     @property
     def seeds(self) -> range:
@@ -104,10 +102,8 @@ def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dic
         any_point, reported = trials.first(environments), first_time(solved == environments)
         times[arm] = ranked(any_point, settings.budget)
         low, high = mean_band(solved)
-        curves += [
-            (arm, n + 1, *(float(values[n]) for values in (solved.mean(axis=0), low, high)))
-            for n in range(settings.budget)
-        ]
+        course = np.stack([solved.mean(axis=0), low, high], axis=1).tolist()
+        curves += [(arm, n, *values) for n, values in enumerate(course, 1)]
         raw += [(arm, *row) for row in zip(settings.seeds, any_point, reported, solved[:, -1], strict=True)]
         summary["evaluations_until_all_solved"][arm] = {
             "any_point": describe_times(any_point, settings.budget),
@@ -136,25 +132,18 @@ def distances_of_reported(settings: CoOptimisation, given: Mapping[str, Any], tr
     problem, task = settings.problem(**given), settings.task
     sites, controllers = problem.split(trials.points[shown])
     found = sensor_distances(sites, controllers[:, 0], task, decimation(task), settings.threads)
-    arrays = {name: np.full(shown.shape, np.nan) for name in ("raw", "normalised")}
-    for values, distances in zip(arrays.values(), found, strict=True):
-        values[shown] = distances
-    return arrays
+    return spread_out(found, shown)
 
 
 def distances_at_the_end(settings: CoOptimisation, given: Mapping[str, Any], trials: Trials, reported: Ints) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
     last = reported[:, -1]
-    chosen = np.flatnonzero(
-        (last != NOTHING) & (trials.solved[np.arange(len(last)), last] == len(settings.task.starts))
-    )
-    arrays = {name: np.full(trials.runs, np.nan) for name in ("raw", "normalised")}
-    if len(chosen):
-        sites, controllers = settings.problem(**given).split(trials.points[chosen, last[chosen]])
-        found = sensor_distances(sites, controllers[:, 0], settings.task, threads=settings.threads)
-        for values, distances in zip(arrays.values(), found, strict=True):
-            values[chosen] = distances
-    return arrays
+    chosen = (last != NOTHING) & (trials.solved[np.arange(len(last)), last] == len(settings.task.starts))
+    if not chosen.any():
+        return spread_out(np.zeros((2, 0)), chosen)
+    sites, controllers = settings.problem(**given).split(trials.points[chosen, last[chosen]])
+    found = sensor_distances(sites, controllers[:, 0], settings.task, threads=settings.threads)
+    return spread_out(found, chosen)
 
 
 def follow_homeostasis(
@@ -162,13 +151,9 @@ def follow_homeostasis(
 ) -> dict[str, Any]:
     """Write the course of the distances as CSV, and return their numbers."""
     environments = len(settings.task.starts)
-    curves: list[tuple[Any, ...]] = []
-    ends: dict[str, Floats] = {}
-    summary: dict[str, Any] = {
-        "steps_between_samples_in_the_course": decimation(settings.task),
-        "course": {},
-        "end": {},
-    }
+    curves, ends = list[tuple[Any, ...]](), dict[str, Floats]()
+    every = decimation(settings.task)
+    summary: dict[str, Any] = {"steps_between_samples_in_the_course": every, "course": {}, "end": {}}
     for n, (arm, trials) in enumerate(found.items()):
         given, reported = ARMS[arm][1], trials.reported(BORG["epsilons"])
         course = cached(folder, f"course_{arm}", partial(distances_of_reported, settings, given, trials, reported))
@@ -179,13 +164,11 @@ def follow_homeostasis(
             curves += _curve(arm, name, "all", values) + _curve(arm, name, "solved", np.where(solved, values, np.nan))
             summary["course"].setdefault(arm, {})[name] = from_first_to_last(values, solved)
         for name, values in end.items():
-            done = values[np.isfinite(values)]
-            ends[f"{arm}/{name}"] = done
-            quartiles = np.percentile(done, [25, 50, 75]).tolist() if len(done) else None
-            summary["end"].setdefault(arm, {})[name] = {"n": len(done), "quartiles": quartiles}
+            ends[f"{arm}/{name}"] = done = values[np.isfinite(values)]
+            summary["end"].setdefault(arm, {})[name] = quartiles(done)
         if progress:
             progress((n + 1) / len(found))
-    pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in ("raw", "normalised")]
+    pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in MEASURES]
     if all(len(ends[name]) > 1 for pair in pairs for name in pair):
         summary["tests_of_the_end"] = compare(ends, pairs, "two-sided")
     header = ("arm", "signals", "solutions", "evaluations", "trials", "mean", "low", "high", "median")
@@ -201,11 +184,8 @@ def _curve(arm: str, signals: str, solutions: str, values: Floats) -> list[tuple
     for n, column in enumerate(values.T):
         there = column[np.isfinite(column)]
         if len(there) >= min(AT_LEAST, len(column)):
-            low, high = mean_band(there)
-            middle = float(np.median(there))
-            rows.append(
-                (arm, signals, solutions, n + 1, len(there), float(there.mean()), float(low), float(high), middle)
-            )
+            numbers = (float(value) for value in (there.mean(), *mean_band(there), np.median(there)))
+            rows.append((arm, signals, solutions, n + 1, len(there), *numbers))
     return rows
 
 
@@ -228,14 +208,13 @@ def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
         first = values[trials, there[trials].argmax(axis=1)]
         last = values[trials, there.shape[1] - 1 - there[trials, ::-1].argmax(axis=1)]
         change = last - first
-        moved = np.count_nonzero(change)
         found[name] = {
             "trials": len(trials),
             "fell": int((change < 0).sum()),
             "rose": int((change > 0).sum()),
             "median_first": float(np.median(first)) if len(first) else None,
             "median_last": float(np.median(last)) if len(last) else None,
-            "p_wilcoxon_two_sided": float(wilcoxon(last, first).pvalue) if moved else 1.0,
+            "p_wilcoxon_two_sided": float(wilcoxon(last, first).pvalue) if change.any() else 1.0,
         }
     return found
 
@@ -262,19 +241,14 @@ def draw(folder: Path) -> None:
             colour = COLOURS[number]
             rows = np.array([row[1:] for row in solved if row[0] == arm], float)
             draw_band(panels[0, 0], *rows[:, :4].T, colour=colour, label=label)
-            for axes, signals in zip(panels[0, 1:], ("raw", "normalised"), strict=True):
+            for axes, signals in zip(panels[0, 1:], MEASURES, strict=True):
                 for solutions, style in (("solved", "-"), ("all", ":")):
                     chosen = [row[3:] for row in distances if row[:3] == [arm, signals, solutions]]
-                    if not chosen:
-                        continue
-                    values = np.array(chosen, float)
+                    values = np.array(chosen, float).reshape(-1, 6)
                     axes.plot(values[:, 0], values[:, 5], style, color=colour)
-        panels[0, 0].set(ylabel="environments solved", ylim=(0, 4.05), yticks=range(5))
-        panels[0, 1].set_ylabel("median DTW distance [1/m$^2$]")
-        panels[0, 2].set_ylabel("median DTW distance, normalised")
-        for axes in panels.flat:
-            axes.set_xlabel("evaluations")
-        for axes in panels[0, 1:]:
+        panels[0, 0].set(ylabel="environments solved", xlabel="evaluations", ylim=(0, 4.05), yticks=range(5))
+        for axes, unit in zip(panels[0, 1:], (" [1/m$^2$]", ", normalised"), strict=True):
+            axes.set(xlabel="evaluations", ylabel=f"median DTW distance{unit}")
             logarithmic(axes, "y")
         arms = panels[0, 0].get_legend_handles_labels()[0]
         kinds = (("solving all", "-"), ("all reported", ":"))
@@ -288,11 +262,7 @@ STUDY = Study(
     scales=SCALES,
     run=study,
     writes=(
-        "summary.json",
-        "environments-solved.csv",
-        "evaluations-until-all-solved.csv",
-        "homeostasis.csv.gz",
-        "homeostasis-at-the-end.csv",
-        "co-optimisation.png",
+        *("summary.json", "environments-solved.csv", "evaluations-until-all-solved.csv"),
+        *("homeostasis.csv.gz", "homeostasis-at-the-end.csv", "co-optimisation.png"),
     ),
 )

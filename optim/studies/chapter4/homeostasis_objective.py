@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.comparison import compare, describe_times
+from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
-from optim.experiments.results import Budget, Progress, cached, part_of, write_json
+from optim.experiments.results import Budget, Progress, cached, check_counts, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
 from optim.experiments.trials import NOTHING, Trials, cached_trials
@@ -25,9 +25,8 @@ from optim.measures import interference, learnability
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
-from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, sensor_distances, spread_out
 from robots.braitenberg import VehicleBody, sweep
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -60,8 +59,7 @@ class HomeostasisObjective:
     draws: int = 10
 
     def __post_init__(self) -> None:
-        for name, low in {"samples": 1, "weights": 2, "draws": 1}.items():
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, samples=1, weights=2, draws=1)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -138,8 +136,7 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
     if not there.any():
         return arrays
     sites, controllers = own.problem().split(points[there])
-    distances = sensor_distances(sites, controllers[:, 0], own.task, threads=own.threads)
-    arrays["raw"][there], arrays["normalised"][there] = distances
+    arrays |= spread_out(sensor_distances(sites, controllers[:, 0], own.task, threads=own.threads), there)
     bodies = [VehicleBody(tuple(map(tuple, places))) for places in sites.tolist()]
     task = own.task.radius, own.task.time_step, own.task.steps
     overlaps = sweep(bodies, settings.weights, *task, out=sweep_folder, threads=own.threads)
@@ -178,17 +175,11 @@ def report(settings: HomeostasisObjective, found: dict[str, Trials], outcomes: d
     """Evaluations until success, and quartiles and two-sided tests of every outcome."""
     own, goal = settings.searches, len(settings.searches.task.starts)
     times = {arm: trials.first(goal) for arm, trials in found.items()}
-    summary: dict[str, Any] = {
-        "evaluations_until_all_solved": {arm: describe_times(t, own.budget) for arm, t in times.items()},
-        "outcomes": {},
-        "tests": {},
-    }
+    needed = {arm: describe_times(t, own.budget) for arm, t in times.items()}
+    summary: dict[str, Any] = {"evaluations_until_all_solved": needed, "outcomes": {}, "tests": {}}
     for name in OUTCOMES:
         samples = {way: arrays[name][np.isfinite(arrays[name])] for way, arrays in outcomes.items()}
-        summary["outcomes"][name] = {
-            way: {"n": len(values), "quartiles": np.percentile(values, [25, 50, 75]).tolist() if len(values) else None}
-            for way, values in samples.items()
-        }
+        summary["outcomes"][name] = {way: quartiles(values) for way, values in samples.items()}
         pairs = [pair for pair in PAIRS if all(len(samples[way]) > 1 for way in pair)]
         summary["tests"][name] = compare(samples, pairs, "two-sided")
     return summary
@@ -205,7 +196,7 @@ def draw(outcomes: dict[str, Arrays], path: Path) -> None:
                 if len(values):
                     axes.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=colour)
             axes.set(ylabel=label, xticks=[])
-        for axes, name in zip(panels.flat, ("raw", "normalised"), strict=False):
+        for axes, name in zip(panels.flat, MEASURES, strict=False):
             if any(np.isfinite(arrays[name]).any() for arrays in outcomes.values()):
                 logarithmic(axes, "y")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])

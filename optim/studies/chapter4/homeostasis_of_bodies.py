@@ -14,21 +14,19 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Budget, Progress, cached, part_of, write_json
+from optim.experiments.results import Budget, Progress, cached, check_counts, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import read_table, write_table
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
-from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, sensor_distances
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, contralateral
 from robots.braitenberg.sweeps import Overlap
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
-MEASURES = ("raw", "normalised")
 METRICS = ("M_L", "M_CI")
 BODIES_PER_PART = 50
 HEADER = ("design", *METRICS, "controllers", *MEASURES)
@@ -55,8 +53,7 @@ class BodyHomeostasis:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        for name, low in {"bodies": 3, "controllers": 1, "seed": 0, "samples": 1}.items():
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, bodies=3, controllers=1, seed=0, samples=1)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -78,8 +75,8 @@ def chosen_bodies(
     while len(found) < settings.bodies and order:
         missing = settings.bodies - len(found)
         drawn, order = order[:missing], order[missing:]
-        drawn_bodies = [VehicleBody.published(n) for n in drawn]
-        overlaps = overlaps_of(drawn_bodies, settings.sweep, sweep_folder, threads=settings.threads)
+        bodies = list(map(VehicleBody.published, drawn))
+        overlaps = overlaps_of(bodies, settings.sweep, sweep_folder, threads=settings.threads)
         found |= {n: overlap for n, overlap in zip(drawn, overlaps, strict=True) if (overlap == 4).any()}
         if progress:
             progress(min(1.0, len(found) / settings.bodies))
@@ -96,13 +93,10 @@ def measure(settings: BodyHomeostasis, bodies: dict[int, Overlap]) -> Arrays:
         owners += [n] * len(drawn)
     every = decimation(task, settings.samples)
     found = sensor_distances(np.concatenate(sites), np.concatenate(controllers), task, every, settings.threads)
-    overlaps = np.stack(list(bodies.values()))
-    counts = np.bincount(owners)
-    arrays = {"design": np.array(list(bodies)), "M_L": learnability(overlaps), "M_CI": interference(overlaps)}
-    arrays["controllers"] = counts
-    for name, values in zip(MEASURES, found, strict=True):
-        arrays[name] = np.bincount(owners, values) / counts
-    return arrays
+    overlaps, counts = np.stack(list(bodies.values())), np.bincount(owners)
+    means = [np.bincount(owners, values) / counts for values in found]
+    columns = np.array(list(bodies)), learnability(overlaps), interference(overlaps), counts, *means
+    return dict(zip(HEADER, columns, strict=True))
 
 
 def correlate(arrays: Arrays) -> dict[str, Any]:
@@ -148,10 +142,8 @@ def draw(folder: Path) -> None:
     """Draw both measures against both metrics from the table: ``homeostasis-of-bodies.png``."""
     header, rows = read_table(folder / "bodies.csv")
     table = dict(zip(header, np.array(rows, float).T, strict=True))
-    with figure(folder / "homeostasis-of-bodies.png", PAGE, 4.4, nrows=2, ncols=2, sharex="col", sharey="row") as (
-        _,
-        panels,
-    ):
+    path = folder / "homeostasis-of-bodies.png"
+    with figure(path, PAGE, 4.4, nrows=2, ncols=2, sharex="col", sharey="row") as (_, panels):
         for row, name in zip(panels, MEASURES, strict=True):
             for axes, metric in zip(row, METRICS, strict=True):
                 axes.plot(table[metric], table[name], ".", color=COLOURS[0], markersize=2, alpha=0.6)

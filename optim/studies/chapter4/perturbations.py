@@ -62,11 +62,10 @@ def _start(deviations: tuple[float, float, float]) -> Change:
 
 
 def _step(factor: float) -> Change:
-    return lambda s, c, task, _: (
-        s,
-        c,
-        replace(task, time_step=task.time_step * factor, steps=math.ceil(task.steps / factor)),
-    )
+    def change(s: Floats, c: Floats, task: VehicleTask, _: np.random.Generator) -> tuple[Floats, Floats, VehicleTask]:
+        return s, c, replace(task, time_step=task.time_step * factor, steps=math.ceil(task.steps / factor))
+
+    return change
 
 
 PERTURBATIONS = (

@@ -14,7 +14,7 @@ import numpy as np
 
 from optim.experiments.comparison import compare
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Budget, Progress, cached, write_json
+from optim.experiments.results import Budget, Progress, cached, check_counts, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import read_table, write_table
 from optim.measures.statistics import mean_band
@@ -22,7 +22,6 @@ from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -49,8 +48,7 @@ class RealityGap:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        for name, low in {"controllers": 2, "draws": 1, "seed": 0}.items():
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, controllers=2, draws=1, seed=0)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -66,11 +64,9 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path) -> Arrays:
     body = VehicleBody.published(design)
     overlap = overlaps_of([body], settings.sweep, sweep_folder, threads=settings.threads)[0]
     drawn = some_solving_controllers(overlap, settings.controllers, (settings.seed, design))
-    sites = np.broadcast_to(body.sensors, (len(drawn), 2, 2))
-    after = [
-        survival(sites, contralateral(drawn), settings.sweep.task, p, settings.draws, settings.seed, settings.threads)
-        for p in PERTURBATIONS
-    ]
+    vehicles = np.broadcast_to(body.sensors, (len(drawn), 2, 2)), contralateral(drawn), settings.sweep.task
+    effort = settings.draws, settings.seed, settings.threads
+    after = [survival(*vehicles, p, *effort) for p in PERTURBATIONS]
     return {"weights": drawn, "survival": np.array(after).reshape(len(PERTURBATIONS), len(drawn))}
 
 

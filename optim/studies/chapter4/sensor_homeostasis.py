@@ -4,21 +4,18 @@ Source: dissertation, chapter 4, figure "neurips_cooptimization" (right). Soluti
 their sensors never see the light; so solved ones are looked at alone, beside all that were reported, as in the chapter.
 """
 
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.measures import homeostasis
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.signals import warping_distances
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, trace
 
-if TYPE_CHECKING:
-    pass
-
-
+MEASURES = ("raw", "normalised")
 SAMPLES = 1000  # of a decimated trace, at most, beside the start
 SAMPLES_AT_ONCE = 2_000_000  # of light: 16 MB
 
@@ -59,3 +56,16 @@ def sensor_distances(
         for values, scaled in ((raw, False), (normalised, True)):
             values[part] = homeostasis(seen[:, 0], partial(warping_distances, normalise=scaled, threads=threads))
     return raw, normalised
+
+
+def spread_out(distances: Sequence[Floats] | Floats, chosen: Bools) -> Arrays:
+    """Distances of chosen solutions, by the names in ``MEASURES``, in arrays of all of them; NaN for the others.
+
+    Args:
+        distances: what :func:`sensor_distances` gave, shape (2, N).
+        chosen: which solutions they are of, with N true values.
+    """
+    arrays = {name: np.full(chosen.shape, np.nan) for name in MEASURES}
+    for name, values in zip(MEASURES, distances, strict=True):
+        arrays[name][chosen] = values
+    return arrays

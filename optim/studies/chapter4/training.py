@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress, check_counts, part_of
 from optim.experiments.side_by_side import BudgetedSearch, judge_together, run_side_by_side
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
@@ -51,10 +51,8 @@ class Training:
     precision: str = "f64"
 
     def __post_init__(self) -> None:
-        for name, low in {"repetitions": 1, "budget": 1, "seed": 0}.items():
-            checks.integer(name, getattr(self, name), low)
-        if self.precision not in ("f32", "f64"):
-            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
+        check_counts(self, repetitions=1, budget=1, seed=0)
+        checks.choice("precision", self.precision, ("f32", "f64"))
 
     def problem(self, threads: int | None = None) -> VehicleProblem:
         """The problem that judges controllers together with the places of their sensors."""
@@ -117,7 +115,8 @@ def train(
     known = {method: _load(folder, method) if folder else {} for method in methods}
     missing = [(method, [design for design in bodies if design not in known[method]]) for method in methods]
     chunks = [(m, todo[n : n + BODIES_PER_FILE]) for m, todo in missing for n in range(0, len(todo), BODIES_PER_FILE)]
-    done, total = len(methods) * len(bodies) - sum(len(chunk) for _, chunk in chunks), len(methods) * len(bodies)
+    total = len(methods) * len(bodies)
+    done = total - sum(len(chunk) for _, chunk in chunks)
     for method, chunk in chunks:
         report = part_of(progress, done, total, len(chunk))
         fresh = _run(method, {design: bodies[design] for design in chunk}, settings, threads, report)
@@ -152,9 +151,8 @@ def _run(
         if progress:
             progress(sum(search.done for search in searches) / len(searches))
 
-    methods = [
-        build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": _seed(settings.seed, *run)}) for run in runs
-    ]
+    seeds = [_seed(settings.seed, *run) for run in runs]
+    methods = [build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": seed}) for seed in seeds]
     searches = [BudgetedSearch(run, one, settings.budget, observe) for run, one in enumerate(methods)]
     run_side_by_side(searches, partial(judge_together, judge=judge), after_round)
     shape = len(bodies), settings.repetitions

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter
+from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter, note
 from optim.experiments.results import Budget, Progress, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
@@ -98,14 +98,7 @@ def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
                 correlation = found[method, metric]
                 if correlation.r is not None:
                     p = "p < 0.001" if correlation.p < 0.001 else f"p = {correlation.p:.3f}"
-                    axes.annotate(
-                        f"$r = {correlation.r:.2f}$, {p}",
-                        (0.97, 0.95),
-                        xycoords="axes fraction",
-                        ha="right",
-                        va="top",
-                        fontsize=7,
-                    )
+                    note(axes, f"$r = {correlation.r:.2f}$, {p}", 0.95)
             row[0].set_ylabel("mean evaluations")
         for axes, method in zip(panels[0], table.methods, strict=True):
             caption(axes, NAMES.get(method, method))
