@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from robots.calibration import Experiment
 
 HANDY = {"[m]": ("[mm]", 1e3), "[m/s]": ("[mm/s]", 1e3), "[Pa]": ("[kPa]", 1e-3)}  # units of the pictures
+MEASURED: Any = {"fmt": "o", "ms": 3, "color": COLOURS[7], "lw": 0.8, "label": "measured", "zorder": 3}
 COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
 
 
@@ -35,17 +37,7 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
             order = np.argsort(at)
             noise = None if experiment.deviations is None else up * experiment.deviations
             handles = [
-                axes.errorbar(
-                    at,
-                    up * experiment.values,
-                    noise,
-                    fmt="o",
-                    ms=3,
-                    color=COLOURS[7],
-                    lw=0.8,
-                    label="measured",
-                    zorder=3,
-                ),
+                axes.errorbar(at, up * experiment.values, noise, **MEASURED),
                 *axes.plot(at[order], up * before[order], ".--", ms=3, color=COLOURS[1], label="before"),
                 *axes.plot(at[order], up * after[order], ".-", ms=3, color=COLOURS[0], label="after"),
             ]

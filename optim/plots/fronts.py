@@ -35,9 +35,8 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
     """
     values = np.asarray(objectives, float)
     if values.ndim != 2 or values.shape[1] not in (2, 3) or len(names) != values.shape[1]:
-        raise ValueError(
-            f"objectives: shape {values.shape} with {len(names)} names is not allowed; give 2 or 3 of each"
-        )
+        given = f"shape {values.shape} with {len(names)} names"
+        raise ValueError(f"objectives: {given} is not allowed; give 2 or 3 of each")
     front = non_dominated(values)
     if not front.any():
         raise ValueError("objectives: no design has succeeded; give at least one that did")
@@ -50,15 +49,8 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
     else:
         shown = axes.scatter(values[front, 0], values[front, 1], c=values[front, 2], s=18, cmap="viridis", linewidths=0)
     if best is not None:
-        axes.plot(
-            *values[best, :2],
-            "o",
-            color=COLOURS[1],
-            markersize=8,
-            fillstyle="none",
-            markeredgewidth=1.4,
-            label="best mean",
-        )
+        ring: Any = {"color": COLOURS[1], "markersize": 8, "fillstyle": "none", "markeredgewidth": 1.4}
+        axes.plot(*values[best, :2], "o", label="best mean", **ring)
     axes.set(xlabel=names[0], ylabel=names[1])
     return shown
 

@@ -30,10 +30,7 @@ PROBLEMS: dict[str, tuple[str, dict[str, Any], int]] = {
     "baseline": ("baseline body", {"body": BASELINE}, 2),
 }
 LABELS = {
-    "random": "random",
-    "borg": "Borg",
-    "cma": "CMA-ES",
-    "cma_random": "CMA-ES, random mean",
+    **{"random": "random", "borg": "Borg", "cma": "CMA-ES", "cma_random": "CMA-ES, random mean"},
     "gradient": "gradient (Adam)",
 }
 PAIRS = (
@@ -61,16 +58,12 @@ def search(
     settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None
 ) -> dict[str, dict[str, Trials]]:
     """Trials by problem and method, those that the folder has among them."""
-    found: dict[str, dict[str, Trials]] = {}
-    parts, done = len(PROBLEMS) * len(LABELS), 0
-    for name, (_, given, variables) in PROBLEMS.items():
-        found[name] = {}
-        for label, (method, own) in searches(variables).items():
-            problem = settings.problem("environments" if method == "borg" else "total", **given)
-            report = part_of(progress, done, parts)
-            trial = problem, method, own, settings.seeds, settings.budget
-            found[name][label] = cached_trials(folder, f"{name}_{label}", *trial, until_solved=True, progress=report)
-            done += 1
+    found: dict[str, dict[str, Trials]] = {name: {} for name in PROBLEMS}
+    parts = [(*each, *search) for each in PROBLEMS.items() for search in searches(each[1][2]).items()]
+    for done, (name, (_, given, _), label, (method, own)) in enumerate(parts):
+        problem = settings.problem("environments" if method == "borg" else "total", **given)
+        trial, share = (problem, method, own, settings.seeds, settings.budget), part_of(progress, done, len(parts))
+        found[name][label] = cached_trials(folder, f"{name}_{label}", *trial, until_solved=True, progress=share)
     return found
 
 
@@ -109,10 +102,8 @@ def _draw(times: dict[str, dict[str, dict[str, Ints]]], budget: int, path: Path)
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
                     values = times[kind][name][method]
-                    shown = label if kind == "evaluations" else f"{label}, by cost"
-                    draw_share_solved(
-                        axes, values[values > 0], len(values), budget, linestyle=style, color=colour, label=shown
-                    )
+                    line: Any = {"ls": style, "color": colour, "label": label + ", by cost" * (kind == "cost")}
+                    draw_share_solved(axes, values[values > 0], len(values), budget, **line)
             axes.set_title(title)
         panels[0, 0].set_ylabel("share of trials with all solved")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])

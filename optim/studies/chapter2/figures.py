@@ -77,11 +77,10 @@ def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]]
             chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
             points = axes.scatter(*changes[chosen].T, c=born[chosen], **marks)
         drawn.colorbar(points, ax=list(drawn.axes), label="generation", fraction=0.03, aspect=40)
-    arrays: dict[str, np.ndarray[Any, Any]] = {
-        f"{treatment.robot}_{treatment.row}_{name}": values
-        for treatment, both in mutations.items()
-        for name, values in zip(("change", "generation"), both, strict=True)
-    }
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    for treatment, (changes, born) in mutations.items():
+        name = f"{treatment.robot}_{treatment.row}"
+        arrays |= {f"{name}_change": changes, f"{name}_generation": born}
     save_arrays(path.with_suffix(".npz"), arrays)
 
 

@@ -131,7 +131,7 @@ def _points(trials: Trials, chosen: Ints) -> Floats:
 
 def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | None) -> Arrays:
     """Measure reported points, by the names in ``OUTCOMES``, shape (R,); NaN where there is no point."""
-    own, there = settings.searches, ~np.isnan(points).any(axis=1)
+    own, there = settings.searches, np.asarray(~np.isnan(points).any(axis=1))
     arrays = {name: np.full(len(points), np.nan) for name in OUTCOMES}
     if not there.any():
         return arrays

@@ -20,7 +20,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt import climb, searches, spending
 from optim.studies.beyond.gait_hunt import study as hunting
-from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, last_bests
+from optim.studies.beyond.gait_hunt.finalists import Finalist, Finals, best_of, cached_finalists, last_bests
 from optim.studies.beyond.gait_hunt.program import Plan
 from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
 from robots.inflatable import ACTUATION, INCHING, InflatableDesign, simulation
@@ -358,7 +358,8 @@ def test_finalists_under_other_conditions_are_judged_anew(hill, tmp_path):
     history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
     calls = []
     for terrain, precision in ((15, "f32"), (15, "f32"), (10, "f32"), (10, "f64")):
-        cached_finalists(tmp_path / "f.json", [history], problem, Terrain(terrain), 1, 2, None, precision=precision)
+        finals = Finals(slope=terrain, finalists=1, runs=2)
+        cached_finalists(tmp_path / "f.json", [history], problem, finals, None, precision=precision)
         calls.append(hill.calls)
     assert calls[0] == calls[1] < calls[2] < calls[3]
 
@@ -425,7 +426,8 @@ def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
     stand_in = "optim.studies.beyond.gait_hunt.finalists.judge_finalists"
     monkeypatch.setattr(stand_in, lambda designs, *_, **__: [one] * len(designs))
     for _ in range(2):  # computed, then read
-        found = cached_finalists(tmp_path / "f.json", [history, history], problem, HILL[0], 2, 2, None)
+        finals = Finals(finalists=2, runs=2)
+        found = cached_finalists(tmp_path / "f.json", [history, history], problem, finals, None)
         assert [len(each) for each in found] == [count, count]
         np.testing.assert_array_equal(found[1][0].speeds, [np.nan, 0.1])
     assert best_of(found[0]) is None

@@ -16,13 +16,19 @@ from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Budget, Progress, check_folder, check_tables, part_of, tables_alone, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import read_records, write_records
+from optim.experiments.tables import markdown, read_records, write_records
 from optim.problems.inflatable.problem import HARD
-from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, columns_of, write_gaits
+from optim.studies.beyond.gait_hunt.finalists import (
+    Finalist,
+    Finals,
+    best_of,
+    cached_finalists,
+    check_seeds,
+    columns_of,
+    write_gaits,
+)
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
-from optim.studies.beyond.gait_hunt.searches import check_settings
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
-from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 
@@ -32,27 +38,20 @@ FILES = (*TABLES, "runs", "gaits", "table.md", "climb.png", "summary.json")
 
 
 @dataclass(frozen=True)
-class Climb:
-    """How large the study is.
+class Climb(Finals):
+    """How large the study is; finalists are designs of each of the last three steps.
 
     Attributes:
         seeds: of the programs.
         plan: of each of them.
-        slope: to be climbed [degrees].
-        geometry: of the robot, by name.
-        finalists: designs of each of the last three steps that are played in full, at most.
-        runs: with noise, of each of them under either condition.
     """
 
     seeds: tuple[int, ...]
     plan: Plan = field(default_factory=Plan)
-    slope: float = 15.0
-    geometry: str = "published"
-    finalists: int = 4
-    runs: int = 4
 
     def __post_init__(self) -> None:
-        check_settings(self.seeds, self.slope, self.geometry, self.finalists, self.runs)
+        check_seeds(self.seeds)
+        super().__post_init__()
 
 
 SCALES: Mapping[Budget, Climb] = {
@@ -108,9 +107,8 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
         return
     seeds, found = settings.seeds, list[Climbed]()
-    run_parallel(
-        [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds], jobs, where, progress
-    )
+    tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds]
+    run_parallel(tasks, jobs, where, progress)
     for number, seed in enumerate(seeds):
         share = part_of(progress if jobs == 1 else None, number, len(seeds))
         found.append(_climb(folder / "runs", settings, seed, where, share))
@@ -125,17 +123,8 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
     finalists: dict[str, Sequence[Finalist]] = {}
     for number, step in enumerate(program.run()):
-        (finalists[step.name],) = cached_finalists(
-            runs / f"seed-{seed}-{step.name}.json",
-            [step.history],
-            step.problem,
-            Terrain(settings.slope),
-            settings.finalists,
-            settings.runs,
-            part_of(progress, 27 + number, 30),
-            geometry=NAMED_GEOMETRIES[settings.geometry],
-            **{"precision": "f32", **where},
-        )
+        path, share = runs / f"seed-{seed}-{step.name}.json", part_of(progress, 27 + number, 30)
+        (finalists[step.name],) = cached_finalists(path, [step.history], step.problem, settings, share, **where)
     return Climbed(seed, list(program.steps.values()), finalists)
 
 
@@ -202,25 +191,17 @@ def _hard_speeds(step: Step) -> list[float]:
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     """The seeds in Markdown."""
-    lines = [
-        "| seed | evaluations | million robot-steps | found by | heading | core [kPa] | speed | harder | stays |",
-        "| ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | --- |",
-    ]
+    cells = []
     for row in rows:
         found = ("",) * 5
         if row["speed"] is not None:
-            found = (
-                row["found_by"],
-                f"{row['orientation']:.0f}°",
-                f"{np.max(row['pressure']) / 1e3:.1f}",
-                f"{row['speed']:.4f}",
-                f"{row['hard_speed']:.4f}",
-            )
-        lines.append(
-            f"| {row['seed']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {' | '.join(found)} "
-            f"| {'yes' if row['stays'] else 'no'} |"
-        )
-    return "\n".join(lines) + "\n"
+            shape = f"{row['orientation']:.0f}°", f"{np.max(row['pressure']) / 1e3:.1f}"
+            found = (row["found_by"], *shape, f"{row['speed']:.4f}", f"{row['hard_speed']:.4f}")
+        effort = row["seed"], row["evaluations"], f"{row['robot_steps'] / 1e6:.1f}"
+        cells.append((*effort, *found, "yes" if row["stays"] else "no"))
+    effort = ("seed", "evaluations", "million robot-steps")
+    header = (*effort, "found by", "heading", "core [kPa]", "speed", "harder", "stays")
+    return "\n".join(markdown(header, "rrrlrrrrl", cells)) + "\n"
 
 
 def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path: Path) -> None:

@@ -9,14 +9,51 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress
+from optim.experiments.results import Progress, check_counts
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.files import save_design
 from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE, NoisySpeeds, play_with_noise
-from robots.world import Terrain
+from robots.world import STEEPEST, Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.files import read_text, sha256, write_text
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finals:
+    """The hill that gaits shall climb, and how the best of them are played there in full.
+
+    Attributes:
+        slope: of the hill [degrees].
+        geometry: of the robot, by name.
+        finalists: designs of a search that are played in full, at most.
+        runs: with noise, of each of them under either condition.
+    """
+
+    slope: float = 15.0
+    geometry: str = "published"
+    finalists: int = 4
+    runs: int = 4
+
+    def __post_init__(self) -> None:
+        checks.number("slope", self.slope, 0.1, STEEPEST, "degrees")
+        checks.choice("geometry", self.geometry, NAMED_GEOMETRIES)
+        check_counts(self, finalists=1, runs=1)
+
+    @property
+    def terrain(self) -> Terrain:
+        """The hill."""
+        return Terrain(self.slope)
+
+
+def check_seeds(seeds: Sequence[int]) -> None:
+    """Raise a ValueError for no seeds, or for one that is negative or given twice."""
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds: {tuple(seeds)} are not allowed; give at least one, and none twice")
+    for seed in seeds:
+        checks.integer("seeds", seed, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +76,11 @@ class Finalist(NoisySpeeds):
 
 def columns_of(best: Finalist | None) -> dict[str, Any]:
     """The columns of tables that tell of the best finalist; None where there is none."""
-    return {
-        "generation": best.generation if best else None,
-        "speed": best.speed if best else None,
-        "hard_speed": best.hard_speed if best else None,
-        "pressure": best.design.pressure if best else None,
-        "orientation": best.design.orientation if best else None,
-    }
+    if best is None:
+        return dict.fromkeys(("generation", "speed", "hard_speed", "pressure", "orientation"))
+    speeds = {"speed": best.speed, "hard_speed": best.hard_speed}
+    gait = {"pressure": best.design.pressure, "orientation": best.design.orientation}
+    return {"generation": best.generation, **speeds, **gait}
 
 
 def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[InflatableDesign, int]]:
@@ -94,13 +129,8 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _conditions(problem: GaitProblem, terrain: Terrain, where: Mapping[str, Any]) -> str:
     """A digest of all that speeds of given designs depend on, beside the number of runs."""
-    record = {
-        "problem": problem.describe(),
-        "terrain": asdict(terrain),
-        "noise": NOISE,
-        "friction": HARD_FRICTION,
-        **{name: where.get(name) for name in ("precision", "device")},
-    }
+    world = {"problem": problem.describe(), "terrain": asdict(terrain), "noise": NOISE, "friction": HARD_FRICTION}
+    record = {**world, "precision": where.get("precision"), "device": where.get("device")}
     return sha256(json.dumps(record, sort_keys=True).encode())
 
 
@@ -108,9 +138,7 @@ def cached_finalists(
     path: Path,
     histories: Sequence[History],
     problem: GaitProblem,
-    terrain: Terrain,
-    count: int,
-    runs: int,
+    settings: Finals,
     progress: Progress,
     **where: Any,
 ) -> list[list[Finalist]]:
@@ -123,23 +151,18 @@ def cached_finalists(
         path: of the JSON file, which may be missing, or of fewer generations.
         histories: of the runs.
         problem: that they searched.
-        terrain: to play them on.
-        count: how many of each run, at most.
-        runs: with noise, of each under either condition.
+        settings: the hill, and how many finalists of each run are played how often.
         progress: called with the fraction done.
-        where: options of the simulations.
+        where: options of the simulations; ``precision`` is ``"f32"`` unless it is given.
     """
-    found = [last_bests(history, problem, count) for history in histories]
+    where, body = {"precision": "f32", **where}, NAMED_GEOMETRIES[settings.geometry]
+    found = [last_bests(history, problem, settings.finalists) for history in histories]
     bests = json.dumps([[generation.best_point for generation in history.generations] for history in histories])
-    of = {
-        "bests": sha256(bests.encode()),
-        "count": count,
-        "runs": runs,
-        "conditions": _conditions(problem, terrain, where),
-    }
+    of = {"bests": sha256(bests.encode()), "count": settings.finalists, "runs": settings.runs}
+    of |= {"conditions": _conditions(problem, settings.terrain, where)}
     known, listed = _read(path), [each for one in found for each in one]
     if known.get("of") != of or len(known["speeds"]) != len(listed):
-        judged = judge_finalists(listed, terrain, runs, progress=progress, **where)
+        judged = judge_finalists(listed, settings.terrain, settings.runs, progress=progress, geometry=body, **where)
         speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]
         known = {"of": of, "speeds": json.loads(json.dumps(speeds).replace("NaN", "null"))}
         write_text(path, json.dumps(known) + "\n")

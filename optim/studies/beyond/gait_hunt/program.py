@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached
+from optim.experiments.results import Progress, cached, check_counts
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
@@ -77,16 +77,7 @@ class Plan:
     generations: int = 20
 
     def __post_init__(self) -> None:
-        for name, low in (
-            ("looks", 2),
-            ("kept", 1),
-            ("kinds", 1),
-            ("population", 2),
-            ("headings", 2),
-            ("refined", 2),
-            ("generations", 0),
-        ):
-            checks.integer(name, getattr(self, name), low)
+        check_counts(self, looks=2, kept=1, kinds=1, population=2, headings=2, refined=2, generations=0)
         if not self.rounds:
             raise ValueError("rounds: none given; give the generations of at least one")
         for generations in self.rounds:
@@ -181,7 +172,7 @@ class Program:
         try:
             facing = self._face(self._lead(self._halve(self._kinds()).design))
             finish = self._refine("finish", (1.0,), facing.design)
-            return facing, finish, self._refine("firm", (1.0,), finish.design, CYCLE, FIRM_SIGMA)
+            return facing, finish, self._refine("firm", (1.0,), finish.design, firm=True)
         except NothingFound:
             return ()
 
@@ -201,11 +192,9 @@ class Program:
         problem = replace(self._on(RUNGS, GRADED), ladder=True)
         settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
-        known = cached(
-            ResultsFolder(self.folder / "turn", "turn", settings),
-            "turn",
-            lambda: turned(problem, designs, {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}),
-        )
+        options = {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}
+        folder = ResultsFolder(self.folder / "turn", "turn", settings)
+        known = cached(folder, "turn", lambda: turned(problem, designs, options))
         self._note(Step("turn", problem, history_of(problem, known, self.folder / "turn"), float(known["spent"])))
         facing = [problem.design(point) for point in known["points"]]
         chosen = best_of_kinds(facing, known["scores"], self.plan.kinds, problem.body)
@@ -219,10 +208,8 @@ class Program:
             raise NothingFound
         for more in self.plan.rounds:
             generations += more
-            found = [
-                (self._near(f"kind-{n + 1}", ladder, design, "genetic", self.plan.population, generations), (n, design))
-                for n, design in left
-            ]
+            size: Any = {"generations": generations, "method": "genetic", "population": self.plan.population}
+            found = [(self._near(f"kind-{n + 1}", ladder, design, **size), (n, design)) for n, design in left]
             found.sort(key=lambda pair: -pair[0].score)
             left = [pair[1] for pair in found[: (len(found) + 1) // 2]]
         return found[0][0]
@@ -238,40 +225,27 @@ class Program:
         gait = self._on((1.0,), GRADED).in_full()
         full = gait.design(gait.space.from_dict(start_values(gait, design)))
         problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
-        return self._near("heading", problem, full, "genetic", self.plan.headings, 0)
+        return self._near("heading", problem, full, 0, "genetic", population=self.plan.headings)
 
-    def _refine(
-        self,
-        name: str,
-        rungs: Sequence[float],
-        start: InflatableDesign,
-        options: Mapping[str, Any] = GRADED,
-        sigma: float = SIGMA,
-    ) -> Step:
-        """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope."""
-        problem = self._on(rungs, options)
-        return self._near(name, problem, start, "cma", self.plan.refined, self.plan.generations, sigma=sigma)
+    def _refine(self, name: str, rungs: Sequence[float], start: InflatableDesign, firm: bool = False) -> Step:
+        """CMA-ES of graded cycles close to a gait, by the mean speed on these parts of the slope.
+
+        If ``firm``, the harder conditions count, too, and the search stays closer.
+        """
+        options, sigma = (CYCLE, FIRM_SIGMA) if firm else (GRADED, SIGMA)
+        own = {"population": self.plan.refined, "sigma": sigma}
+        return self._near(name, self._on(rungs, options), start, self.plan.generations, "cma", **own)
 
     def _near(
-        self,
-        name: str,
-        problem: GaitProblem,
-        start: InflatableDesign,
-        method: str,
-        population: int,
-        generations: int,
-        **settings: Any,
+        self, name: str, problem: GaitProblem, start: InflatableDesign, generations: int, method: str, **settings: Any
     ) -> Step:
         """A search near a gait; with the numbers of another search it would try the same directions."""
         stream = np.random.SeedSequence([self.seed, zlib.crc32(name.encode())]).generate_state(1)
-        settings |= {"population": population, "start": start_values(problem, start), "seed": int(stream[0])}
+        settings |= {"start": start_values(problem, start), "seed": int(stream[0])}
         return self._search(name, problem, settings, generations, method)
 
     def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
-        return GaitProblem(tuple(self._terrain(rung) for rung in rungs), **options, **self.where)
-
-    def _terrain(self, rung: float) -> Terrain:
-        return Terrain(rung * self.slope)
+        return GaitProblem(tuple(Terrain(rung * self.slope) for rung in rungs), **options, **self.where)
 
     def _search(
         self, name: str, problem: GaitProblem, settings: Mapping[str, Any], generations: int, method: str = "genetic"

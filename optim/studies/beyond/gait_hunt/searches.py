@@ -1,14 +1,12 @@
-"""The searches that hunt for gaits, what each of them searches, and checks of settings."""
+"""The searches that hunt for gaits, and what each of them searches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 from optim.problems.inflatable.problem import GaitProblem
-from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.world import STEEPEST, Terrain
-from taichi_sim.base import checks
+from robots.world import Terrain
 
 # Time steps of a cheap judgement, a third of a gait; its first quarter does not count, and of the others the worst
 # does: a gait that lurches once, or rolls down later, shows there.
@@ -66,23 +64,3 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
         ),
     }
 )
-
-
-def check_settings(seeds: Sequence[int], slope: float, geometry: str, finalists: int, runs: int) -> None:
-    """Raise a ValueError for what no study of gaits can do.
-
-    Args:
-        seeds: of runs, each once.
-        slope: of the hill [degrees].
-        geometry: of the robot, by name.
-        finalists: designs that are played in full.
-        runs: of each of them.
-    """
-    if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"seeds: {tuple(seeds)} are not allowed; give at least one, and none twice")
-    for seed in seeds:
-        checks.integer("seeds", seed, 0)
-    checks.number("slope", slope, 0.1, STEEPEST, "degrees")
-    checks.choice("geometry", geometry, NAMED_GEOMETRIES)
-    checks.integer("finalists", finalists, 1)
-    checks.integer("runs", runs, 1)

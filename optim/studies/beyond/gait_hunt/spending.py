@@ -46,7 +46,8 @@ class PaidSearch(FolderSearch):
         super().__init__(problem, method, run)
         self.gaits, self.budget, self.generations, self.path = problem, budget, generations, run.path
         self.spent = read_spent(self.path)
-        _check_known(self.path, self.spent, self.turns)
+        if (known := len(self.spent)) < self.turns:
+            raise ValueError(f"{run.path / SPENT}: tells the cost of {known} of {self.turns} generations; restore it")
         del self.spent[self.turns :]  # of a generation that was cut off
 
     @property
@@ -105,11 +106,6 @@ def search_within(
 
         run_side_by_side([search], evaluate, after_round)
     return read_history(folder)
-
-
-def _check_known(folder: Path, spent: Sequence[float], generations: int) -> None:
-    if len(spent) < generations:
-        raise ValueError(f"{folder / SPENT}: tells the cost of {len(spent)} of {generations} generations; restore it")
 
 
 def paid(history: History, spent: Sequence[float], budget: float) -> History:

@@ -21,16 +21,22 @@ from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Budget, Progress, check_folder, check_tables, part_of, tables_alone, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import read_records, write_records
+from optim.experiments.tables import markdown, read_records, write_records
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
-from optim.studies.beyond.gait_hunt.finalists import Finalist, best_of, cached_finalists, columns_of, write_gaits
-from optim.studies.beyond.gait_hunt.searches import SEARCHES, check_settings
+from optim.studies.beyond.gait_hunt.finalists import (
+    Finalist,
+    Finals,
+    best_of,
+    cached_finalists,
+    check_seeds,
+    columns_of,
+    write_gaits,
+)
+from optim.studies.beyond.gait_hunt.searches import SEARCHES
 from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
-from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.robustness import LEAST_HARD_SPEED
-from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import write_text
@@ -41,26 +47,18 @@ FILES = (*TABLES, "runs", "gaits", "summary.json", "table.md", "hunt.png")
 
 
 @dataclass(frozen=True)
-class Hunt:
+class Hunt(Finals):
     """How large the study is.
 
     Attributes:
         evaluations: published evaluations that a run may cost.
         seeds: of the runs of each search.
         searches: names in ``SEARCHES``.
-        slope: of the hill [degrees].
-        geometry: of the robot, by name.
-        finalists: designs of a run that are played in full.
-        runs: with noise, of each of them under either condition.
     """
 
     evaluations: float
     seeds: tuple[int, ...]
     searches: tuple[str, ...] = tuple(SEARCHES)
-    slope: float = 15.0
-    geometry: str = "published"
-    finalists: int = 4
-    runs: int = 4
 
     def __post_init__(self) -> None:
         if not 0 < self.evaluations < math.inf:
@@ -71,7 +69,8 @@ class Hunt:
             if name not in SEARCHES:
                 known = ", ".join(SEARCHES)
                 raise ValueError(f"searches: {name!r} is unknown; choose of {known}{nearest(name, SEARCHES)}")
-        check_settings(self.seeds, self.slope, self.geometry, self.finalists, self.runs)
+        check_seeds(self.seeds)
+        super().__post_init__()
 
     @property
     def budget(self) -> float:
@@ -122,12 +121,8 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
         write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
         return
     parts, found = [(name, seed) for seed in settings.seeds for name in searches], {}
-    run_parallel(
-        [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts],
-        jobs,
-        where,
-        part_of(progress, 0, 10, 9),
-    )
+    tasks = [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts]
+    run_parallel(tasks, jobs, where, part_of(progress, 0, 10, 9))
     judged = [folder / "runs" / f"{name}.json" for name in searches]
     for number, (name, seed) in enumerate(parts):
         share = part_of(progress, 9 * number, 10 * len(parts), 9)
@@ -136,17 +131,9 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
             report(folder, settings, list(found.values()))  # what there is so far is of use
     for number, (name, path) in enumerate(zip(searches, judged, strict=True)):
         of = [(name, seed) for seed in settings.seeds]
-        finalists = cached_finalists(
-            path,
-            [found[part].history for part in of],
-            _problem(settings, name, where),
-            Terrain(settings.slope),
-            settings.finalists,
-            settings.runs,
-            part_of(progress, 9 * len(searches) + number, 10 * len(searches)),
-            geometry=NAMED_GEOMETRIES[settings.geometry],
-            **{"precision": "f32", **where},
-        )
+        histories, problem = [found[part].history for part in of], _problem(settings, name, where)
+        share = part_of(progress, 9 * len(searches) + number, 10 * len(searches))
+        finalists = cached_finalists(path, histories, problem, settings, share, **where)
         found |= {part: replace(found[part], best=best_of(known)) for part, known in zip(of, finalists, strict=True)}
         report(folder, settings, list(found.values()))
     if progress:
@@ -154,7 +141,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
 
 
 def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
-    return SEARCHES[name].problem_on(Terrain(hunt.slope), geometry=hunt.geometry, **where)
+    return SEARCHES[name].problem_on(hunt.terrain, geometry=hunt.geometry, **where)
 
 
 def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress) -> Found:
@@ -185,18 +172,14 @@ def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations:
         rows: the records of ``table.csv``, one of each run.
         generations: the records of ``generations.csv``, one of each generation of each run.
     """
-    groups = {name: [row for row in rows if row["search"] == name] for name in hunt.searches}
-    groups = {name: group for name, group in groups.items() if group}
+    every = {name: [row for row in rows if row["search"] == name] for name in hunt.searches}
+    groups = {name: group for name, group in every.items() if group}
     summary = {name: _group(name, group) for name, group in groups.items()}
-    starts = {
-        name: [row["mean"] for row in generations if row["search"] == name and row["generation"] == 0]
-        for name in groups
-    }
+    first = [row for row in generations if row["generation"] == 0]
+    starts = {name: [row["mean"] for row in first if row["search"] == name] for name in groups}
     apart = differences({name: _speeds(group) for name, group in groups.items()}, starts)
-    write_json(
-        folder / "summary.json",
-        {"budget": hunt.budget, "slope": hunt.slope, "searches": summary, "differences": apart, "runs": rows},
-    )
+    found = {"searches": summary, "differences": apart, "runs": rows}
+    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, **found})
     labels = {name: row["label"] for name, row in summary.items()}
     write_text(folder / "table.md", _table(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
     _draw(groups, generations, folder / "hunt.png")
@@ -218,18 +201,11 @@ def _row(one: Found) -> dict[str, Any]:
 
 def _generations(one: Found) -> list[dict[str, Any]]:
     """The generations of a run, rows of ``generations.csv``."""
-    return [
-        {
-            "search": one.search,
-            "seed": one.seed,
-            "generation": each.generation,
-            "evaluations": each.evaluations,
-            "robot_steps": spent,
-            "mean": each.mean,
-            "best": each.best,
-        }
-        for each, spent in zip(one.history.generations, one.spent.tolist(), strict=True)
-    ]
+    rows = []
+    for each, spent in zip(one.history.generations, one.spent.tolist(), strict=True):
+        effort = {"generation": each.generation, "evaluations": each.evaluations, "robot_steps": spent}
+        rows.append({"search": one.search, "seed": one.seed, **effort, "mean": each.mean, "best": each.best})
+    return rows
 
 
 def _speeds(group: Sequence[Record], name: str = "speed") -> Floats:
@@ -259,23 +235,20 @@ def _group(name: str, group: Sequence[Record]) -> dict[str, Any]:
 
 def _table(summary: dict[str, dict[str, Any]]) -> str:
     """The searches in Markdown; evaluations and robot-steps are medians of runs, speeds those of runs with a gait."""
-    lines = [
-        "| search | evaluations | million robot-steps | runs | speed, mean | interval | best | harder | these, stay |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    cells = []
     for row in summary.values():
-        values = {name: "" if row[name] is None else f"{row[name]:.4f}" for name in _SPEEDS}
-        interval = f"{values['low']} to {values['high']}" if values["low"] else ""
-        staying = "" if row["staying"] is None else row["staying"]
-        runs = str(row["runs"]) if row["judged"] in (0, row["runs"]) else f"{row['judged']} of {row['runs']}"
-        lines.append(
-            f"| {row['label']} | {row['evaluations']} | {row['robot_steps'] / 1e6:.1f} | {runs} | {values['speed']} "
-            f"| {interval} | {values['best']} | {values['hard_speed']} | {staying} |"
+        values = (
+            "" if row[name] is None else f"{row[name]:.4f}" for name in ("speed", "low", "high", "best", "hard_speed")
         )
-    return "\n".join(lines) + "\n"
+        speed, low, high, *others = values
+        runs = str(row["runs"]) if row["judged"] in (0, row["runs"]) else f"{row['judged']} of {row['runs']}"
+        effort = row["label"], row["evaluations"], f"{row['robot_steps'] / 1e6:.1f}", runs
+        staying = "" if row["staying"] is None else row["staying"]
+        cells.append((*effort, speed, f"{low} to {high}" if low else "", *others, staying))
+    header = ("search", "evaluations", "million robot-steps", "runs", "speed, mean", "interval", "best", "harder")
+    return "\n".join(markdown((*header, "these, stay"), "lrrrrrrrr", cells)) + "\n"
 
 
-_SPEEDS = ("speed", "low", "high", "best", "hard_speed")
 LINEAR = 0.01  # speeds up to which the figure's axis is linear [BL/s]
 
 
@@ -288,12 +261,10 @@ def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record],
                 mine = [row for row in generations if (row["search"], row["seed"]) == (name, seed)]
                 style = "--" if SEARCHES[name].rungs else "-"  # scores of ladders count easier slopes
                 spent, scores = (np.array([row[key] for row in mine], float) for key in ("robot_steps", "best"))
-                line: dict[str, Any] = {"color": colour, "linewidth": 0.8, "linestyle": style}
-                over.step(np.cumsum(spent) / 1e6, scores, where="post", **line)
+                over.step(np.cumsum(spent) / 1e6, scores, where="post", color=colour, lw=0.8, ls=style)
             known = [row for row in group if row["speed"] is not None]
             for value, marker in (("speed", "o"), ("hard_speed", "x")):
-                dots: dict[str, Any] = {"color": colour, "markersize": 5, "fillstyle": "none"}
-                end.plot(_speeds(known, value), [place] * len(known), marker, **dots)
+                end.plot(_speeds(known, value), [place] * len(known), marker, color=colour, ms=5, fillstyle="none")
         over.set(xlabel="spent [million robot-steps]", ylabel="best so far, by own score [BL/s]")
         end.axvline(0.0, color="0.7", linewidth=0.6)
         # What slides down may be tens of times as fast as what climbs.
@@ -301,11 +272,8 @@ def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record],
         ticks = (-1, -0.1, -0.01, 0, 0.01)
         end.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         end.xaxis.minorticks_off()
-        end.set(
-            yticks=range(len(groups)),
-            yticklabels=[SEARCHES[name].label for name in groups],
-            xlabel="speed in full, o usual, x harder [BL/s]",
-        )
+        end.set_yticks(range(len(groups)), [SEARCHES[name].label for name in groups])
+        end.set_xlabel("speed in full, o usual, x harder [BL/s]")
         for label, colour in zip(end.get_yticklabels(), COLOURS, strict=False):
             label.set_color(colour)  # they are the legend of both panels
         end.invert_yaxis()
