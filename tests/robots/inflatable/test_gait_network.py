@@ -16,9 +16,9 @@ pytestmark = pytest.mark.kernels
 # Small, quick and with feet that reach the ground.
 ROBOT = InflatableGeometry(bladder_columns=1, rows=12, foot_rows=4, bladder_layers=1, voxel_size=0.02)
 ACTUATION = InflatableActuation(
-    inflation_rate=0.03, pressure_ramp=50.0, hold_steps=400, settle_steps=100, deflated=0.05
+    inflation_rate=0.03, pressure_ramp=50.0, ramp_steps=100, hold_steps=400, settle_steps=100, deflated=0.05
 )
-OPTIONS = {"geometry": ROBOT, "actuation": ACTUATION, "repeats": 1, "ramp_steps": 100}
+OPTIONS = {"geometry": ROBOT, "actuation": ACTUATION, "repeats": 1}
 
 
 def tensors(batch: int, columns: int = 2):
@@ -73,5 +73,5 @@ def test_a_network_learns_a_gait_from_the_slope():
 
 def test_bad_input():
     """One line."""
-    with pytest.raises(ValueError, match=r"^terrains: 2 given for 3 robots; give one, or one per robot"):
+    with pytest.raises(ValueError, match=r"^terrain: 2 are not allowed for 3 designs; give one, or one each"):
         travel(*tensors(3), terrains=[Terrain()] * 2, **OPTIONS)
