@@ -32,6 +32,7 @@ from optim.commands import (
     train,
     view,
 )
+from optim.commands.robots import RobotOptions
 from optim.notes import notes, say
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ CLOSED_PIPE = 141  # as shells report SIGPIPE
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(RobotOptions):
     """A parser that says what is wrong in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:

@@ -345,6 +345,16 @@ class Robot(ABC):
         """
         raise NotImplementedError
 
+    def changed(self, options: Mapping[str, Any]) -> "Robot":
+        """This robot, of a run or a saved design, with other values of its kind's options.
+
+        Raises:
+            ValueError: if a design settles what an option would change.
+        """
+        for name in options:
+            raise ValueError(f"{name}: {self.name} has its own; leave it out")
+        return self
+
     def at_horizon(self, length: int) -> tuple[str, "Robot"]:
         """The robot in trials of another length, in a unit of its kind, and what that length is called.
 
@@ -411,7 +421,10 @@ class RobotKind(ABC):
         options: of the command line that make a robot, see :meth:`build`.
         designs: names of designs that commands know without a file.
         world_option: what the option for a world is called.
+        world_type: makes the value of that option of its text, as ``Option.type`` does; :meth:`world` takes it.
+        world_hint: what the help says of that option.
         search_precision: of numbers in searches, unless asked otherwise.
+        view_precision: of numbers in views, unless asked otherwise.
     """
 
     name: str
@@ -419,7 +432,10 @@ class RobotKind(ABC):
     options: tuple[Option, ...] = ()
     designs: tuple[str, ...] = ()
     world_option: str = "world"
+    world_type: Callable[[str], Any] = str
+    world_hint: str = "where it is tried (default: the kind's own)"
     search_precision: str = "f64"
+    view_precision: str = "f64"
 
     @abstractmethod
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
@@ -441,8 +457,18 @@ class RobotKind(ABC):
         """The robot that ``Robot.describe`` described; by default, the description is options."""
         return self.build(None, description)
 
-    def world(self, text: str) -> World:
-        """The world of a name.
+    @property
+    def world_options(self) -> tuple[Option, ...]:
+        """Options that name one world, see :meth:`chosen_world`."""
+        return (Option(self.world_option, self.world_hint, self.world_type, self.world_option.upper()),)
+
+    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
+        """The world that values of :attr:`world_options` name; None if none was given."""
+        given = options.get(self.world_option)
+        return None if given is None else self.world(given)
+
+    def world(self, text: Any) -> World:
+        """The world of a name, or of a value that ``world_type`` made.
 
         Raises:
             ValueError: for any other name.
@@ -524,7 +550,7 @@ def kind_of_file(path: Path) -> RobotKind:
     for name in KINDS:
         if KINDS[name].recognises(path, form if isinstance(form, str) else None):
             return KINDS[name]
-    raise ValueError(f"robot: {path} is the file of no robot that is known")
+    raise ValueError(f"{path}: it is no file of a robot or a design")
 
 
 def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) -> Robot:
@@ -534,9 +560,7 @@ def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) 
         ValueError: for what is not allowed.
     """
     if source is not None and _record_of(Path(source)).get("format") == DESIGN_FORMAT:
-        for name in options:
-            raise ValueError(f"{name}: the design in {source} has its own; leave it out")
-        return load_design(Path(source))
+        return load_design(Path(source)).changed(options)
     return kind.build(source, options)
 
 

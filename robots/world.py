@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self, TypedDict
 
-from robots.robot import RobotKind, World
+from robots.robot import Option, RobotKind, World
 from taichi_sim.autodiff.dual import Real, cosine, sine
 from taichi_sim.base.checks import number
+from taichi_sim.base.options import checked
+from taichi_sim.base.options import number as number_type
 
 STEEPEST = 45.0  # degrees, either way
 WATER_DENSITY = 1000.0  # kg/m^3
@@ -132,10 +134,31 @@ class TerrainKind(RobotKind):
     """A kind of robot whose worlds are terrains."""
 
     world_option = "terrain"
+    world_type = staticmethod(checked(Terrain.parse))
+    world_hint = "flat, hill:15 or water (default: flat, of a run its own)"
+    view_precision = "f32"
 
-    def world(self, text: str) -> Terrain:
+    @property
+    def world_options(self) -> tuple[Option, ...]:
+        """A terrain by its name, or by its slope."""
+        slope = number_type(-STEEPEST, STEEPEST, "degrees")
+        told = "of the ground, uphill is positive; instead of --terrain"
+        return (*super().world_options, Option("slope", told, slope, "DEGREES"))
+
+    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
+        """The terrain of a name or a slope.
+
+        Raises:
+            ValueError: for both of them.
+        """
+        terrain, slope = options.get("terrain"), options.get("slope")
+        if terrain is not None and slope is not None:
+            raise ValueError(f"slope: {slope:g} is not allowed beside --terrain {terrain.name}; give one of them")
+        return terrain if slope is None else Terrain(slope)
+
+    def world(self, text: Any) -> Terrain:
         """The terrain of a name."""
-        return Terrain.parse(text)
+        return text if isinstance(text, Terrain) else Terrain.parse(text)
 
     def world_record(self, world: World) -> dict[str, Any]:
         """A terrain's fields, without those that are None."""
@@ -188,8 +211,9 @@ class EnvironmentKind(RobotKind):
     """A kind of robot whose worlds are four numbered environments."""
 
     world_option = "environment"
+    world_hint = "place of the light, or of the robot, from 1 to 4 (default: 1, of searches all)"
 
-    def world(self, text: str) -> World:
+    def world(self, text: Any) -> World:
         """The environment of a number."""
         return Environment.parse(text)
 

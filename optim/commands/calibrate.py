@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
 from optim.progress import shown_progress
+from robots.inflatable.kind import GAITS, GEOMETRIES, load_gait
 
 if TYPE_CHECKING:
     from robots.inflatable.design import InflatableDesign
@@ -42,7 +43,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--geometry",
-        choices=options.GEOMETRIES,
+        choices=GEOMETRIES,
         help="of the example's robot (default: small); files name theirs",
     )
     parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="of all noise (default: 0)")
@@ -111,10 +112,11 @@ def _fit(args: argparse.Namespace) -> Report:
 def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> "InflatableDesign":
     """A gait of a file of measurements; names of files are relative to its folder."""
     from robots.inflatable.design import InflatableDesign
+    from robots.inflatable.offered import cut
     from robots.inflatable.schedule import GaitSchedule
 
-    design = options.load_gait(name if name in options.GAITS else str(folder / name))
-    schedule = options.cut(design.schedule, columns, repeats)
+    design = load_gait(name if name in GAITS else str(folder / name))
+    schedule = cut(design.schedule, columns, repeats)
     if not isinstance(schedule, GaitSchedule):
         raise ValueError(f"gait: {name} is graded, which is not allowed here; give one of on and off")
     return InflatableDesign(design.pressure, design.orientation, schedule)

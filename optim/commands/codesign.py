@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options, stopped_by
-from optim.commands.codesign_plan import Plan, plan
+from optim.commands.codesign_plan import Plan, named_kinds, plan
 from optim.commands.evaluation import add_workers, opened_workers, with_options
+from optim.commands.robots import RobotOptions
 from optim.commands.task_file import add_task, take_task
 from optim.problem import Objective
+from optim.problems.designer import designer_of
 from optim.progress import shown_progress
 from optim.search import METHODS
 from optim.wording import counted, spoken_duration
@@ -20,14 +22,16 @@ from optim.wording import counted, spoken_duration
 if TYPE_CHECKING:
     from optim.problem import Problem
     from optim.runs import Generation, RunFolder
+    from robots.robot import Robot
 
 
 def add_parser(commands: Any) -> None:
     """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
+    parser: RobotOptions = commands.add_parser(
         "codesign",
-        help="design a robot and its gait",
-        description="Search for the orientation, shape and control with which the robot travels fastest.",
+        help="design a robot",
+        description="Search for the body and behaviour with which a robot does best: by default, the orientation, "
+        "shape and control with which the inflatable robot travels fastest.",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
     parser.add_argument("--resume", action="store_true", help="continue the run in the folder, with its settings")
@@ -36,13 +40,17 @@ def add_parser(commands: Any) -> None:
     options.add_json(parser)
     _add_search(parser.add_argument_group("search"))
     _add_gradients(parser.add_argument_group("search by gradients (gradient, memetic and cma-gradient)"))
-    _add_design(parser.add_argument_group("what is designed"))
-    options.add_robot(
-        parser,
-        precision="f32, with --robot f64",
-        schedule=("8, or all of the gait if control is not free", "2, or the gait's own if control is not free"),
+    options.add_robot(parser, "its options are those of the kind")
+    parser.add_argument(
+        "--problem",
+        type=Path,
+        metavar="FILE",
+        help="a problem of your own instead, see docs/searches.md: Python that sets problem, or bounds and a function "
+        "evaluate; it takes none of the other options of this group, and is given again with --resume",
     )
+    options.add_compute(parser, precision="f32 of the inflatable robot, f64 of others")
     add_workers(parser)
+    parser.take_robots(named_kinds, lambda kind: designer_of(kind).options)
     parser.set_defaults(run=run, parser=parser)
 
 
@@ -68,127 +76,11 @@ def _add_search(search: Any) -> None:
     )
     search.add_argument("--seed", type=options.whole(0), metavar="N", help="of all random numbers (default: 0)")
     search.add_argument(
-        "--start",
-        metavar="GAIT",
-        help="a gait, or the file of one, near which a search of bits, graded levels or waves starts (default: random)",
-    )
-    search.add_argument(
-        "--start-orientation",
-        type=options.number(0.0, 90.0, "degrees"),
-        metavar="DEGREES",
-        help="with which every climber starts (default: random)",
-    )
-    search.add_argument(
-        "--start-pressure",
-        type=options.pressure(12_000.0),
-        metavar="PA",
-        help="with which every climber starts; of several cores all, or such as 12000,0 (default: random)",
-    )
-    search.add_argument(
         "--set",
         action="append",
         metavar="NAME=VALUE",
         help="any other setting of the method; a wrong name lists them; may be repeated",
     )
-
-
-def _add_design(design: Any) -> None:
-    design.add_argument(
-        "--problem",
-        type=Path,
-        metavar="FILE",
-        help="a problem of your own instead, see docs/searches.md: Python that sets problem, or bounds and a function "
-        "evaluate; it takes none of the other options of this group, and is given again with --resume",
-    )
-    design.add_argument(
-        "--robot",
-        type=Path,
-        metavar="FILE",
-        help="a robot of your own instead, see docs/own-robots.md: Python that "
-        "sets robot, a .json design, .vxa or .vxd; of this group it takes one --terrain (default: flat)",
-    )
-    design.add_argument(
-        "--terrain",
-        type=options.terrain,
-        action="append",
-        metavar="TERRAIN",
-        help="flat, hill:15 for 15 degrees, or water; repeat it for several",
-    )
-    design.add_argument(
-        "--objective",
-        choices=("mean", "terrains"),
-        help="the mean speed over the terrains, or that on each of them (default: mean; terrains with methods for "
-        "several objectives)",
-    )
-    design.add_argument("--free", metavar="PARTS", help="what may change (default: orientation,shape,control)")
-    design.add_argument(
-        "--encoding",
-        choices=("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave"),
-        help="of the control: frequency and offset of each actuator, every bit, a network that makes patterns, or "
-        "how far bladders inflate and how long the robot settles, played as often as --steps allow, level by level, by "
-        "a network, or as a wave around the robot (default: codes; bits with --method gradient)",
-    )
-    design.add_argument(
-        "--steps",
-        type=options.whole(1),
-        metavar="N",
-        help="time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719 "
-        "of the published robot)",
-    )
-    design.add_argument(
-        "--warm-up", type=options.whole(0), metavar="N", help="first time steps of a graded gait, which do not count"
-    )
-    design.add_argument(
-        "--stages",
-        type=options.whole(1),
-        metavar="N",
-        help="equally long parts of a graded gait, of which the slowest tells its speed (default: 1)",
-    )
-    design.add_argument(
-        "--ladder",
-        action="store_true",
-        default=None,
-        help="of several terrains, the easiest first, a gait is tried on the next if it is faster than --ahead on the "
-        "one before, which counts no more than that in the mean",
-    )
-    design.add_argument(
-        "--ahead",
-        type=options.number(0.0),
-        metavar="SPEED",
-        help="speed that leads to the next terrain of the ladder, in body lengths a second (default: 0.02)",
-    )
-    design.add_argument(
-        "--hard",
-        action="store_true",
-        default=None,
-        help="judge gaits that get ahead also with friction 0.2 or more of sliding feet and bladders that keep their "
-        "weight",
-    )
-    design.add_argument(
-        "--effort",
-        type=options.number(0.0),
-        metavar="SPEED",
-        help="what it costs to move every bladder in every column, in body lengths a second (default: 0)",
-    )
-    design.add_argument(
-        "--gait",
-        metavar="GAIT",
-        help="inching, rolling or the file of a design: gives what is not free (default: rolling, with "
-        "hills alone inching)",
-    )
-    design.add_argument(
-        "--orientation",
-        type=options.number(0.0, 90.0, "degrees"),
-        metavar="DEGREES",
-        help="if not free (default: the gait's own)",
-    )
-    design.add_argument(
-        "--pressure",
-        type=options.pressure(),
-        metavar="PA",
-        help="if shape is not free, of all cores or such as 12000,0 of each (default: the gait's own)",
-    )
-    options.add_calibration(design)
 
 
 def _add_gradients(group: Any) -> None:
@@ -220,7 +112,7 @@ def _add_gradients(group: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
-    from optim.problems.inflatable.problem import GaitProblem
+    from optim.problems.robot import RobotDesigning
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
@@ -235,7 +127,7 @@ def run(args: argparse.Namespace) -> Report:
     with open_run(args.out, planned.config(), resume=args.resume, environment=about) as folder:
         if planned.note and not args.quiet:
             print(planned.note, file=sys.stderr)
-        if isinstance(problem, GaitProblem):
+        if isinstance(problem, RobotDesigning):
             with folder.writing():
                 problem.prepare(folder.path)
         search = _Search(planned, folder, args)
@@ -287,32 +179,30 @@ class _Search:
 
 
 def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> list[str]:
-    """Gait table and pictures of the best gait, unless they are up to date; the names of all files."""
-    from optim.problems.inflatable.problem import GaitProblem
+    """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
+    from optim.problems.robot import RobotDesigning
     from optim.runs.products import Products
-    from robots.hardware import export_csv
-    from robots.inflatable.cores import common_pressure
-    from robots.view.picture import save_motion_picture
 
     if last.best_point is None:
         return []
-    if not isinstance(problem, GaitProblem):
+    if not isinstance(problem, RobotDesigning):
         return ["best.json"]
-    design = problem.design(problem.space.from_dict(last.best_point))
-    robot: dict[str, Any] = {
-        "geometry": problem.body,
-        "actuation": problem.actuation,
-        "counted_steps": None if problem.steps is None else problem.counted_steps(design),
-    }
-    products = Products(folder)
-    seed = folder.config["method"]["seed"]
-    if on_rig := common_pressure(design.pressure) is not None:
-        table = functools.partial(export_csv, design, on_violation="clip", seed=seed)  # its header tells
-        products.make("gait.csv", table)
-    pictures = {f"robot_{terrain.name.replace(':', '_')}.png": terrain for terrain in problem.terrains}
-    for name, terrain in pictures.items():
-        products.make(name, functools.partial(save_motion_picture, design, terrain, **robot))
-    return ["best.json", *(["gait.csv"] if on_rig else []), *pictures]
+    robot = problem.robot_of(problem.space.from_dict(last.best_point))
+    products, written = Products(folder), ["best.json"]
+    if robot.exportable:
+        products.make("gait.csv", functools.partial(_write_table, robot, folder.config["method"]["seed"]))
+        written.append("gait.csv")
+    for world in problem.tried_in if robot.pictured else ():
+        name = f"robot_{world.name.replace(':', '_')}.png"
+        products.make(name, functools.partial(robot.save_picture, world))
+        written.append(name)
+    return written
+
+
+def _write_table(robot: "Robot", seed: int, path: Path) -> None:
+    from robots.hardware import write_csv
+
+    write_csv(robot.table(on_violation="clip", seed=seed), path)  # its header tells what was clipped
 
 
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
@@ -320,12 +210,11 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     if last.best is None:
         return Report(document, f"{folder}: nothing succeeded in {counted(last.evaluations, 'evaluation')}", FAILED)
     numbers = {name: value for name, value in (last.best_details or {}).items() if isinstance(value, int | float)}
-    details = ", ".join(f"{name.removeprefix('speed_')} {value:.4f}" for name, value in numbers.items())
+    prefix = f"{planned.score.name}_"
+    details = ", ".join(f"{name.removeprefix(prefix)} {value:.4f}" for name, value in numbers.items())
     best = planned.score.value(last.best) + (f" ({details})" if details else "")
-    text = (
-        f"best {planned.what}: {best} after {counted(last.evaluations, 'evaluation')}\n{folder}: {', '.join(written)}"
-    )
-    return Report(document, text)
+    spent = counted(last.evaluations, "evaluation")
+    return Report(document, f"best {planned.score.name}: {best} after {spent}\n{folder}: {', '.join(written)}")
 
 
 def _interrupted(last: "Generation | None", planned: Plan, folder: Path, code: int) -> Report:

@@ -1,24 +1,24 @@
 """What ``morpholab codesign`` shall do: its options, put together with the run that it continues."""
 
 import argparse
-import dataclasses
 import json
-from collections.abc import Collection
+import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import options
-from optim.problem import FILE, GAIT, Objective, objectives_of, score_of
+from optim.commands.robots import early, kind_of_run, named_by, refuse_foreign
+from optim.problem import FILE, Objective, objectives_of, score_of
+from optim.problems.designer import COMPUTE, Design, Request, designer_of, kind_of_description
 from optim.search import check_objectives, check_settings, default_settings, takes_several
+from robots.robot import KINDS, Option, RobotKind
 
 if TYPE_CHECKING:
     from optim.problem import Problem
-    from optim.problems.inflatable.problem import GaitProblem
 
 METHOD = "hill-climb"
 GENERATIONS = 200
-RELAXED = ("bits", "graded")  # encodings with gradients
 # Options that are settings of the method by the same name, where they are given.
 SETTINGS = ("climbers", "population", "seed", "rule", "learning_rate", "gradient", "samples", "smoothing")
 
@@ -42,12 +42,6 @@ class Plan:
     note: str
 
     @property
-    def what(self) -> str:
-        """What is designed, or the score of a problem of the user's own."""
-        kind = self.problem.describe().get("kind", GAIT)
-        return self.score.name if kind == FILE else str(kind)
-
-    @property
     def score(self) -> Objective:
         """Name and unit of the scores."""
         return score_of(objectives_of(self.problem))
@@ -59,32 +53,63 @@ class Plan:
         return settings_of(self.problem, self.method, self.settings, self.generations)
 
 
+def named_kinds(words: Sequence[str]) -> list[RobotKind]:
+    """The kind of robot that a command line names, in words, in its task file, or by the run that it continues."""
+    found = early([word for word in words if word != "--resume"], "--robot", "--task", "--out")
+    robot = found.robot
+    if robot is None and found.task is not None:
+        robot = tomllib.loads(Path(found.task).read_text(encoding="utf-8")).get("robot")
+    if robot is None and "--resume" in words and found.out is not None and (Path(found.out) / "config.toml").exists():
+        return [kind_of_run(Path(found.out))]
+    return [named_by(robot).kind]
+
+
 def plan(args: argparse.Namespace) -> Plan:
     """What the options, and the run in the folder if it continues, ask for.
 
     Raises:
-        ValueError: in one line, if they do not fit.
+        ValueError: if they do not fit.
     """
-    from optim.commands.robot_options import is_robot, robot_problem
-    from optim.problems.inflatable.problem import GaitProblem
-    from optim.runs.config import has_run, problem_of, read_config
+    from optim.runs.config import has_run, read_config
 
     known = read_config(args.out) if args.resume and has_run(args.out) else None
-    name = _same("method.name", args.method, known["method"]["name"], args.out) if known else args.method or METHOD
-    problem: Problem
+    name = args.method or METHOD
+    if known:
+        name = known["method"]["name"]
+        if args.method not in (None, name):
+            raise ValueError(
+                f"method.name: {args.method!r} is not what the run in {args.out} has, {name!r}; leave it out"
+            )
     if args.problem is not None or (known and known["problem"].get("kind") == FILE):
-        problem, note = _problem_of_file(args, known), ""
-    elif is_robot(args, known):
-        problem, note = robot_problem(args, known), ""
+        design = Design(_problem_of_file(args, known))
     else:
-        last = problem_of(args.out, known, GaitProblem.from_description) if known else None
-        problem, note = _problem(args, last, name)
-    check_objectives(name, problem.objective_names)
-    settings = _method(args, name, problem, known["method"] if known else None)
+        design = _robot_design(args, known, name)
+    check_objectives(name, design.problem.objective_names)
+    settings = _method(args, name, design, known["method"] if known else None)
     generations = args.generations
     if generations is None:
         generations = known["generations"] if known else GENERATIONS
-    return Plan(problem, name, settings, generations, note)
+    return Plan(design.problem, name, settings, generations, design.note)
+
+
+def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:
+    """The problem of a robot, new or of the run that continues."""
+    from optim.problems import problem_of_description
+    from optim.runs.config import problem_of
+
+    last = problem_of(args.out, known, problem_of_description) if known else None
+    named = named_by(args.robot)
+    kind = kind_of_description(known["problem"]) if known else named.kind
+    if kind is None:
+        raise ValueError(f"out: the run in {args.out} designs no robot")
+    if known and args.robot is not None and named.kind.name != kind.name:
+        raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
+    refuse_foreign(args)
+    designer = designer_of(kind)
+    asked = {name: getattr(args, name, None) for name in (*(option.name for option in designer.options), *COMPUTE)}
+    given = {name: value for name, value in asked.items() if value is not None}
+    source = named.source if args.robot is not None else None
+    return designer.design(Request(source, given, method, takes_several(method), last, args.out, args.resume))
 
 
 def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> "Problem":
@@ -93,10 +118,12 @@ def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> 
     Raises:
         ValueError: if the file is missing or another, or an option says what the file says.
     """
-    from optim.commands.robot_options import refuse_design_options
     from optim.problems.user_file import check_file, load_problem
 
-    refuse_design_options(args)
+    refused = [option for kind in KINDS.builtin for option in designer_of(KINDS[kind]).options]
+    for option in (*refused, *(Option(name, "") for name in ("robot", "precision", "device"))):
+        if getattr(args, option.name, None) is not None:
+            raise ValueError(f"{option.flag[2:]}: the file of --problem says what is designed; leave it out")
     if args.problem is None:
         file = known["problem"].get("file") if known else None
         raise ValueError(f"problem: the run in {args.out} needs its file again; give --problem {file}")
@@ -108,132 +135,20 @@ def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> 
     return problem
 
 
-def _same(field: str, given: str | None, known: str, folder: Path) -> str:
-    """What a run that continues has; an error where something else is given, before that fits nothing else."""
-    if given not in (None, known):
-        raise ValueError(f"{field}: {given!r} is not what the run in {folder} has, {known!r}; leave it out")
-    return known
-
-
-def _problem(args: argparse.Namespace, known: "GaitProblem | None", method: str) -> tuple["GaitProblem", str]:
-    """The problem asked for, and a note on what was fixed by default.
-
-    What is not given is as in the run that continues, or else the default.
-    """
-    from optim.problems.inflatable.description import OPTIONS
-    from optim.problems.inflatable.problem import PARTS, GaitProblem
-
-    settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
-    if known and known.schedule is None:
-        _same("problem.encoding", args.encoding, known.encoding, args.out)
-    settings.setdefault("encoding", args.encoding or ("bits" if method == "gradient" else "codes"))
-    _choose_objectives(settings, args, known, method)
-    if (rig := options.load_rig(args.calibration)) is not None:
-        settings["properties"], own = rig
-        settings.setdefault("geometry", own)
-    for name in (*OPTIONS, "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", "threads"):
-        if getattr(args, name) is not None:
-            settings[name] = getattr(args, name)
-    terrains = settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
-    if not terrains:
-        new = f", and {args.out} holds no run to continue" if args.resume else ""
-        raise ValueError(f"terrain: none given{new}; say where the robot shall travel, such as --terrain flat")
-    free = args.free.split(",") if args.free is not None else known.free if known else PARTS
-    unknown = [part for part in free if part not in PARTS]
-    if unknown:
-        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(PARTS)}")
-    if len(set(free)) < len(free):
-        raise ValueError(f"free: {','.join(free)} is not allowed; give none twice")
-    # As published, what is not free is as in rolling on flat ground, as in inching on hills; both: rolling.
-    gait = args.gait or ("inching" if all(terrain.slope for terrain in terrains) else "rolling")
-    taken = _fix(settings, args, free, gait)
-    if args.gait and not taken:
-        raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
-    if settings["schedule"] is not None:
-        if args.encoding is not None:
-            raise ValueError(f"encoding: {args.encoding!r} is not used; the control is fixed")
-        settings["schedule"] = options.cut(settings["schedule"], args.columns, args.repeats)
-    if method == "gradient" and settings["schedule"] is None and settings["encoding"] not in RELAXED:
-        raise ValueError(
-            f"encoding: {settings['encoding']!r} has no gradient; method gradient needs {' or '.join(RELAXED)}"
-        )
-    if settings["schedule"] is None and settings["encoding"].startswith("graded") and args.repeats is not None:
-        raise ValueError(f"repeats: {args.repeats} is not allowed; graded gaits are played as often as --steps allow")
-    by_default = taken and not args.gait
-    note = f"note: {', '.join(taken)} neither free nor given: as in {gait}" if by_default else ""
-    return GaitProblem(**settings), note
-
-
-def _choose_objectives(
-    settings: dict[str, Any], args: argparse.Namespace, known: "GaitProblem | None", method: str
-) -> None:
-    """The mean over the terrains, or each of them where the method looks for a front."""
-    several = takes_several(method)
-    if known:
-        _same("problem.objectives", args.objective, known.objectives, args.out)
-    settings.setdefault("objectives", args.objective or ("terrains" if several else "mean"))
-    count = len(set(args.terrain)) if args.terrain else 0
-    if settings["objectives"] == "terrains" and not several:
-        raise ValueError(f"objective: 'terrains' needs a method for several objectives; {method} takes one, the mean")
-    if settings["objectives"] == "terrains" and not known and count < 2:
-        raise ValueError("objective: 'terrains' needs at least two; repeat --terrain, or choose --objective mean")
-
-
-def _fix(settings: dict[str, Any], args: argparse.Namespace, free: Collection[str], gait: str) -> list[str]:
-    """Set what is not free, and clear what is; the names of what was taken from the gait."""
-    from optim.problems.inflatable.problem import PARTS
-
-    design = options.load_gait(gait)
-    taken = []
-    for part, name in PARTS.items():
-        given = getattr(args, name, None)
-        if part in free:
-            if given is not None:
-                hint = f"take {part} out of --free, or use --start-{name}"
-                told = ",".join(f"{value:g}" for value in (given if isinstance(given, tuple) else (given,)))
-                raise ValueError(f"{name}: {told} would fix what is free; {hint}")
-            settings[name] = None
-        elif given is not None:
-            settings[name] = given
-        elif args.gait or settings.get(name) is None:
-            settings[name] = getattr(design, name)
-            taken.append(name)
-    return taken
-
-
-def _method(args: argparse.Namespace, name: str, problem: "Problem", known: dict[str, Any] | None) -> dict[str, Any]:
+def _method(args: argparse.Namespace, name: str, design: Design, known: dict[str, Any] | None) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
-    from optim.problems.user_file import FileProblem
-
     given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}
-    if start := _start(args, problem):
-        given["start"] = start
+    if design.start:
+        given["start"] = dict(design.start)
     given |= dict(_setting(text) for text in args.set or ())
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
-    settings |= given
-    if name == "gradient" and not isinstance(problem, FileProblem):
-        settings["verify"] = True  # a relaxed judgement of a gait is never quite the true one
+    settings |= {**given, **design.settings}
     if name == "map-elites":  # the grid of the lab: the body
-        body = [name for name in problem.space.names if name == "orientation" or name.startswith("pressure")]
-        settings.setdefault("descriptors", body or list(problem.space.names[:2]))
+        names = design.problem.space.names
+        body = [each for each in names if each == "orientation" or each.startswith("pressure")]
+        settings.setdefault("descriptors", body or list(names[:2]))
     return settings
-
-
-def _start(args: argparse.Namespace, problem: "Problem") -> dict[str, float]:
-    """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
-    from optim.problems.inflatable.problem import GaitProblem
-    from optim.problems.inflatable.start import start_values
-    from robots.inflatable.cores import each_pressure
-
-    if not isinstance(problem, GaitProblem):
-        return {}
-    start = {} if args.start is None else start_values(problem, options.load_gait(args.start))
-    if args.start_orientation is not None:
-        start["orientation"] = args.start_orientation
-    if args.start_pressure is not None:
-        start |= dict(zip(problem.shape.pressures, each_pressure(args.start_pressure, problem.body), strict=True))
-    return start
 
 
 def _setting(text: str) -> tuple[str, Any]:

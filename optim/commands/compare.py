@@ -9,7 +9,7 @@ from optim.commands import Report, options
 from optim.wording import counted
 
 if TYPE_CHECKING:
-    from optim.runs.comparison import Difference
+    from optim.runs.comparison import Curve, Difference
 
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -27,6 +27,11 @@ def add_parser(commands: Any) -> None:
         "--by", choices=("evaluations", "generations", "seconds"), default="evaluations", help="(default: evaluations)"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help=f"picture of the curves ({', '.join(PICTURES)})")
+    parser.add_argument(
+        "--names",
+        metavar="NAMES",
+        help="of the groups, in their order, with commas between (default: methods)",
+    )
     options.add_json(parser)
     parser.set_defaults(run=run)
 
@@ -34,6 +39,7 @@ def add_parser(commands: Any) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Group, compare, draw."""
     from optim.runs import comparison
+    from optim.runs.config import score_in
     from optim.runs.history import read_history, runs_below
     from taichi_sim.base.files import replacing
 
@@ -41,7 +47,8 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
     histories = [read_history(path) for path in runs_below(args.runs)]
     comparison.check_comparable(histories)
-    curves = comparison.curves(histories, args.by)
+    curves = _named(comparison.curves(histories, args.by), args.names)
+    score = score_in(histories[0].config)
     end = comparison.shared_end(curves, args.by)
     differences = comparison.differences(curves, end)
     if args.out:
@@ -49,22 +56,34 @@ def run(args: argparse.Namespace) -> Report:
 
         try:
             with replacing(args.out) as aside:
-                save_curves(curves, args.by, aside)
+                save_curves(curves, args.by, aside, score.label)
         except OSError as error:
             raise ValueError(f"out: {args.out} cannot be written ({error.strerror})") from None
     document = {
+        "score": dataclasses.asdict(score),
         "by": args.by,
         "at": end,
         "groups": [dataclasses.asdict(comparison.standing(curve, end)) for curve in curves],
         "differences": [dataclasses.asdict(difference) for difference in differences],
         "picture": str(args.out) if args.out else None,
     }
-    return Report(document, "\n".join(_lines(document, differences)))
+    return Report(document, "\n".join(_lines(score.label, document, differences)))
 
 
-def _lines(document: dict[str, Any], differences: "list[Difference]") -> list[str]:
+def _named(curves: "list[Curve]", names: str | None) -> "list[Curve]":
+    """Curves with the names that the user gives their groups."""
+    if names is None:
+        return curves
+    given = [name.strip() for name in names.split(",")]
+    if len(given) != len(curves) or not all(given):
+        labels = "; ".join(curve.label for curve in curves)
+        raise ValueError(f"names: {names!r} is not allowed; give {len(curves)}, one for each of {labels}")
+    return [dataclasses.replace(curve, label=name) for curve, name in zip(curves, given, strict=True)]
+
+
+def _lines(score: str, document: dict[str, Any], differences: "list[Difference]") -> list[str]:
     end = counted(round(document["at"]), document["by"][:-1])
-    lines = [f"best scores after {end}: mean, its 95 % interval, best"]
+    lines = [f"best {score} after {end}: mean, its 95 % interval, best"]
     for group in document["groups"]:
         number = counted(group["count"], group["unit"][:-1])
         if group["without_success"]:

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
-from optim.commands.kept_points import kept_point_of
+from optim.commands.robots import loaded, named_source
 from optim.wording import counted
+from robots.robot import Robot
 
 if TYPE_CHECKING:
     from robots.hardware import GaitTable
-    from robots.inflatable.design import InflatableDesign
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
@@ -64,7 +64,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Write the CSV file and the picture, or tell what would be written."""
-    from robots.hardware import PneumaticRig, RigViolation, gait_table, write_csv
+    from robots.hardware import PneumaticRig, RigViolation, write_csv
     from taichi_sim.base.files import check_parent
 
     if not (args.csv or args.dry_run or args.plot):
@@ -79,9 +79,9 @@ def run(args: argparse.Namespace) -> Report:
     if args.csv and args.plot and args.csv.absolute() == args.plot.absolute():
         raise ValueError(f"plot: {args.plot} is the table, too; name another file")
     rig = PneumaticRig.load(args.rig)
-    design, seed = _design(args.source, args.member)
+    robot, seed = _robot(args.source, args.member)
     try:
-        table = gait_table(design, rig, args.units, rate=args.rate, on_violation=args.on_violation, seed=seed)
+        table = robot.table(rig=rig, units=args.units, rate=args.rate, on_violation=args.on_violation, seed=seed)
     except RigViolation as refusal:
         if not args.dry_run:
             raise
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> Report:
         return Report({"source": str(args.source), "violations": violations}, text, REFUSED)
     unsampled = None
     if args.rate is not None:
-        unsampled = gait_table(design, rig, args.units, on_violation=args.on_violation).seconds
+        unsampled = robot.table(rig=rig, units=args.units, on_violation=args.on_violation).seconds
     if args.csv and not args.dry_run:
         write_csv(table, args.csv)
     if args.plot:
@@ -123,17 +123,14 @@ def _report(args: argparse.Namespace, table: "GaitTable", unsampled: float | Non
     return Report(document, text)
 
 
-def _design(source: Path, member: int | None) -> "tuple[InflatableDesign, int | None]":
+def _robot(source: Path, member: int | None) -> tuple[Robot, int | None]:
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
-    if source.is_file() or (str(source) in options.GAITS and not source.exists()):
-        if member is not None:
-            raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-        return options.load_gait(str(source)), None
-    if not source.is_dir():
-        raise ValueError(f"source: {source} is neither a run nor the file of a design")
-    from optim.problems.inflatable.problem import GaitProblem
-    from optim.runs.history import read_history
+    named = named_source(str(source))
+    if named.run is None and member is not None:
+        raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
+    robot, _ = loaded(named, {}, member)
+    if named.run is None:
+        return robot, None
+    from optim.runs.config import read_config
 
-    history = read_history(source)
-    problem, point = kept_point_of(history, GaitProblem.from_description, member)
-    return problem.design(point), history.config["method"].get("seed")
+    return robot, read_config(named.run)["method"].get("seed")

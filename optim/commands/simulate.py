@@ -1,57 +1,31 @@
-"""``morpholab simulate``: one gait on one terrain."""
+"""``morpholab simulate``: one robot in one world."""
 
 import argparse
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from optim.commands import FAILED, Report, options
+from optim.commands.robots import RobotOptions, early, loaded, named_by, refuse_foreign, world_and_own
 from optim.progress import shown_progress
-from robots.world import Terrain
-
-if TYPE_CHECKING:
-    from robots.inflatable.design import InflatableDesign
+from robots.robot import OK, Outcome, Robot, World
+from taichi_sim.base.options import given
 
 
 def add_parser(commands: Any) -> None:
     """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
+    parser: RobotOptions = commands.add_parser(
         "simulate",
-        help="simulate a gait",
-        description="Simulate a gait and say how far and how fast the robot goes.",
+        help="simulate a robot",
+        description="Simulate a robot and say how far and how fast it goes, or what else it is judged by.",
     )
+    options.add_robot(parser, "one of a kind does what --gait says, or what searches of it start with")
     parser.add_argument(
-        "--gait", required=True, metavar="GAIT", help="inching, rolling, the file of a design, or a gait table as CSV"
+        "--gait", metavar="GAIT", help="inching, rolling, the file of a design of any kind, or a gait table as CSV"
     )
-    parser.add_argument(
-        "--from-rows",
-        action="store_true",
-        help="of a gait table, what its rows play, by the inverse of its pressure map, not the design in its header",
-    )
-    options.add_terrain(parser, "(default: flat)")
-    parser.add_argument(
-        "--pressure",
-        type=options.pressure(),
-        metavar="PA",
-        help="of the core, or such as 12000,0 of each of several (default: the gait's own)",
-    )
-    parser.add_argument(
-        "--orientation",
-        type=options.number(0.0, 90.0, "degrees"),
-        metavar="DEGREES",
-        help="0 rolls, 90 inches uphill (default: the gait's own)",
-    )
-    parser.add_argument(
-        "--perturbation",
-        type=options.number(0.0, unit="m"),
-        default=0.0,
-        metavar="M",
-        help="standard deviation of noise on the start positions (default: 0)",
-    )
-    parser.add_argument("--seed", type=options.whole(0), default=0, help="of the noise (default: 0)")
     parser.add_argument(
         "--record-every",
         type=options.whole(1),
@@ -61,143 +35,81 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--judge",
         action="store_true",
-        help="tell what the gait is worth: mean speed of eight runs from starts that differ by 10 nm, what remains of "
-        "it under harder conditions, and how far feet slip while they grip",
+        help="tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
+        "nm, what remains of it under harder conditions, and how far feet slip while they grip",
     )
     parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="new folder for design.json, result.json, gait.csv and robot.png",
+        help="new folder for design.json, result.json and robot.png, of gaits also gait.csv",
     )
-    options.add_calibration(parser)
-    options.add_robot(parser, precision="f64")
+    options.add_compute(parser, precision="f64")
     options.add_json(parser)
-    parser.set_defaults(run=run)
+    find = lambda words: [named_by(*vars(early(words, "--robot", "--gait")).values()).kind]  # noqa: E731
+    parser.take_robots(find, world_and_own("simulate"))
+    parser.set_defaults(run=run, parser=parser)
 
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
-    from robots.inflatable import simulation
-    from robots.inflatable.design import InflatableDesign
-    from robots.inflatable.simulation import sideways
-
+    if args.robot is None and args.gait is None:
+        raise ValueError("gait: none is given; name a gait or a design, or another kind of robot by --robot")
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
     options.claim_folder(args)
-    design = options.load_gait(args.gait, args.from_rows)
-    design = InflatableDesign(
-        design.pressure if args.pressure is None else args.pressure,
-        design.orientation if args.orientation is None else args.orientation,
-        options.cut(design.schedule, args.columns, args.repeats),
-    )
-    terrain = options.chosen_terrain(args) or Terrain()
-    robot, geometry, weight = _robot(args, design)
+    named = named_by(args.robot, args.gait)
+    refuse_foreign(args)
+    own = [option for option in named.kind.options if not option.commands or "simulate" in option.commands]
+    robot, worlds = loaded(named, given(own, args))
+    world = named.kind.chosen_world(given(named.kind.world_options, args)) or worlds[0]
+    compute, what = options.compute(args, "f64"), args.gait or args.robot
+    title = f"{what} {world.where}".strip()
+    about = {"gait" if args.gait else "robot": what, named.kind.world_option: world.name}
     if args.judge:
-        return _judge(args, design, terrain, robot)
-    title = f"{args.gait} {terrain.where}"
+        if args.out:
+            raise ValueError(f"out: {args.out} is not allowed with --judge, which plays both weights with noise")
+        with shown_progress(f"{title}, judged", 1.0) as update:
+            found = robot.judge(world, compute=compute, progress=update)
+        code = FAILED if found.failed else 0
+        calibration = {name: value for name, value in robot.document().items() if name == "calibration"}
+        return Report({**about, **calibration, **found.document}, f"{title}: {found.text}", code)
     with shown_progress(title, 1.0) as update:
-        result = simulation.simulate(
-            [design],
-            terrain,
-            **robot,
-            precision=args.precision or "f64",
-            device=args.device or "cpu",
-            threads=args.threads,
-            record_every=args.record_every,
-            perturbation=args.perturbation,
-            seed=args.seed,
-            progress=update,
-        )
-    numbers = {name: float(getattr(result, name)[0]) for name in ("distance", "speed", "speed_simulated")}
-    numbers["sideways"] = float(sideways(result.displacement, [design.orientation])[0])
+        outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
+    return _report(args, robot, world, outcome, title, about)
+
+
+def _report(
+    args: argparse.Namespace, robot: Robot, world: World, outcome: Outcome, title: str, about: dict[str, Any]
+) -> Report:
+    """What the command says, and the files that it writes."""
+    ok = outcome.status[0] == OK
+    numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
     document = {
-        "gait": args.gait,
-        "terrain": terrain.name,
-        "pressure": design.pressure,
-        "orientation": design.orientation,
-        "schedule": design.schedule.to_text(),
-        "repeats": design.schedule.repeats,
-        "geometry": geometry,
-        "weight": weight,
-        **_rig(args),
-        "status": str(result.status[0]),
-        "steps": int(result.steps[0]),
+        **about,
+        **robot.document(),
+        "status": str(outcome.status[0]),
+        **({"reason": str(outcome.reason[0])} if outcome.reason[0] else {}),
+        "steps": int(outcome.steps[0]),
         **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
     }
     if args.out is not None:
-        _write(args.out, design, terrain, robot, document, result.frames)
-    text = f"{title}: {document['status']} after {document['steps']:,} steps"
-    failed = document["status"] != "ok"
-    if not failed:
-        text += (
-            f"\ndistance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the "
-            f"{'left' if numbers['sideways'] >= 0 else 'right'}, speed {numbers['speed']:.4f} BL/s "
-            f"(published convention; {numbers['speed_simulated']:.4f} in the time simulated)"
-        )
-    return Report(document, text, FAILED if failed else 0)
+        _write(args.out, robot, world, document, outcome)
+    told = outcome.told[0] if outcome.reason[0] else f"{outcome.status[0]} after {document['steps']:,} steps"
+    text = f"{title}: {told}" + (f"\n{robot.spoken(outcome)}" if ok else "")
+    return Report(document, text, 0 if ok else FAILED)
 
 
-def _judge(args: argparse.Namespace, design: "InflatableDesign", terrain: Terrain, robot: dict[str, Any]) -> Report:
-    """What the gait is worth, see ``robots.inflatable.robustness``."""
-    from robots.inflatable.robustness import judge_gait
-
-    for name in ("out", "weight", "perturbation"):
-        if value := getattr(args, name):
-            raise ValueError(f"{name}: {value} is not allowed with --judge, which plays both weights with noise")
-    title = f"{args.gait} {terrain.where}"
-    with shown_progress(f"{title}, judged", 1.0) as update:
-        found = judge_gait(
-            design,
-            terrain,
-            **robot,
-            seed=args.seed,
-            precision=args.precision or "f64",
-            device=args.device or "cpu",
-            threads=args.threads,
-            progress=update,
-        )
-    document = {"gait": args.gait, "terrain": terrain.name, **_rig(args), **found.to_document()}
-    if found.diverged:
-        return Report(document, f"{title}: {'; '.join(found.faults)}", FAILED)
-    speeds = (f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds))
-    text = f"{title}: {next(speeds)}, {len(found.speeds)} runs\nharder conditions: {next(speeds)}"
-    slip = f"{found.slip_ratio:.2f} of the way while they grip, standard deviation {found.slip_deviation:.2f}"
-    text += f"\nfeet slip {slip}; {found.steps:,} steps\n"
-    text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
-    return Report(document, text)
-
-
-def _rig(args: argparse.Namespace) -> dict[str, str]:
-    """The calibration, if there is one, for the document."""
-    return {} if args.calibration is None else {"calibration": str(args.calibration)}
-
-
-def _robot(args: argparse.Namespace, design: "InflatableDesign") -> tuple[dict[str, Any], str, str]:
-    """Geometry and actuation, and the names of the geometry and of how bladders weigh."""
-    rig = options.load_rig(args.calibration)
-    name, weight = args.geometry or (rig[1] if rig else "published"), args.weight or "published"
-    return options.inflatable_robot(name, weight, rig[0] if rig else None, design), name, weight
-
-
-def _write(
-    folder: Path,
-    design: "InflatableDesign",
-    terrain: Terrain,
-    robot: dict[str, Any],
-    document: dict[str, Any],
-    frames: Any,
-) -> None:
-    from robots.hardware import export_csv
-    from robots.inflatable.cores import common_pressure
-    from robots.inflatable.files import save_design
-    from robots.view.picture import save_motion_picture
+def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> None:
+    from robots.hardware import write_csv
+    from robots.view.picture import save_robot_picture
 
     folder.mkdir(parents=True, exist_ok=True)
-    save_design(design, folder / "design.json")
+    robot.save((), folder / "design.json")
     (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
-    if frames is not None:
-        np.savez_compressed(folder / "frames.npz", **vars(frames))
-    if common_pressure(design.pressure) is not None:  # else no rig plays it
-        export_csv(design, folder / "gait.csv", on_violation="clip")  # the header tells what was clipped
-    save_motion_picture(design, terrain, folder / "robot.png", **robot)
+    if outcome.frames:
+        frames: dict[str, Any] = dict(outcome.frames)
+        np.savez_compressed(folder / "frames.npz", **frames)
+    if robot.exportable:
+        write_csv(robot.table(on_violation="clip"), folder / "gait.csv")  # the header tells what was clipped
+    save_robot_picture(robot, world, folder / "robot.png")

@@ -1,10 +1,12 @@
 """``morpholab status``: how far runs are."""
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options
+from optim.problem import Objective
 from optim.wording import counted, spoken_duration
 
 if TYPE_CHECKING:
@@ -38,6 +40,8 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _document(history: "History") -> dict[str, Any]:
+    from optim.runs.config import score_in
+
     last = history.generations[-1] if history.generations else None
     return {
         "folder": str(history.path),
@@ -47,6 +51,7 @@ def _document(history: "History") -> dict[str, Any]:
         "generations": history.config["generations"],
         "evaluations": last.evaluations if last else 0,
         "failed": sum(generation.failed for generation in history.generations),
+        "score": dataclasses.asdict(score_in(history.config)),
         "best": last.best if last else None,
         "mean": last.mean if last else None,
         "best_details": last.best_details if last else None,
@@ -63,11 +68,11 @@ def _text(document: dict[str, Any]) -> str:
         return f"{head}: {document['reason'].removeprefix(document['folder'] + ': ')}"
     if document["generation"] is None:
         return f"{head}, {document['method']}, no complete generation yet of {document['generations'] + 1}"
-    best = "none" if document["best"] is None else f"{document['best']:.4f}"
+    score = Objective(**document["score"])
     parts = [
         f"{head}, {document['method']}",
         f"generation {document['generation']}/{document['generations']}",
-        f"best {best}",
+        f"best {score.name} {score.value(document['best'])}",
         f"{counted(document['evaluations'], 'evaluation')} ({document['failed']} failed)",
     ]
     if document["seconds_per_generation"] is not None:

@@ -124,14 +124,14 @@ def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget:
     axes.set(xlabel="evaluations", xlim=(0, budget), ylim=(0, 1.02))
 
 
-def save_curves(curves: Sequence[Curve], axis: str, path: Path) -> None:
-    """Write the picture of :func:`draw_curves`; the suffix of the path chooses the format."""
+def save_curves(curves: Sequence[Curve], axis: str, path: Path, score: str = "score") -> None:
+    """Write the picture of :func:`draw_curves`; the suffix of the path chooses the format, ``score`` names the axis."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 4.2), layout="constrained")
     axes = figure.add_subplot()
     draw_curves(axes, curves, axis)
-    axes.set_ylabel("best score so far")
+    axes.set_ylabel(f"best {score} so far")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize="small")
     figure.savefig(path, dpi=150)

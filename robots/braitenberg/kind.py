@@ -7,7 +7,6 @@ from typing import Any
 from robots.braitenberg.body import CONTROLLERS, FORMAT
 from robots.robot import Option, Robot
 from robots.world import EnvironmentKind
-from taichi_sim.base import checks
 from taichi_sim.base.options import whole
 
 DESIGN = Option(
@@ -38,6 +37,7 @@ class VehicleKind(EnvironmentKind):
         """Sensors and weights to be searched; or the vehicle of a file, of which nothing is free."""
         from robots.braitenberg.body import VehicleBody
         from robots.braitenberg.offered import Vehicle, VehicleRobot, load_vehicle
+        from robots.control.neural import pair_of
 
         if source is not None:
             for name in options:
@@ -58,16 +58,3 @@ class VehicleKind(EnvironmentKind):
         from robots.braitenberg.offered import vehicle_of_description
 
         return vehicle_of_description(description)
-
-
-def pair_of(text: str) -> tuple[float, float]:
-    """Two weights, as ``1,-0.5``.
-
-    Raises:
-        ValueError: for anything else.
-    """
-    try:
-        first, second = (checks.number("controller", float(part)) for part in text.split(","))
-    except ValueError:
-        raise ValueError(f"controller: {text!r} is not allowed; give two numbers, such as 1,-0.5") from None
-    return first, second

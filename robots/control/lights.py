@@ -1,13 +1,15 @@
 """Robots that a network steers to a light, as kinds of robots: their worlds are places of the light."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.robot import HERE, Outcome, Progress, Robot, RobotKind, World
+from robots.robot import HERE, Option, Outcome, Progress, Robot, RobotKind, World
+from robots.world import Environment
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -42,8 +44,8 @@ class LightAt:
 
     @property
     def where(self) -> str:
-        """Its place, after the name of a motion."""
-        return f"at light {self.name}"
+        """Nothing: names of motions do without."""
+        return ""
 
     @property
     def place(self) -> tuple[float, float]:
@@ -55,8 +57,32 @@ class LightKind(RobotKind):
     """A kind of robot whose worlds are places of a light."""
 
     world_option = "light"
+    world_hint = "its place in metres, such as 9,0"
 
-    def world(self, text: str) -> LightAt:
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Places of the light in the four published environments [m]."""
+        raise NotImplementedError
+
+    @property
+    def world_options(self) -> tuple[Option, ...]:
+        """A place of the light, or the number of an environment."""
+        told = "place of the light, by the number of an environment, from 1 to 4 (default: 1)"
+        return (*super().world_options, Option("environment", told, metavar="N"))
+
+    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
+        """The world of a place, or of an environment's number.
+
+        Raises:
+            ValueError: for both of them, and unknown environments.
+        """
+        light, number = options.get("light"), options.get("environment")
+        if number is None:
+            return super().chosen_world(options)
+        if light is not None:
+            raise ValueError(f"environment: {number} is not allowed beside --light {light}; give one of them")
+        return LightAt(*self.places()[Environment.parse(number).number - 1])
+
+    def world(self, text: Any) -> LightAt:
         """The world with a light at ``x,y`` [m]."""
         values = [value_of(part) for part in text.split(",")]
         if len(values) != 2 or any(isinstance(value, str) for value in values):

@@ -1,13 +1,18 @@
 """Controllers of rigid robots: weights from each sensor to each motor neuron, tried in several environments."""
 
+import json
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
+from taichi_sim.base.files import read_text, why_unread
 
 Lights = Sequence[Sequence[float]]
 Body = TypeVar("Body")
@@ -94,3 +99,36 @@ class Trials(Generic[Body]):
     def by_environment(self, values: Any) -> Any:
         """Values of the trials, (N E, ...), by controllers and environments, (N, E, ...)."""
         return np.reshape(values, (*self.shape, *np.shape(values)[1:]))
+
+
+def pair_of(text: str) -> tuple[float, float]:
+    """Two weights, as ``1,-0.5``.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    try:
+        first, second = (checks.number("controller", float(part)) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"controller: {text!r} is not allowed; give two numbers, such as 1,-0.5") from None
+    return first, second
+
+
+def load_weights(path: Path, sensors: int, motors: int) -> Floats:
+    """Weights of a ``.npy`` or JSON file, (sensors, motors).
+
+    Raises:
+        ValueError: if the file cannot be read, or holds no such table of finite numbers.
+    """
+    try:
+        found = np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))
+        weights = np.asarray(found, float)
+    except OSError as error:
+        raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None
+    except (ValueError, TypeError, OverflowError, EOFError, RecursionError, zipfile.BadZipFile):
+        raise ValueError(f"controller: {path} holds no table of numbers") from None
+    if not np.isfinite(weights).all():
+        raise ValueError(f"controller: {path} holds numbers that are not finite")
+    if weights.shape != (sensors, motors):
+        raise ValueError(f"controller: {path} has shape {weights.shape}, which is not allowed; give {sensors, motors}")
+    return weights

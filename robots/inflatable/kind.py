@@ -1,6 +1,5 @@
 """The inflatable robot as a kind of robot: a design of its gait and shape, by name or from a file."""
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,22 +82,14 @@ class InflatableKind(TerrainKind):
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""
+        from robots.calibration import load_calibration
         from robots.inflatable.offered import InflatableRobot
 
-        design = load_gait(source or GAITS[0], bool(options.get("from_rows")))
-        rig = load_rig(options.get("calibration"))
-        schedule = cut(design.schedule, options.get("columns"), options.get("repeats"))
-        changed = {name: options[name] for name in ("pressure", "orientation") if name in options}
-        return InflatableRobot(
-            dataclasses.replace(design, schedule=schedule, **changed),
-            geometry=options.get("geometry") or (rig[1] if rig else "published"),
-            weight=options.get("weight", "published"),
-            properties=rig[0] if rig else None,
-            calibration=options.get("calibration"),
-            perturbation=options.get("perturbation", 0.0),
-            seed=options.get("seed", 0),
-            title=Path(source).stem if source and source not in GAITS else source or GAITS[0],
-        )
+        named = source or GAITS[0]
+        title = named if named in GAITS else Path(named).stem
+        gait = load_gait(named, bool(options.get("from_rows")))
+        geometry = load_calibration(options["calibration"])[1] if "calibration" in options else GEOMETRIES[0]
+        return InflatableRobot(gait, geometry, title=title).changed(options)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs and gait tables."""
@@ -120,19 +111,3 @@ def load_gait(text: str, from_rows: bool = False) -> "InflatableDesign":
     if text not in known and not Path(text).is_file():
         raise ValueError(f"gait: {text!r} is neither a known gait ({', '.join(known)}) nor a file")
     return read_design(Path(text), from_rows)
-
-
-def load_rig(path: Path | None) -> Any:
-    """Properties and the name of the geometry of a calibration file; None without one."""
-    if path is None:
-        return None
-    from robots.calibration import load_calibration
-
-    return load_calibration(path)
-
-
-def cut(schedule: Any, columns: int | None, repeats: int | None) -> Any:
-    """The first columns of a schedule, and how often they are played; None keeps what there is."""
-    if columns is not None and columns > schedule.columns:
-        raise ValueError(f"columns: {columns} is not allowed; the gait has {schedule.columns}")
-    return schedule.cut(columns, repeats)

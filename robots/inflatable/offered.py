@@ -1,7 +1,7 @@
 """What the inflatable robot offers to commands, searches, views and reports: one design, simulated and played."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,12 +9,13 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from robots.calibration import NAMES, UNITS, Properties, robot_of
+from robots.calibration import NAMES, UNITS, Properties, load_calibration, robot_of
 from robots.inflatable import files, simulation, timing
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.cores import common_pressure
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import InflatableResult, sideways
 from robots.robot import (
     FRAMES,
@@ -95,6 +96,18 @@ class InflatableRobot(Robot):
         """Its body, and how it is driven."""
         return robot_of(self.geometry, self.weight, self.properties)
 
+    def changed(self, options: Mapping[str, Any]) -> "InflatableRobot":
+        """With another body, the properties of another rig, a part of the gait, or noise."""
+        rig = load_calibration(options["calibration"]) if "calibration" in options else None
+        gait = {name: options[name] for name in ("pressure", "orientation") if name in options}
+        schedule = cut(self.gait.schedule, options.get("columns"), options.get("repeats"))
+        own = {"properties": rig[0], "calibration": options["calibration"]} if rig else {}
+        if "columns" in options or "repeats" in options:
+            own["speeds"] = None  # they are counted by the whole gait
+        more = {name: options[name] for name in ("geometry", "weight", "perturbation", "seed") if name in options}
+        changed = dataclasses.replace(self.gait, schedule=schedule, **gait)
+        return dataclasses.replace(self, gait=changed, **{**own, **more})
+
     def simulate(
         self,
         points: ArrayLike,
@@ -118,12 +131,12 @@ class InflatableRobot(Robot):
             seed=self.seed,
             progress=progress,
         )
-        if self.speeds is not None:
-            result = dataclasses.replace(result, speed=self.speeds(result))
         left = sideways(result.displacement, [design.orientation for design in designs])
         measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
         frames = {} if result.frames is None else vars(result.frames)
         measures = {**measures, "sideways": left}
+        if self.speeds is not None:
+            measures["speed"] = self.speeds(result)
         return Outcome(measures, result.status, steps=result.steps, frames=frames, result=result)
 
     def replay(
@@ -145,7 +158,8 @@ class InflatableRobot(Robot):
         every = record_every(timing.gait_steps(self.gait.schedule, actuation), frames)
         outcome = self.simulate((), terrain, compute=compute, record_every=every, progress=progress)
         motion = inflatable_motion(outcome.result, self.gait, terrain, actuation=actuation, name=name or self.name)
-        return Replay(outcome, motion, inflatable_title(outcome.result, self.gait, terrain))
+        counted = dataclasses.replace(outcome.result, speed=outcome.measures["speed"])
+        return Replay(outcome, motion, inflatable_title(counted, self.gait, terrain))
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design, for ``robots.inflatable.load_design``."""
@@ -256,6 +270,17 @@ class InflatableRobot(Robot):
         picture.save_motion_picture(
             self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
         )
+
+
+def cut(schedule: GaitSchedule, columns: int | None, repeats: int | None) -> GaitSchedule:
+    """The first columns of a schedule, and how often they are played; None keeps what there is.
+
+    Raises:
+        ValueError: for more columns than the schedule has.
+    """
+    if columns is not None and columns > schedule.columns:
+        raise ValueError(f"columns: {columns} is not allowed; the gait has {schedule.columns}")
+    return schedule.cut(columns, repeats)
 
 
 def kilopascals(name: str, gait: InflatableDesign) -> dict[str, float]:

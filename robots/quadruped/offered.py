@@ -4,15 +4,19 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
+from robots.control.neural import random_weights
 from robots.quadruped.body import MOTORS, SENSORS, STEPS, TIME_STEP, TWO_ENVIRONMENTS, VARIANTS, Kind, Quadruped
 from robots.quadruped.simulation import QuadrupedResult, differentiate, simulate
 from robots.robot import FRAMES, HERE, Facts, Measure, Parameter, Progress, Replay, World
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+
+FIRST = random_weights(1, SENSORS, MOTORS, np.random.default_rng(0))  # of a robot that nobody has trained
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,11 @@ class OfferedQuadruped(LightSeeker):
     kind = "quadruped"
     measures = (Measure("light", "1/m²", "light at the end"), Measure("approach", "m", "approach to the light"))
     worlds = tuple(LightAt(*place) for place in TWO_ENVIRONMENTS)
-    parameters = tuple(Parameter(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(SENSORS) for m in range(MOTORS))
+    parameters = tuple(
+        Parameter(f"w{s}_{m}", -1.0, 1.0, step=0.05, start=float(FIRST[0, s, m]))
+        for s in range(SENSORS)
+        for m in range(MOTORS)
+    )
     horizons = (1, 2, 5)
 
     def __post_init__(self) -> None:

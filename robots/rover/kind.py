@@ -22,14 +22,28 @@ class RoverKind(LightKind):
         Option("castor_mass", "of the ball in front, in kg", number(1e-6), "KG"),
         Option("wheel_radius", "of wheels and castor, in metres", number(1e-6), "M"),
         Option("torque", "largest of each motor, in N m", number(0), "N"),
+        Option("design", "sensors: a body of the published grid, 1 to 6561 (default: 6553)", whole(1), "N"),
+        Option("controller", "two weights such as 1,-0.5 (default: free in searches, else 1,1)", metavar="W"),
     )
+
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Places of the light in the published environments [m]."""
+        from robots.rover.body import LIGHTS
+
+        return LIGHTS
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The rover of options; with the canonical sensors by default."""
+        from robots.control.neural import pair_of
         from robots.rover.body import BEST, Rover
         from robots.rover.offered import OfferedRover
 
         given = dict(options)
+        controller, design = given.pop("controller", None), given.pop("design", None)
+        if design is not None:
+            if source is not None or "sensors" in given:
+                raise ValueError(f"design: {design} is not allowed beside other sensors; leave them out")
+            given["sensors"] = Rover.published(design).sensors
         looks = {"looks": given.pop("looks")} if "looks" in given else {}
         if source is not None:
             if source not in self.designs:
@@ -38,4 +52,5 @@ class RoverKind(LightKind):
         places = given.get("sensors")
         if isinstance(places, tuple | list) and len(places) == 4:
             given["sensors"] = (tuple(places[:2]), tuple(places[2:]))
-        return OfferedRover(Rover(**given), **looks)
+        robot = OfferedRover(Rover(**given), **looks)
+        return robot if controller is None else robot.design(pair_of(controller))

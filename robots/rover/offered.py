@@ -33,11 +33,17 @@ class OfferedRover(LightSeeker):
         Measure("reached", "", "lights reached"),
     )
     worlds = tuple(LightAt(*place) for place in LIGHTS)
-    parameters = tuple(Parameter(name, -1.0, 1.0, step=0.05) for name in ("w1", "w2"))
+    parameters = tuple(Parameter(name, -1.0, 1.0, step=0.05, start=1.0) for name in ("w1", "w2"))
     horizons = (5, 10, 20)
 
     def __post_init__(self) -> None:
         checks.whole_number("looks", self.looks, 2)
+
+    @property
+    def name(self) -> str:
+        """With the number of its sensors in the published grid, if they have one."""
+        number = self.body.vehicle.design
+        return "rover" if number is None else f"rover {number}"
 
     def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> RoverResult:
         """Pairs of weights in the body, in one environment."""

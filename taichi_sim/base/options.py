@@ -39,9 +39,9 @@ class Option:
         """The option as the command line spells it, such as ``--name``."""
         return "--" + self.name.replace("_", "-")
 
-    def add(self, parser: Any, hidden: bool = False) -> None:
-        """Declare the option to a parser or group; it is None if not given. The help leaves out hidden options."""
-        settings: dict[str, Any] = {"dest": self.name, "help": argparse.SUPPRESS if hidden else self.help}
+    def add(self, parser: Any) -> None:
+        """Declare the option to a parser or group; it is None if not given."""
+        settings: dict[str, Any] = {"dest": self.name, "help": self.help}
         if self.type is None:
             parser.add_argument(self.flag, action="store_true", default=None, **settings)
             return
@@ -50,6 +50,11 @@ class Option:
         elif self.metavar:
             settings["metavar"] = self.metavar
         parser.add_argument(self.flag, type=self.type, action="append" if self.several else "store", **settings)
+
+    def add_hidden(self, parser: Any) -> None:
+        """Declare the option to a parser that will refuse it: the help leaves it out, and any text is a value."""
+        kind = {"action": "store_true", "default": None} if self.type is None else {}
+        parser.add_argument(self.flag, dest=self.name, help=argparse.SUPPRESS, **kind)
 
 
 def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:

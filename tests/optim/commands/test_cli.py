@@ -118,7 +118,7 @@ BAD_CODESIGN = [
 ]
 BAD_LINES = [
     ("simulate --gait rollin", "gait: 'rollin' is neither a known gait (inching, rolling) nor a file"),
-    ("simulate", "the following arguments are required: --gait"),
+    ("simulate", "gait: none is given; name a gait or a design"),
     ("simulate --gait broken.json", "broken.json: "),
     ("codesign --out new", "terrain: none given; say where"),
     ("codesign --out new --resume", "terrain: none given, and new holds no run to continue; say where"),
@@ -134,7 +134,7 @@ BAD_LINES = [
     ("export rolling --csv a.csv --plot new/x.png", "plot: new/x.png cannot be written; there is no folder new"),
     ("export rolling --csv a.png --plot a.png", "plot: a.png is the table, too; name another file"),
     ("export rolling --csv ''", "csv: . is a folder; name a file"),
-    ("export nothing --csv a.csv", "source: nothing is neither a run nor the file of a design"),
+    ("export nothing --csv a.csv", "source: 'nothing' is no robot (inching, rolling, "),
     ("export broken.json --csv a.csv", "broken.json: "),
     ("codesign --out new --terrain flat --workers 100000", "argument --workers: 100000 is not allowed; give a whole"),
     ("view rolling --out page.png", "out: page.png is not allowed; give a name that ends in .html or .htm"),

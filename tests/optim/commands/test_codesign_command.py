@@ -49,7 +49,7 @@ def test_codesign_end_to_end(morpholab, simulator, tmp_path):
 
 def test_codesign_ends_with_the_speed_on_screen(morpholab):
     code, out, error = morpholab(f"codesign --terrain flat --out a --quiet {SHORT}")
-    assert code == 0 and re.search(r"best gait: -?0\.\d{4} BL/s \(flat -?0\.\d{4}\) after 16 evaluations", out)
+    assert code == 0 and re.search(r"best speed: -?0\.\d{4} BL/s \(flat -?0\.\d{4}\) after 16 evaluations", out)
     assert error == ""
 
 

@@ -38,9 +38,9 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert document["files"] == ["best.json"]
     (tmp_path / "my_robot.py").rename(tmp_path / "gone.py")  # the run knows its robot
     code, out, _ = morpholab(f"codesign --resume --generations 2 --out runs/x {QUICK}")
-    assert code == 0 and out.startswith("best robot: ")
+    assert code == 0 and out.startswith("best speed: ")
     config = tomllib.loads((tmp_path / "runs/x/config.toml").read_text())
-    assert config["problem"]["terrain"]["slope"] == 3.0 and "drives" in json.loads(config["problem"]["robot"])
+    assert config["problem"]["worlds"] == [{"slope": 3.0}] and "drives" in json.loads(config["problem"]["robot"])
     code, out, _ = morpholab(f"view runs/x runs/x/best.json gone.py --frames 20 --out page.html {QUICK}")
     assert code == 0 and [line.partition(":")[0] for line in out.splitlines()[:3]] == [
         "x on hill",
@@ -74,11 +74,14 @@ def test_gradients_of_a_users_file_are_checked_and_followed(morpholab, mine):
     ("line", "message"),
     [
         ("codesign --robot none.py --out r", "robot: none.py is no file"),
-        ("codesign --robot my_robot.py --free shape --out r", "free: it is of the inflatable robot's gaits; leave it"),
-        ("codesign --robot my_robot.py --start-pressure 5 --out r", "start-pressure: it is of the inflatable robot's"),
-        ("codesign --robot my_robot.py --terrain flat --terrain hill:3 --out r", "terrain: 2 are not allowed"),
-        ("gradient-check --robot my_robot.py --gait rolling", "gait: it is of the inflatable robot's gaits"),
-        ("gradient-check --robot my_robot.py --horizons 0,1", "horizons: '0,1' is not allowed; give numbers of cycles"),
+        (
+            "codesign --robot my_robot.py --free shape --out r",
+            "free: it is an option of other kinds",
+        ),
+        ("codesign --robot my_robot.py --start-pressure 5 --out r", "start-pressure: it is an option of other kinds"),
+        ("codesign --robot my_robot.py --terrain flat --terrain flat --out r", "terrain: flat, flat; give none twice"),
+        ("gradient-check --robot my_robot.py --gait rolling", "gait: my_robot.py is a robot by itself; leave it out"),
+        ("gradient-check --robot my_robot.py --horizons 0,1", "horizons: '0,1' is not allowed; give whole numbers"),
         ("codesign --robot fixed.py --out r", "robot: nothing of it is free to change; make some value Free"),
         ("view broken.py --quiet --out a.html", "broken.py: NameError: name 'x' is not defined"),
         ("view bomb.vxa --quiet --out a.html", "bomb.vxa: file: a document type is not allowed"),

@@ -122,7 +122,7 @@ def test_status_compare_and_report_need_no_file(rocket, morpholab):
     page = (rocket / "one.html").read_text()
     assert (code, error) == (0, "") and "The best height found is" in page and "rocket.py, SHA-256" in page
     code, _, error = morpholab("view runs/random1 --out v.html")
-    assert code == 2 and "which has no view" in error
+    assert code == 2 and "which is no robot" in error
     (rocket / "rocket.py").write_text(ROCKET.replace("100", "101"))
     assert morpholab(f"codesign --problem rocket.py --out other --generations 1 {SHORT}")[0] == 0
     code, _, error = morpholab("compare runs/random1 other")
@@ -160,8 +160,8 @@ def test_a_killed_run_of_a_class_with_two_objectives_goes_on(valley, morpholab):
         ("bounds = {}", "", "problem: own.py: it sets neither problem nor bounds and a function evaluate"),
         ("problem = 3", "", "problem: own.py: problem: space and evaluate missing; derive it from optim.Problem"),
         ("bounds = {'x': (1, 0)}\ndef evaluate(p): ...", "", "problem: own.py: x: bounds 1.0 to 0.0 are not allowed"),
-        (ROCKET, "--terrain flat", "terrain: it is of robots; leave it out with --problem"),
-        (ROCKET, "--encoding bits", "encoding: it is of robots; leave it out with --problem"),
+        (ROCKET, "--terrain flat", "terrain: the file of --problem says what is designed"),
+        (ROCKET, "--encoding bits", "encoding: the file of --problem says what is designed"),
         (ROCKET, "--method cmaes", "argument --method: 'cmaes' is unknown; did you mean cma?"),
         (
             CLASS.replace("from beside import BEST", "BEST = 1"),

@@ -78,8 +78,13 @@ def test_runs_that_differ_in_their_seed_are_one_group(morpholab, tmp_path):
     assert difference["effect"]["difference"] == pytest.approx(np.mean(best["random"]) - np.mean(best["climb"]))
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     code, out, _ = morpholab("compare runs --by generations")
-    assert out.startswith("best scores after 3 generations: mean, its 95 % interval, best\n  hill-climb (3 runs): ")
+    assert out.startswith(
+        "best speed [BL/s] after 3 generations: mean, its 95 % interval, best\n  hill-climb (3 runs): "
+    )
     assert "random minus hill-climb: " in out and "A12 " in out
+    assert "\n  luck (3 runs): " in morpholab("compare runs --names 'climbing, luck'")[1]
+    code, _, error = morpholab("compare runs --names one")
+    assert code == 2 and "names: 'one' is not allowed; give 2, one for each of hill-climb; random" in error
 
 
 def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):

@@ -48,7 +48,7 @@ def test_a_quadruped_with_weights_from_a_file(morpholab, tmp_path):
     line = "view legged --controller w.npy --threads 1 --frames 50 --glb walk.glb"
     code, out, error = morpholab(line)
     assert code == 0 and (tmp_path / "walk.glb").read_bytes()[:4] == b"glTF"
-    assert "legged quadruped: 9 parts, 50 frames, " in out and error == "legged\n"
+    assert "legged quadruped: 9 parts, 48 frames, " in out and error == "legged\n"
     assert re.search(r"walk.glb: \d\d kB\n", out)
     np.save(tmp_path / "w.npy", np.zeros((8, 5)))
     code, _, error = morpholab("view legged --controller w.npy --glb again.glb --quiet")
@@ -138,7 +138,7 @@ def test_videos_need_their_extra(morpholab, monkeypatch):
     assert code == 2 and "mp4: imageio-ffmpeg is missing; install the extra video (pip install -e " in error
 
 
-NO_ROBOT = "is no robot (inching, rolling, legged, wheeled, whegged, vehicle, rover), no run and no file of a design"
+NO_ROBOT = "is no robot (inching, rolling, inflatable, lattice, articulated, legged, wheeled, whegged, quadruped, "
 BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
     "rolling --out there.html": "out: there.html exists; name a new file",
@@ -157,7 +157,7 @@ BAD_INPUT = {
     "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a number from 0 to ",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
     "nothing --out a.html": f"source: 'nothing' {NO_ROBOT}",
-    "there.html --out a.html": "there.html: ",
+    "there.html --out a.html": "there.html: it is no file of a robot or a design",
     "vehicle --controller 1 --out a.html": "controller: '1' is not allowed; give two numbers, such as 1,-0.5",
     "vehicle --controller 3,1 --out a.html": "weights: 3.0 is not allowed; give numbers from -1 to 1",
     "vehicle --design 7000 --out a.html": "design: 7000 is not allowed; give a whole number from 1 to 6561",
@@ -175,19 +175,24 @@ def test_bad_input_is_told_in_one_line(morpholab, tmp_path, line):
     assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "a.html").exists()
 
 
+SOFT = "it is an option of other kinds (inflatable robot, lattice robot, soft walker); leave it out"
+INFLATABLE = "it is an option of other kinds (inflatable robot); leave it out"
 NOT_OF_THEM = {
-    "legged rover --slope 10": "slope: it is of soft robots; leave it out",
+    "legged rover --slope 10": f"slope: {SOFT}",
     "walker.json --member 2": "member: it is of runs; leave it out",
     "rolling --member 2": "member: it is of runs; leave it out",
-    "rolling --controller 1,1": "controller: it is of rigid robots and vehicle; leave it out",
-    "inching legged --design 3": "design: it is of vehicle and rover; leave it out",
-    "rolling --environment 2": "environment: it is of rigid robots and vehicles; leave it out",
-    "vehicle --seed 3": "seed: it is of quadrupeds; leave it out",
+    "rolling --controller 1,1": "controller: it is an option of other kinds (articulated robot, quadruped, two-wheel "
+    "vehicle, Braitenberg vehicle); leave it out",
+    "inching legged --design 3": "design: it is an option of other kinds (two-wheel vehicle, Braitenberg vehicle); "
+    "leave it out",
+    "rolling --environment 2": "environment: it is an option of other kinds (quadruped, two-wheel vehicle, Braitenberg "
+    "vehicle); leave it out",
+    "vehicle --seed 3": "seed: it is an option of other kinds (quadruped); leave it out",
     "legged --seed 3 --controller w.npy": "seed: it is of random weights; leave it out beside --controller",
-    "walker.json --geometry small": "geometry: it is of the inflatable robot; leave it out",
-    "run --geometry small": "geometry: it is of the inflatable robot; leave it out",
-    "run --slope 5": "slope: it is of soft robots; leave it out",
-    "run --design 3": "design: it is of vehicle and rover; leave it out",
+    "walker.json --geometry small": f"geometry: {INFLATABLE}",
+    "run --geometry small": f"geometry: {INFLATABLE}",
+    "run --slope 5": f"slope: {SOFT}",
+    "run --design 3": "design: vehicle has its own; leave it out",
 }
 
 

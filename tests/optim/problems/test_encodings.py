@@ -21,7 +21,7 @@ from optim.runs import open_run
 from optim.space import Space, Variable
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.schedule import GaitSchedule
-from robots.lattice_robot.walker import WalkerActuation, load_walker
+from robots.lattice_robot.walker import WalkerActuation, load_walker, save_walker
 from robots.lattice_robot.walker_encoding import ENCODINGS as BODY_ENCODINGS
 from robots.world import Terrain
 
@@ -221,17 +221,16 @@ def test_descriptions_of_no_walker_are_refused_in_one_line(change, message):
     assert "\n" not in str(error.value)
 
 
-def test_a_run_of_walkers_is_refused_as_such(tmp_path, capsys):
+def test_walkers_are_not_exported_and_no_gaits(tmp_path, capsys):
     config = {"problem": WalkerProblem().describe(), "method": {"name": "random", "seed": 0}, "generations": 1}
     with open_run(tmp_path / "a", config):
         pass
-    for line in (
-        ["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")],
-        ["codesign", "--resume", "--out", str(tmp_path / "a")],
-    ):
-        assert main(line) == 2
-        refusal = f": error: {tmp_path / 'a'}: problem: it is a walker, but a gait is needed here\n"
-        assert capsys.readouterr().err.endswith(refusal)
+    assert main(["export", str(tmp_path / "a"), "--csv", str(tmp_path / "a.csv")]) == 2
+    assert capsys.readouterr().err.endswith(f": error: source: {tmp_path / 'a'} has no best design yet\n")
+    design = WalkerProblem().design(WalkerProblem().space.low + 2)
+    save_walker(design, tmp_path / "walker.json")
+    assert main(["export", str(tmp_path / "walker.json"), "--csv", str(tmp_path / "a.csv")]) == 2
+    assert capsys.readouterr().err.endswith(": error: source: soft walker has no gait table; no rig plays it\n")
     with pytest.raises(ValueError, match=r"^problem: it is a gait, but a walker is needed here$"):
         WalkerProblem.from_description(GaitProblem((Terrain(),)).describe())
 

@@ -9,11 +9,11 @@ import pytest
 from graded import TINY_TWO
 from run_products import log
 
-from optim.commands import options
 from optim.problems.inflatable.problem import EMPTY_CORE, GaitProblem
 from robots import inflatable
 from robots.inflatable import NAMED_GEOMETRIES
 from robots.inflatable.files import load_design
+from robots.inflatable.kind import GEOMETRIES
 from robots.world import Terrain
 
 FULL = 12e3
@@ -109,4 +109,4 @@ def test_options_take_a_pressure_for_each_core(morpholab, tmp_path):
 
 
 def test_commands_know_every_named_geometry():
-    assert set(options.GEOMETRIES) == set(NAMED_GEOMETRIES)
+    assert set(GEOMETRIES) == set(NAMED_GEOMETRIES)

@@ -1,0 +1,247 @@
+"""Which robot a command is about: a kind by its name, a design that a kind knows, a file, or a run's design.
+
+Options of a kind of robot join a command when its command line names the kind; those of others are refused.
+"""
+
+import argparse
+import contextlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from optim.wording import counted
+from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, make_robot
+from taichi_sim.base.arrays import Floats
+
+if TYPE_CHECKING:
+    from optim.problem import Problem
+    from optim.runs.history import History
+
+DEFAULT = "inflatable"  # the kind, where none is named
+OptionsOf = Callable[[RobotKind], Sequence[Option]]
+
+
+@dataclass(frozen=True)
+class Named:
+    """What a command line names.
+
+    Attributes:
+        kind: of the robot.
+        source: the file or design from which the kind makes it; None for the usual one.
+        run: the folder of a run whose design it is, instead.
+    """
+
+    kind: RobotKind
+    source: str | None = None
+    run: Path | None = None
+
+    @property
+    def label(self) -> str | None:
+        """What people call the file or run; None for a kind's usual robots and designs, which have names."""
+        if self.run is not None:
+            return self.run.name
+        return None if self.source is None or self.source in self.kind.designs else Path(self.source).stem
+
+
+class RobotOptions(argparse.ArgumentParser):
+    """A parser whose options depend on which robots the command line names."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        """Take the arguments of any parser."""
+        super().__init__(*args, **settings)
+        self._find: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
+        self._options_of: OptionsOf = world_and_own("")
+        self.foreign: dict[str, str] = {}
+
+    def take_robots(self, find: Callable[[Sequence[str]], Iterable[RobotKind]], options_of: OptionsOf) -> None:
+        """Add the options of kinds before the command line is parsed.
+
+        Args:
+            find: the kinds that a command line names, none if it names none that is known.
+            options_of: the options of a kind for this command.
+        """
+        self._find, self._options_of = find, options_of
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Add the options of the robots that the arguments name, and parse."""
+        self._add_kinds(args or ())
+        return super().parse_known_args(args, namespace)
+
+    def format_help(self) -> str:
+        """The help, with the options of the robots that the command line names, or else of the usual kind."""
+        self._add_kinds(())
+        return super().format_help()
+
+    def _add_kinds(self, words: Sequence[str]) -> None:
+        """Add options of kinds, once."""
+        if self._find is None:
+            return
+        find, self._find = self._find, None
+        kinds: list[RobotKind] = []
+        with contextlib.suppress(ValueError, OSError):  # told when the command runs
+            kinds = list({kind.name: kind for kind in find(words)}.values())
+        own = {action.dest for action in self._actions}
+        added: set[str] = set()
+        for kind in kinds or [KINDS[DEFAULT]]:
+            group = self.add_argument_group(kind.title)
+            for option in self._options_of(kind):
+                if option.name not in own | added:
+                    option.add(group)
+                    added.add(option.name)
+        for name in KINDS.builtin:
+            for option in self._options_of(KINDS[name]):
+                if option.name in self.foreign:
+                    self.foreign[option.name] += f", {KINDS[name].title}"
+                elif option.name not in own | added:
+                    option.add_hidden(self)
+                    self.foreign[option.name] = KINDS[name].title
+
+
+def world_and_own(command: str) -> OptionsOf:
+    """The options of a kind that a command has: those of one world, and those that make its robots."""
+
+    def options_of(kind: RobotKind) -> Sequence[Option]:
+        own = [option for option in kind.options if not option.commands or command in option.commands]
+        return [*kind.world_options, *own]
+
+    return options_of
+
+
+def refuse_foreign(args: argparse.Namespace) -> None:
+    """Refuse options of kinds of robots that the command is not about.
+
+    Raises:
+        ValueError: for the first of them.
+    """
+    for name, title in args.parser.foreign.items():
+        if getattr(args, name, None) is not None:
+            raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({title}); leave it out")
+
+
+def named_by(robot: str | None, gait: str | None = None) -> Named:
+    """The robot of ``--robot KIND|FILE`` and ``--gait``, which says what it does.
+
+    Raises:
+        ValueError: for an unknown kind, a file that is missing or of no kind, and both where one says all.
+    """
+    if robot is None:
+        found = find_robot(gait) if gait is not None else None
+        return Named(*found) if found else Named(KINDS[DEFAULT], gait)
+    found = find_robot(robot)
+    if found is None:
+        if Path(robot).suffix or "/" in robot:
+            raise ValueError(f"robot: {robot} is no file")
+        KINDS.check(robot)
+        raise AssertionError
+    kind, source = found
+    if source is not None and gait is not None:
+        raise ValueError(f"gait: {robot} is a robot by itself; leave it out")
+    if gait is not None and (other := find_robot(gait)) is not None and other[0].name != kind.name:
+        raise ValueError(f"gait: {gait} is of another kind, {other[0].title}; leave it out")
+    return Named(kind, source if source is not None else gait)
+
+
+def named_source(text: str) -> Named:
+    """What a word names that may be a robot, a file, or the folder of a run.
+
+    Raises:
+        ValueError: if it is none of these.
+    """
+    path = Path(text)
+    if path.is_dir():
+        return Named(kind_of_run(path), run=path)
+    found = find_robot(text)
+    if found is None:
+        known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
+        raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")
+    return Named(*found)
+
+
+def kind_of_run(folder: Path) -> RobotKind:
+    """The kind of robot that the run in a folder designs.
+
+    Raises:
+        ValueError: if there is no run, or it designs no robot.
+    """
+    from optim.problems.designer import kind_of_description
+    from optim.runs.config import read_config
+
+    problem = read_config(folder)["problem"]
+    kind = kind_of_description(problem)
+    if kind is None:
+        raise ValueError(f"source: {folder} is a run of a {problem.get('kind')}, which is no robot")
+    return kind
+
+
+def early(words: Sequence[str], *flags: str) -> argparse.Namespace:
+    """Values of some options of a command line whose other options are not known yet; None where not given."""
+
+    class Lenient(argparse.ArgumentParser):
+        def error(self, message: str) -> NoReturn:
+            raise ValueError(message)
+
+    parser = Lenient(add_help=False)
+    for flag in flags:
+        parser.add_argument(flag)
+    return parser.parse_known_args([word for word in words if word != "--help"])[0]
+
+
+def loaded(named: Named, options: dict[str, Any], member: int | None = None) -> tuple[Robot, tuple[World, ...]]:
+    """The robot that is named, with nothing free, and the worlds that it is tried in.
+
+    Args:
+        named: what the command line names.
+        options: values of the kind's options.
+        member: of a run, which of the designs that it keeps, counted from 1; None for the best.
+
+    Raises:
+        ValueError: for options that are not allowed, and designs that are not there.
+    """
+    if named.run is None:
+        robot = make_robot(named.kind, named.source, options)
+        return robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
+    from optim.runs.history import read_history
+
+    problem, point = kept_point(read_history(named.run), member)
+    robot_of = getattr(problem, "robot_of", None)
+    if robot_of is None:
+        raise ValueError(f"source: {named.run} designs no robot")
+    return robot_of(point).changed(options), problem.tried_in  # type: ignore[attr-defined]
+
+
+def kept_point(history: "History", member: int | None = None) -> "tuple[Problem, Floats]":
+    """The problem of a run, and its best point, as its checked log tells, or another that it keeps.
+
+    Args:
+        history: of the run.
+        member: which of the points that the search keeps, counted from 1; None: the best one.
+
+    Raises:
+        ValueError: for damaged descriptions, and points that are not there.
+    """
+    from optim.problems import problem_of_description
+    from optim.runs.config import problem_of
+
+    problem = problem_of(history.path, history.config, problem_of_description)
+    if member is not None:
+        return problem, _kept(history, problem, member)
+    best = history.generations[-1].best_point if history.generations else None
+    if best is None:
+        raise ValueError(f"source: {history.path} has no best design yet")
+    return problem, problem.space.from_dict(best)
+
+
+def _kept(history: "History", problem: "Problem", member: int) -> Floats:
+    """The Nth point that the search keeps."""
+    from optim.runs.history import read_result
+
+    result = read_result(history, problem)
+    count = 0 if result is None else len(result.points)
+    if result is None or member > count:
+        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {counted(count, 'design')}")
+    if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
+        raise ValueError(f"member: {member} of {history.path} has failed; choose another")
+    return result.points[member - 1]

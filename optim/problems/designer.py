@@ -1,0 +1,213 @@
+"""How commands make problems of what they are asked: of any kind of robot, or in ways of a kind's own."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from optim.problem import GAIT, ROBOT, Problem, RelaxableProblem
+from robots.robot import KINDS, Option, Robot, RobotKind, World, make_robot
+
+COMPUTE = ("precision", "device", "threads")
+KINDS_OF_1_0 = {GAIT: "inflatable", ROBOT: "lattice"}  # of robots, where descriptions of problems name them otherwise
+# Kinds that are designed in another way than by their parameters and measures.
+DESIGNERS = {
+    "inflatable": "optim.problems.inflatable.designer:InflatableDesigner",
+    "vehicle": "optim.problems.designer:VehicleDesigner",
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What ``codesign`` is asked.
+
+    Attributes:
+        source: the file or name that ``--robot`` gives; None for a kind.
+        given: values of the options that were given, by name; also of ``COMPUTE``.
+        method: name of the search method.
+        several: whether it takes several objectives.
+        known: the problem of the run that continues; None for a new one.
+        out: folder of the run, for messages.
+        resume: whether a run was to be continued.
+    """
+
+    source: str | None
+    given: Mapping[str, Any]
+    method: str
+    several: bool
+    known: Problem | None
+    out: Path
+    resume: bool = False
+
+    def same(self, field_name: str, given: str | None, known: str) -> str:
+        """What a run that continues has.
+
+        Raises:
+            ValueError: if something else is given; it is refused before that fits nothing else.
+        """
+        if given not in (None, known):
+            raise ValueError(f"{field_name}: {given!r} is not what the run in {self.out} has, {known!r}; leave it out")
+        return known
+
+    def chosen(self, options: Sequence[str]) -> dict[str, Any]:
+        """Those of some options that were given."""
+        return {name: self.given[name] for name in options if name in self.given}
+
+
+@dataclass(frozen=True)
+class Design:
+    """What a search shall do with a robot.
+
+    Attributes:
+        problem: what is designed.
+        note: what was fixed by default, or nothing.
+        start: values at which the search starts, by variable; others start at random.
+        settings: of the search method, which the problem asks for unless others are given.
+    """
+
+    problem: Problem
+    note: str = ""
+    start: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Designer:
+    """Makes problems of a kind of robot: its parameters become variables, its measures objectives."""
+
+    def __init__(self, kind: RobotKind) -> None:
+        """For a kind of robot."""
+        self.kind = kind
+
+    @property
+    def options(self) -> tuple[Option, ...]:
+        """What ``codesign`` can be asked, beside the search method."""
+        world = self.kind.world_option
+        told = f"{self.kind.world_hint}; repeat it for several"
+        return (
+            Option(world, told, self.kind.world_type, world.upper(), several=True),
+            Option(
+                "objective",
+                f"of several {world}s: the mean, each, the worst, or an objective of an installed package (default: "
+                "mean; each with methods for several objectives)",
+                metavar="NAME",
+            ),
+            Option("measure", "of the robot that the objective is about (default: its first)", metavar="NAME"),
+            *(option for option in self.kind.options if not option.commands or "codesign" in option.commands),
+        )
+
+    def design(self, asked: Request) -> Design:
+        """The problem asked for; what is not given is as in the run that continues, or else the default.
+
+        Raises:
+            ValueError: if the options do not fit each other, or the run.
+        """
+        from optim.problems.robot import RobotProblem
+
+        settings = asked.chosen(COMPUTE)
+        settings.setdefault("precision", getattr(asked.known, "precision", self.kind.search_precision))
+        if worlds := self._worlds(asked):
+            settings["worlds"] = worlds
+        settings |= asked.chosen(("objective", "measure"))
+        if asked.known is not None:
+            return Design(self._continued(asked, settings))
+        settings.setdefault("objective", "each" if asked.several else "mean")
+        return Design(RobotProblem(self._robot(asked), **settings))
+
+    def _worlds(self, asked: Request) -> tuple[World, ...]:
+        return tuple(self.kind.world(each) for each in asked.given.get(self.kind.world_option) or ())
+
+    def _robot(self, asked: Request) -> Robot:
+        names = [option.name for option in self.kind.options]
+        return make_robot(self.kind, asked.source, asked.chosen(names))
+
+    def _continued(self, asked: Request, settings: dict[str, Any]) -> Problem:
+        """The problem of the run, with what may be given again."""
+        known: Any = asked.known
+        names = [option.name for option in self.kind.options]
+        if asked.source is not None or asked.chosen(names):
+            offered = self._robot(asked)
+            if offered.describe() != known.offered.describe():
+                what = asked.source or "what is given"
+                raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; leave it out")
+        fields = {each.name for each in dataclasses.fields(known)}
+        if "worlds" in settings and "terrain" in fields:  # of version 1.0
+            (settings["terrain"],) = settings.pop("worlds")
+        for name in settings.keys() - fields:
+            raise ValueError(f"{name}: the run in {asked.out} is one of version 1.0, which knows none; leave it out")
+        problem: Problem = dataclasses.replace(known, **settings)
+        return problem
+
+    def horizons(
+        self, source: str | None, given: Mapping[str, Any], wanted: Sequence[int] | None
+    ) -> dict[str, tuple[RelaxableProblem, NDArray[Any]]]:
+        """Problems of shorter and longer trials by what these are called, each with the point where searches start.
+
+        Args:
+            source: the file or name of the robot; None for the kind's usual one.
+            given: values of options, of ``COMPUTE`` and of worlds.
+            wanted: lengths of the trials; the robot's own by default.
+        """
+        from optim.problems.robot import RobotProblem
+
+        known = {option.name for option in self.kind.options}
+        robot = make_robot(self.kind, source, {name: given[name] for name in given if name in known})
+        compute = {name: given[name] for name in COMPUTE if name in given}
+        world = self.kind.chosen_world(given)
+        lengths = list(wanted if wanted is not None else robot.horizons)
+        trials = dict(robot.at_horizon(length) for length in lengths) if lengths else {"trial": robot}
+        return {
+            name: (RobotProblem(trial, () if world is None else (world,), **compute), trial.start)
+            for name, trial in trials.items()
+        }
+
+
+class VehicleDesigner(Designer):
+    """Braitenberg vehicles are judged by the sum of their distances; gradients are cut where they are steep."""
+
+    @property
+    def options(self) -> tuple[Option, ...]:
+        """What ``codesign`` can be asked."""
+        told = (
+            "the sum of the distances from the light, or each (default: total; environments with methods for several)"
+        )
+        own = Option("objective", told, choices=("total", "environments"))
+        return tuple(
+            own if option.name == "objective" else option for option in super().options if option.name != "measure"
+        )
+
+    def design(self, asked: Request) -> Design:
+        """The problem of a vehicle."""
+        from optim.problems.braitenberg import VehicleProblem
+
+        settings = asked.chosen(COMPUTE)
+        if asked.known is not None:
+            asked.same("problem.objectives", asked.given.get("objective"), getattr(asked.known, "objectives", ""))
+            return Design(self._continued(asked, settings))
+        robot: Any = self._robot(asked)
+        if not robot.parameters:
+            raise ValueError("controller: weights leave nothing free to change; give contralateral or full")
+        task = robot.task
+        if worlds := self._worlds(asked):
+            places = [int(world.name) - 1 for world in worlds]
+            task = dataclasses.replace(task, starts=task.starts[places], lights=task.lights[places])
+        objectives = asked.given.get("objective") or ("environments" if asked.several else "total")
+        body = {"body": robot.body, "controller": robot.controller, "sensors": robot.sensors}
+        return Design(VehicleProblem(**body, objectives=objectives, task=task, **settings))
+
+
+def designer_of(kind: RobotKind) -> Designer:
+    """The designer of a kind of robot."""
+    module, _, name = DESIGNERS.get(kind.name, "optim.problems.designer:Designer").partition(":")
+    found: Designer = getattr(import_module(module), name)(kind)
+    return found
+
+
+def kind_of_description(description: Mapping[str, Any]) -> RobotKind | None:
+    """The kind of robot that the problem of a run folder designs; None of plain functions."""
+    name = description.get("kind", GAIT)
+    name = KINDS_OF_1_0.get(name, name)
+    return KINDS.get(name)

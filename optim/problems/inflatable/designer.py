@@ -1,0 +1,292 @@
+"""What ``codesign`` and ``gradient-check`` can be asked of the inflatable robot, and the problems made of it."""
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from optim.problem import RelaxableProblem
+from optim.problems.designer import COMPUTE, Design, Designer, Request
+from robots.inflatable.kind import GEOMETRIES, RIG_OPTION, WEIGHTS, load_gait, pressure
+from robots.robot import Option
+from taichi_sim.base.options import number, whole
+
+if TYPE_CHECKING:
+    from optim.problems.inflatable.problem import GaitProblem
+    from robots.inflatable.schedule import GaitSchedule
+
+RELAXED = ("bits", "graded")  # encodings with gradients
+ENCODING_NAMES = ("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave")
+HORIZONS = (1, 2, 4, 8)  # columns that ``gradient-check`` plays
+INSIDE = 0.15  # how far levels keep from off and on there
+OPTIONS = (
+    Option("free", "what may change (default: orientation,shape,control)", metavar="PARTS"),
+    Option(
+        "encoding",
+        "of the control: frequency and offset of each actuator, every bit, a network that makes patterns, or how far "
+        "bladders inflate and how long the robot settles, played as often as --steps allow, level by level, by a "
+        "network, or as a wave around the robot (default: codes; bits with --method gradient)",
+        choices=ENCODING_NAMES,
+    ),
+    Option(
+        "steps",
+        "time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719 of the "
+        "published robot)",
+        whole(1),
+        "N",
+    ),
+    Option("warm_up", "first time steps of a graded gait, which do not count", whole(0), "N"),
+    Option(
+        "stages",
+        "equally long parts of a graded gait, of which the slowest tells its speed (default: 1)",
+        whole(1),
+        "N",
+    ),
+    Option(
+        "ladder",
+        "of several terrains, the easiest first, a gait is tried on the next if it is faster than --ahead on the one "
+        "before, which counts no more than that in the mean",
+        None,
+    ),
+    Option(
+        "ahead",
+        "speed that leads to the next terrain of the ladder, in body lengths a second (default: 0.02)",
+        number(0.0),
+        "SPEED",
+    ),
+    Option(
+        "hard",
+        "judge gaits that get ahead also with friction 0.2 or more of sliding feet and bladders that keep their weight",
+        None,
+    ),
+    Option(
+        "effort",
+        "what it costs to move every bladder in every column, in body lengths a second (default: 0)",
+        number(0.0),
+        "SPEED",
+    ),
+    Option(
+        "gait",
+        "inching, rolling or the file of a design: gives what is not free (default: rolling, with hills alone inching)",
+        metavar="GAIT",
+    ),
+    Option("orientation", "if not free (default: the gait's own)", number(0.0, 90.0, "degrees"), "DEGREES"),
+    Option(
+        "pressure",
+        "if shape is not free, of all cores or such as 12000,0 of each (default: the gait's own)",
+        pressure(),
+        "PA",
+    ),
+    RIG_OPTION,
+    Option("geometry", "the robot's body (default: published)", choices=GEOMETRIES),
+    Option("columns", "of the schedule (default: 8, or all of the gait if control is not free)", whole(1), "T"),
+    Option(
+        "repeats",
+        "how often the columns are played (default: 2, or the gait's own if control is not free)",
+        whole(1),
+        "N",
+    ),
+    Option(
+        "weight", "of bladders: none while they move or stay inflated, or always (default: published)", choices=WEIGHTS
+    ),
+    Option(
+        "start",
+        "a gait, or the file of one, near which a search of bits, graded levels or waves starts (default: random)",
+        metavar="GAIT",
+    ),
+    Option(
+        "start_orientation",
+        "with which every climber starts (default: random)",
+        number(0.0, 90.0, "degrees"),
+        "DEGREES",
+    ),
+    Option(
+        "start_pressure",
+        "with which every climber starts; of several cores all, or such as 12000,0 (default: random)",
+        pressure(12_000.0),
+        "PA",
+    ),
+)
+
+
+class InflatableDesigner(Designer):
+    """Searches encode gaits in ways of their own, and judge them on terrains one after the other."""
+
+    @property
+    def options(self) -> tuple[Option, ...]:
+        """What ``codesign`` can be asked."""
+        world, *_ = super().options
+        told = "flat, hill:15 for 15 degrees, or water; repeat it for several"
+        objective = Option(
+            "objective",
+            "the mean speed over the terrains, or that on each of them (default: mean; terrains with methods for "
+            "several objectives)",
+            choices=("mean", "terrains"),
+        )
+        return (dataclasses.replace(world, help=told), objective, *OPTIONS)
+
+    def design(self, asked: Request) -> Design:
+        """The gait problem asked for, and what was fixed by default."""
+        from optim.problems.inflatable.problem import GaitProblem
+
+        known: Any = asked.known
+        args = SimpleNamespace(**{option.name: asked.given.get(option.name) for option in self.options})
+        args.gait = args.gait or asked.source
+        settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
+        if known and known.schedule is None:
+            asked.same("problem.encoding", args.encoding, known.encoding)
+        settings.setdefault("encoding", args.encoding or ("bits" if asked.method == "gradient" else "codes"))
+        _choose_objectives(settings, args, asked)
+        _choose_robot(settings, args, asked)
+        note = _choose_parts(settings, args, asked)
+        _check_control(settings, args, asked.method)
+        problem = GaitProblem(**settings)
+        more = {"verify": True} if asked.method == "gradient" else {}  # a relaxed judgement is never quite the true one
+        return Design(problem, note, _start(args, problem), more)
+
+    def horizons(
+        self, source: str | None, given: Mapping[str, Any], wanted: Sequence[int] | None
+    ) -> dict[str, tuple[RelaxableProblem, NDArray[Any]]]:
+        """The gait cut to some of its columns, or played several times."""
+        from robots.inflatable.cores import each_pressure
+
+        for name in ("columns", "repeats", "pressure", "orientation", "calibration"):
+            if name in given:
+                raise ValueError(f"{name}: it is not of this check; leave it out")
+        gait = load_gait(source or "inching")
+        found: dict[str, tuple[RelaxableProblem, NDArray[Any]]] = {}
+        for columns in _horizons(wanted, gait.schedule.columns):
+            repeats = max(columns // gait.schedule.columns, 1)
+            problem, genes = _checked_problem(self, given, gait.schedule.cut(columns // repeats, repeats))
+            point = np.concatenate([[gait.orientation], each_pressure(gait.pressure, problem.body), genes])
+            found["1 column" if columns == 1 else f"{columns} columns"] = problem, point
+        return found
+
+
+def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
+    """The mean over the terrains, or each of them where the method looks for a front."""
+    if asked.known is not None:
+        asked.same("problem.objectives", args.objective, settings["objectives"])
+    settings.setdefault("objectives", args.objective or ("terrains" if asked.several else "mean"))
+    count = len(set(args.terrain)) if args.terrain else 0
+    if settings["objectives"] == "terrains" and not asked.several:
+        why = f"needs a method for several objectives; {asked.method} takes one, the mean"
+        raise ValueError(f"objective: 'terrains' {why}")
+    if settings["objectives"] == "terrains" and asked.known is None and count < 2:
+        raise ValueError("objective: 'terrains' needs at least two; repeat --terrain, or choose --objective mean")
+
+
+def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
+    """Body, terrains, simulation, and what belongs to graded gaits."""
+    from optim.problems.inflatable.description import OPTIONS as DESCRIBED
+
+    if args.calibration is not None:
+        from robots.calibration import load_calibration
+
+        settings["properties"], own = load_calibration(args.calibration)
+        settings.setdefault("geometry", own)
+    names = (*DESCRIBED, "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", *COMPUTE)
+    settings |= asked.chosen(names)
+    settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
+    if not settings["terrains"]:
+        new = f", and {asked.out} holds no run to continue" if asked.resume else ""
+        raise ValueError(f"terrain: none given{new}; say where the robot shall travel, such as --terrain flat")
+
+
+def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> str:
+    """Set what is not free; a note on what was fixed by default."""
+    from optim.problems.inflatable.problem import PARTS
+
+    free: Collection[str] = args.free.split(",") if args.free is not None else getattr(asked.known, "free", PARTS)
+    unknown = [part for part in free if part not in PARTS]
+    if unknown:
+        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(PARTS)}")
+    if len(set(free)) < len(free):
+        raise ValueError(f"free: {','.join(free)} is not allowed; give none twice")
+    # As published, what is not free is as in rolling on flat ground, as in inching on hills; both: rolling.
+    gait = args.gait or ("inching" if all(terrain.slope for terrain in settings["terrains"]) else "rolling")
+    design = load_gait(gait)
+    taken = []
+    for part, name in PARTS.items():
+        given = getattr(args, name, None)
+        if part in free:
+            if given is not None:
+                hint = f"take {part} out of --free, or use --start-{name}"
+                told = ",".join(f"{value:g}" for value in (given if isinstance(given, tuple) else (given,)))
+                raise ValueError(f"{name}: {told} would fix what is free; {hint}")
+            settings[name] = None
+        elif given is not None:
+            settings[name] = given
+        elif args.gait or settings.get(name) is None:
+            settings[name] = getattr(design, name)
+            taken.append(name)
+    if args.gait and not taken:
+        raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
+    return f"note: {', '.join(taken)} neither free nor given: as in {gait}" if taken and not args.gait else ""
+
+
+def _check_control(settings: dict[str, Any], args: SimpleNamespace, method: str) -> None:
+    """Cut a fixed schedule; refuse options that say nothing of the control."""
+    from robots.inflatable.offered import cut
+
+    if settings["schedule"] is not None:
+        if args.encoding is not None:
+            raise ValueError(f"encoding: {args.encoding!r} is not used; the control is fixed")
+        settings["schedule"] = cut(settings["schedule"], args.columns, args.repeats)
+        return
+    if method == "gradient" and settings["encoding"] not in RELAXED:
+        raise ValueError(
+            f"encoding: {settings['encoding']!r} has no gradient; method gradient needs {' or '.join(RELAXED)}"
+        )
+    if settings["encoding"].startswith("graded") and args.repeats is not None:
+        raise ValueError(f"repeats: {args.repeats} is not allowed; graded gaits are played as often as --steps allow")
+
+
+def _start(args: SimpleNamespace, problem: "GaitProblem") -> dict[str, float]:
+    """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
+    from optim.problems.inflatable.start import start_values
+    from robots.inflatable.cores import each_pressure
+
+    start = {} if args.start is None else start_values(problem, load_gait(args.start))
+    if args.start_orientation is not None:
+        start["orientation"] = args.start_orientation
+    if args.start_pressure is not None:
+        start |= dict(zip(problem.shape.pressures, each_pressure(args.start_pressure, problem.body), strict=True))
+    return start
+
+
+def _horizons(wanted: Sequence[int] | None, columns: int) -> Sequence[int]:
+    """Numbers of columns, ascending; those of the gait that exist by default."""
+    if wanted is None:
+        return [n for n in HORIZONS if n <= columns] or [columns]
+    wrong = [n for n in wanted if n > columns and n % columns]
+    if wrong:
+        raise ValueError(f"horizons: {wrong[0]} is not allowed; give 1 to {columns} columns, or multiples of {columns}")
+    return wanted
+
+
+def _checked_problem(
+    designer: Designer, options: Mapping[str, Any], schedule: "GaitSchedule"
+) -> "tuple[GaitProblem, NDArray[Any]]":
+    """A problem whose encoding says the schedule, and its genes of it, levels away from off and on."""
+    from optim.problems.inflatable.encoding import GradedGait
+    from optim.problems.inflatable.problem import GaitProblem
+    from robots.inflatable.schedule import ROWS
+    from robots.world import Terrain
+
+    given: dict[str, Any] = {name: options[name] for name in ("geometry", "weight", *COMPUTE) if name in options}
+    given |= {"columns": schedule.columns, "repeats": schedule.repeats, "encoding": "bits"}
+    given.setdefault("precision", "f64")
+    genes = np.array(schedule.levels).ravel()
+    if schedule.has_own_times or schedule.core_pressure is not None:
+        # All columns in a row, once, however long a difference makes them.
+        given |= {"columns": schedule.columns * schedule.repeats, "repeats": 1, "encoding": "graded", "steps": 1}
+        genes = GradedGait.genome(schedule)
+    levels = slice(ROWS * given["columns"])
+    genes[levels] = np.clip(genes[levels], INSIDE, 1 - INSIDE)
+    world = designer.kind.chosen_world(options)
+    terrain = world if isinstance(world, Terrain) else Terrain()
+    return GaitProblem((terrain,), **given), genes
