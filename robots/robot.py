@@ -12,14 +12,27 @@ import dataclasses
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from taichi_sim.base.arrays import Floats, Ints
+from robots.outcome import (
+    DIVERGED,
+    INVALID,
+    OK,
+    Facts,
+    Judgement,
+    Measure,
+    Outcome,
+    Picture,
+    Place,
+    Quantity,
+    Replay,
+    World,
+)
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, read_text, write_record
 from taichi_sim.base.options import Option
@@ -27,160 +40,40 @@ from taichi_sim.base.registry import Registry
 from taichi_sim.base.variables import Variable as Parameter
 
 if TYPE_CHECKING:
-    from robots.view.motion import Motion
+    pass
 
-__all__ = ["KINDS", "Judgement", "Measure", "Option", "Outcome", "Parameter", "Picture", "Replay", "Robot", "RobotKind"]
+__all__ = [
+    "DIVERGED",
+    "FRAMES",
+    "HERE",
+    "INVALID",
+    "KINDS",
+    "OK",
+    "Facts",
+    "FixedRobot",
+    "Judgement",
+    "Measure",
+    "Option",
+    "Outcome",
+    "Parameter",
+    "Picture",
+    "Place",
+    "Progress",
+    "Quantity",
+    "Replay",
+    "Robot",
+    "RobotKind",
+    "World",
+    "find_robot",
+    "kind_of_file",
+    "load_design",
+    "make_robot",
+]
 
-OK, DIVERGED, INVALID = "ok", "diverged", "invalid"
 DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
 HERE = Compute()
 FRAMES = 1000  # of a motion, at most
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number with its unit, in a row of a report."""
-
-    value: float
-    unit: str = ""
-    digits: int = 4
-
-
-Facts = Sequence[tuple[str, "str | Quantity"]]  # rows of a report: what, and its value
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A number by which a robot is judged; more is better.
-
-    Attributes:
-        name: such as ``speed``.
-        unit: such as ``BL/s``; empty for a plain number.
-        title: what it means, for people; the name if empty.
-    """
-
-    name: str
-    unit: str = ""
-    title: str = ""
-
-    @property
-    def spoken(self) -> str:
-        """What it means, for people."""
-        return self.title or self.name.replace("_", " ")
-
-    def value(self, number: float) -> str:
-        """A value with its unit, such as ``speed 0.1234 m/s``."""
-        return f"{self.name.replace('_', ' ')} {number:.4f} {self.unit}".rstrip()
-
-
-class World(Protocol):
-    """Where a robot is tried: any frozen description with two names."""
-
-    @property
-    def name(self) -> str:
-        """What options and files call it, such as ``hill:15``."""
-
-    @property
-    def spoken(self) -> str:
-        """What it is after the name of a robot, such as ``up a slope of 15°``; may be empty."""
-
-    @property
-    def where(self) -> str:
-        """What it is after the name of a motion, such as ``on hill:15``; may be empty."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """A world that has no more than a name; that of kinds that know only one."""
-
-    name: str = "world"
-    spoken: str = ""
-    where: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What a robot did at N points in one world.
-
-    Attributes:
-        measures: values by the names of the robot's measures, shape (N,) each; NaN where the status is not ``"ok"``.
-        status: ``"ok"``, ``"diverged"``, or ``"invalid"`` where a point is no robot, shape (N,). By default
-            ``"diverged"`` where a measure is not finite.
-        reason: why a point is no robot, shape (N,); empty for the others.
-        steps: time steps simulated, shape (N,).
-        gradients: derivatives of measures by the parameters, by name, shape (N, P) each; those of other measures are
-            not known.
-        frames: recorded arrays by name, if recording was asked for.
-        result: the kind's own result, for its motions and pictures.
-    """
-
-    measures: Mapping[str, Floats]
-    status: NDArray[np.str_] = ()  # type: ignore[assignment]
-    reason: NDArray[np.str_] = ()  # type: ignore[assignment]
-    steps: Ints = ()  # type: ignore[assignment]
-    gradients: Mapping[str, Floats] = field(default_factory=dict)
-    frames: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    result: Any = None
-
-    def __post_init__(self) -> None:
-        measures = {name: np.atleast_1d(np.array(values, float)) for name, values in self.measures.items()}
-        count = len(next(iter(measures.values())))
-        whole = np.all([np.isfinite(values) for values in measures.values()], axis=0)
-        status = np.array(self.status if len(self.status) else np.where(whole, OK, DIVERGED), dtype=object)
-        status[(status == OK) & ~whole] = DIVERGED
-        for values in measures.values():
-            values[status != OK] = np.nan
-        gradients = {name: np.array(slopes, float) for name, slopes in self.gradients.items()}
-        for slopes in gradients.values():
-            slopes[status != OK] = np.nan
-        blank = {"reason": np.full(count, ""), "steps": np.zeros(count, np.int64)}
-        object.__setattr__(self, "measures", measures)
-        object.__setattr__(self, "status", status.astype(str))
-        object.__setattr__(self, "gradients", gradients)
-        for name, nothing in blank.items():
-            object.__setattr__(self, name, np.array(getattr(self, name)) if len(getattr(self, name)) else nothing)
-
-    @property
-    def told(self) -> NDArray[np.str_]:
-        """Status of each point, or the reason why it is no robot, shape (N,)."""
-        return np.where(self.reason == "", self.status, self.reason)
-
-
-@dataclass(frozen=True, eq=False)
-class Replay:
-    """A trial that can be shown: what came of it, how the robot moved, and the title of its picture."""
-
-    outcome: Outcome
-    motion: "Motion"
-    title: str = ""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture of a design, for reports.
-
-    Attributes:
-        words: what it shows, for people who do and who do not see it.
-        draw: draws it on axes of matplotlib.
-        size: width and height [inches].
-        style: how pages lay it out: ``""``, ``"medium"``, ``"narrow"``, or those followed by ``" screen-only"`` or
-            ``" print-only"``.
-    """
-
-    words: str
-    draw: Callable[[Any], None]
-    size: tuple[float, float] = (3.7, 2.5)
-    style: str = ""
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """How far a design can be trusted, for people and machines."""
-
-    text: str
-    document: Mapping[str, Any]
-    failed: bool = False
 
 
 class Robot(ABC):
@@ -344,6 +237,10 @@ class Robot(ABC):
         ``robots.view.picture.save_robot_picture`` draws robots of all kinds.
         """
         raise NotImplementedError
+
+    def command_options(self) -> dict[str, Any]:
+        """Options, by name, that a command needs beside a saved design to repeat its trial; those not by default."""
+        return {}
 
     def changed(self, options: Mapping[str, Any]) -> "Robot":
         """This robot, of a run or a saved design, with other values of its kind's options.

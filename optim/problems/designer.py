@@ -184,19 +184,21 @@ class VehicleDesigner(Designer):
         from optim.problems.braitenberg import VehicleProblem
 
         settings = asked.chosen(COMPUTE)
+        if self._worlds(asked) or (asked.known is not None and hasattr(asked.known, "worlds")):
+            general = {"total": "mean", "environments": "each"}
+            given = {**asked.given}
+            if "objective" in given:
+                given["objective"] = general[given["objective"]]
+            return super().design(dataclasses.replace(asked, given=given))  # by each environment's own measures
         if asked.known is not None:
             asked.same("problem.objectives", asked.given.get("objective"), getattr(asked.known, "objectives", ""))
             return Design(self._continued(asked, settings))
         robot: Any = self._robot(asked)
         if not robot.parameters:
             raise ValueError("controller: weights leave nothing free to change; give contralateral or full")
-        task = robot.task
-        if worlds := self._worlds(asked):
-            places = [int(world.name) - 1 for world in worlds]
-            task = dataclasses.replace(task, starts=task.starts[places], lights=task.lights[places])
         objectives = asked.given.get("objective") or ("environments" if asked.several else "total")
         body = {"body": robot.body, "controller": robot.controller, "sensors": robot.sensors}
-        return Design(VehicleProblem(**body, objectives=objectives, task=task, **settings))
+        return Design(VehicleProblem(**body, objectives=objectives, **settings))
 
 
 def designer_of(kind: RobotKind) -> Designer:

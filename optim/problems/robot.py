@@ -220,6 +220,10 @@ class JudgedRobot(RobotDesigning):
         """What the robot tells of several points."""
         return self.offered.columns(points)
 
+    def command_options(self, folder: Path) -> dict[str, Any]:
+        """What saved designs of the robot do not hold."""
+        return self.offered.command_options()
+
     def facts(self) -> Facts:
         """Rows for a report: the robot, its worlds, the objective and the simulation."""
         (first, *_), several = self._objectives, len(self.tried_in) > 1

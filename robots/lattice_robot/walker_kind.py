@@ -31,6 +31,7 @@ class WalkerKind(TerrainKind):
         Option("amplitude", "of the edges of active voxels, part of their length (default: 0.14)", number(0, 0.5), "A"),
         Option("frequency", "of the actuation (default: 4)", number(0.1, 100, "Hz"), "HZ"),
         Option("cycles", "that count (default: 6)", whole(1), "N"),
+        Option("settling", "before anything moves, in seconds (default: 0.25)", number(0), "S"),
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
@@ -38,7 +39,7 @@ class WalkerKind(TerrainKind):
         from robots.lattice_robot.walker import WalkerActuation, load_walker
         from robots.lattice_robot.walker_offered import Walker, WalkerBodies
 
-        drive = {name: options[name] for name in ("amplitude", "frequency", "cycles") if name in options}
+        drive = {name: options[name] for name in ("amplitude", "frequency", "cycles", "settling") if name in options}
         if source is None:
             body = {name: options[name] for name in ("shape", "encoding") if name in options}
             return WalkerBodies(actuation=WalkerActuation(**drive), **body)

@@ -83,6 +83,11 @@ class WalkerBodies(Robot):
         """Let one body walk."""
         return self.design(point).replay((), world, **settings)
 
+    def command_options(self) -> dict[str, Any]:
+        """The actuation, which files of bodies do not hold."""
+        usual = asdict(WalkerActuation())
+        return {name: value for name, value in asdict(self.actuation).items() if value != usual[name]}
+
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the body of a point, for ``load_walker``."""
         save_walker(self.walker(point), path)
