@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from optim.commands import options
 from taichi_sim.base import files
 
 pytestmark = pytest.mark.long
@@ -104,7 +103,7 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
     def broken(*_):
         raise KeyError("fault")
 
-    monkeypatch.setattr(options, "load_gait", broken)
+    monkeypatch.setattr("optim.commands.simulate.loaded", broken)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code, out, error = morpholab("simulate --gait rolling")
     assert (code, out) == (1, "") and error.count("\n") == 1

@@ -8,7 +8,7 @@ from optim.problem import GAIT, WALKER
 GRADIENT_METHODS = ("gradient", "memetic", "cma-gradient")
 
 
-def check_resumable(config: Mapping[str, Any], written_by_1_0: bool) -> None:
+def check_resumable(config: Mapping[str, Any], version: str | None) -> None:
     """Refuse a run that this version would continue to other bits than those of the version that began it.
 
     Since version 1.0 the laws of a step are shared with its way back, and rest sizes are part of a snapshot. Results
@@ -17,7 +17,7 @@ def check_resumable(config: Mapping[str, Any], written_by_1_0: bool) -> None:
 
     Args:
         config: of the run.
-        written_by_1_0: whether version 1.0 began it.
+        version: of morpholab, with which the run began; None if it is not known.
 
     Raises:
         ValueError: if the run cannot go on exactly.
@@ -30,7 +30,7 @@ def check_resumable(config: Mapping[str, Any], written_by_1_0: bool) -> None:
         "soft walkers": kind == WALKER,
     }
     for name, differs in what.items():
-        if written_by_1_0 and differs:
+        if differs and version is not None and version.startswith("1.0"):
             raise ValueError(
                 f"resume: the run is of version 1.0, and {name} are rounded otherwise since; continue it with "
                 "version 1.0, or start a new run"

@@ -204,7 +204,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
     """Write the settings of a run that begins, or check and update those of one that continues; return them."""
     if resume and has_run(path):
         known = read_config(path)
-        check_resumable(known, written_by_1_0=OBJECTIVES not in known)
+        check_resumable(known, _version_of(path))
         check_same(known, config, path)
         resolved = known | {"generations": config.get("generations", known["generations"])}
     else:
@@ -215,6 +215,15 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
     if resolved != known:
         write_config(path, resolved)
     return resolved
+
+
+def _version_of(path: Path) -> str | None:
+    """Version of morpholab that began the run, as its environment tells; None if that cannot be read."""
+    try:
+        version = json.loads((path / ENVIRONMENT).read_bytes())["versions"]["morpholab"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return version if isinstance(version, str) else None
 
 
 def _write_json(path: Path, document: Mapping[str, Any]) -> None:

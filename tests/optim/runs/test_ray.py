@@ -14,7 +14,7 @@ from worker_problems import Bowl, sample
 from optim.runs.requests import Request, judge
 from optim.runs.workers import ray_cluster
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.kernels]  # its cluster serves all tests, those that compile kernels, too
 
 pytest.importorskip("ray", reason="needs the extra ray")
 
@@ -61,7 +61,6 @@ def test_there_are_as_many_workers_as_the_cluster_has_cores(workers, tmp_path):
     assert len(numbers(tmp_path)) == 2
 
 
-@pytest.mark.kernels
 def test_gaits_are_judged_to_the_same_bits(workers):
     problem = short_gaits("f32")
     request = Request(GAITS)
