@@ -1,6 +1,7 @@
 """Run searches side by side: the loop that all studies and benchmarks use."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Protocol, TypeVar
 
 from optim.problem import Evaluation
@@ -123,3 +124,27 @@ class BudgetedSearch:
         self.method.tell(request.points, evaluation)
         self.turns, self.spent = self.turns + 1, self.spent + len(request.points)
         self._ended = self.observe(self.name, request.points[left], part_of(evaluation, left))
+
+
+def run_with_budget(
+    methods: Iterable[Method],
+    budget: int,
+    judge: Callable[[Sequence[BudgetedSearch], Request], Evaluation],
+    observe: Callable[[int, Floats, Evaluation], bool],
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Run searches in memory side by side, and judge their points together.
+
+    Args:
+        methods: of the searches, which are called by their numbers from 0.
+        budget, observe: see :class:`BudgetedSearch`.
+        judge: see :func:`judge_together`.
+        progress: called with the fraction of the searches that have ended.
+    """
+    searches = [BudgetedSearch(number, method, budget, observe) for number, method in enumerate(methods)]
+
+    def after_round() -> None:
+        if progress:
+            progress(sum(search.done for search in searches) / len(searches))
+
+    run_side_by_side(searches, partial(judge_together, judge=judge), after_round)

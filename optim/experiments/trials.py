@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.experiments.results import cached
-from optim.experiments.side_by_side import BudgetedSearch, judge_together, run_side_by_side
+from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation
 from optim.runs.requests import Request
 from optim.search import build_method
@@ -138,7 +137,6 @@ def record_trials(
     size = len(seeds), budget
     points, solved = np.full((*size, problem.space.size), np.nan), np.full(size, NOTHING, np.int8)
     with_gradient, objectives = np.zeros(size, bool), list[Floats]()
-    searches: list[BudgetedSearch] = []
 
     def evaluate(_: Sequence[BudgetedSearch], request: Request) -> Evaluation:
         if request.wants == "points":
@@ -155,14 +153,8 @@ def record_trials(
         with_gradient[trial, part] = evaluation.gradients is not None
         return until_solved and bool((solved[trial, part] == environments).any())
 
-    def after_round() -> None:
-        if progress:
-            progress(sum(search.done for search in searches) / len(searches))
-
-    for trial, seed in enumerate(seeds):
-        built = build_method(method, problem.space, {**settings, "seed": seed})
-        searches.append(BudgetedSearch(trial, built, budget, observe))
-    run_side_by_side(searches, partial(judge_together, judge=evaluate), after_round)
+    methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
+    run_with_budget(methods, budget, evaluate, observe, progress)
     return Trials(points, objectives[0], solved, with_gradient)
 
 

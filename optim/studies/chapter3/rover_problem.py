@@ -25,9 +25,7 @@ MASSES = ("body_mass", "wheel_mass", "castor_mass")
 DRIVES = ("speed", "command_range", "torque")  # in units of pi
 WEIGHTS = ("w1", "w2")
 CONTROLLERS = ("unit", "evolved")
-LOWEST_MASS, HIGHEST_MASS = 0.001, 1000.0  # kg
-LOWEST_RADIUS, HIGHEST_RADIUS = 0.075, 0.3  # m
-LOWEST_DRIVE, HIGHEST_DRIVE = 0.25, 10.0
+MASS_RANGE, RADIUS_RANGE, DRIVE_RANGE = (0.001, 1000.0), (0.075, 0.3), (0.25, 10.0)  # kg, m, pi
 SENSOR_RADIUS, SENSOR_HEIGHT = 0.02, 0.0  # m, in this search only
 STEP = 0.1  # of ranges, standard deviation of a mutation
 
@@ -69,9 +67,9 @@ class RoverProblem:
     def space(self) -> Space:
         """Masses [kg], radius of the wheels [m], drives [pi], and weights if they evolve."""
         ranges = {
-            **dict.fromkeys(MASSES, (LOWEST_MASS, HIGHEST_MASS)),
-            "wheel_radius": (LOWEST_RADIUS, HIGHEST_RADIUS),
-            **dict.fromkeys(DRIVES, (LOWEST_DRIVE, HIGHEST_DRIVE)),
+            **dict.fromkeys(MASSES, MASS_RANGE),
+            "wheel_radius": RADIUS_RANGE,
+            **dict.fromkeys(DRIVES, DRIVE_RANGE),
             **dict.fromkeys(WEIGHTS if self.controller == "evolved" else (), (-1.0, 1.0)),
         }
         return Space(tuple(Variable(name, low, high, step=STEP * (high - low)) for name, (low, high) in ranges.items()))

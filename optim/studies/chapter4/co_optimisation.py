@@ -25,7 +25,7 @@ from optim.experiments.trials import NOTHING, Trials, cached_trials, first_time
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
-from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, sensor_distances, spread_out
+from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
@@ -129,21 +129,14 @@ def distances_of_reported(settings: CoOptimisation, given: Mapping[str, Any], tr
     shown = np.zeros(trials.solved.shape, bool)
     rows, columns = np.nonzero(reported != NOTHING)
     shown[rows, reported[rows, columns]] = True
-    problem, task = settings.problem(**given), settings.task
-    sites, controllers = problem.split(trials.points[shown])
-    found = sensor_distances(sites, controllers[:, 0], task, decimation(task), settings.threads)
-    return spread_out(found, shown)
+    return distances_of(settings.problem(**given), trials.points, shown, decimation(settings.task))
 
 
 def distances_at_the_end(settings: CoOptimisation, given: Mapping[str, Any], trials: Trials, reported: Ints) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
-    last = reported[:, -1]
-    chosen = (last != NOTHING) & (trials.solved[np.arange(len(last)), last] == len(settings.task.starts))
-    if not chosen.any():
-        return spread_out(np.zeros((2, 0)), chosen)
-    sites, controllers = settings.problem(**given).split(trials.points[chosen, last[chosen]])
-    found = sensor_distances(sites, controllers[:, 0], settings.task, threads=settings.threads)
-    return spread_out(found, chosen)
+    rows, last = np.arange(trials.runs), reported[:, -1]
+    chosen = (last != NOTHING) & (trials.solved[rows, last] == len(settings.task.starts))
+    return distances_of(settings.problem(**given), trials.points[rows, last], chosen)
 
 
 def follow_homeostasis(

@@ -25,7 +25,7 @@ from optim.measures import interference, learnability
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
 from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
-from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, sensor_distances, spread_out
+from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import VehicleBody, sweep
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
@@ -109,13 +109,9 @@ def reported(settings: HomeostasisObjective, found: dict[str, Trials], folder: R
 
 def _similarity(settings: HomeostasisObjective, trials: Trials) -> Arrays:
     """The objective of every point that solves all environments; NaN elsewhere."""
-    task, solved = settings.searches.task, trials.solved == len(settings.searches.task.starts)
-    values = np.full(solved.shape, np.nan)
-    if solved.any():
-        sites, controllers = settings.searches.problem().split(trials.points[solved])
-        every = decimation(task, settings.samples)
-        values[solved] = -sensor_distances(sites, controllers[:, 0], task, every, settings.searches.threads)[0]
-    return {"homeostasis": values}
+    problem, task = settings.searches.problem(), settings.searches.task
+    solved, every = trials.solved == len(task.starts), decimation(task, settings.samples)
+    return {"homeostasis": -distances_of(problem, trials.points, solved, every)["raw"]}
 
 
 def _largest(values: Floats, allowed: Bools) -> Ints:
@@ -136,7 +132,7 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
     if not there.any():
         return arrays
     sites, controllers = own.problem().split(points[there])
-    arrays |= spread_out(sensor_distances(sites, controllers[:, 0], own.task, threads=own.threads), there)
+    arrays |= distances_of(own.problem(), points, there)
     bodies = [VehicleBody(tuple(map(tuple, places))) for places in sites.tolist()]
     task = own.task.radius, own.task.time_step, own.task.steps
     overlaps = sweep(bodies, settings.weights, *task, out=sweep_folder, threads=own.threads)

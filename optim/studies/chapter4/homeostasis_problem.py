@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.space import Space
-from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
+from optim.studies.chapter4.sensor_homeostasis import decimation, distances_of
 from taichi_sim.base import checks
 
 UNSOLVED = -1.0  # below every similarity
@@ -44,15 +44,10 @@ class HomeostasisProblem:
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Judge points; details as of the vehicle."""
-        judged = self.vehicle.evaluate(points)
-        task = self.vehicle.task
-        homeostasis = np.full(len(judged.objectives), UNSOLVED)
-        solved = np.flatnonzero(~judged.failed & (judged.details["solved"] == len(task.starts)))
-        if len(solved):
-            sites, controllers = self.vehicle.split(np.atleast_2d(np.asarray(points, float))[solved])
-            every = decimation(task, self.samples)
-            distance, _ = sensor_distances(sites, controllers[:, 0], task, every, self.vehicle.threads)
-            homeostasis[solved] = np.nan_to_num(-distance / (1 + distance), nan=UNSOLVED)
+        judged, points = self.vehicle.evaluate(points), np.atleast_2d(np.asarray(points, float))
+        solved = np.asarray(~judged.failed & (judged.details["solved"] == len(self.vehicle.task.starts)))
+        distance = distances_of(self.vehicle, points, solved, decimation(self.vehicle.task, self.samples))["raw"]
+        homeostasis = np.nan_to_num(-distance / (1 + distance), nan=UNSOLVED)
         return replace(judged, objectives=np.column_stack([judged.objectives, homeostasis]))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:

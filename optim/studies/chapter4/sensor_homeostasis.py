@@ -4,13 +4,13 @@ Source: dissertation, chapter 4, figure "neurips_cooptimization" (right). Soluti
 their sensors never see the light; so solved ones are looked at alone, beside all that were reported, as in the chapter.
 """
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.measures import homeostasis
+from optim.problems.braitenberg import VehicleProblem
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.signals import warping_distances
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, trace
@@ -58,14 +58,19 @@ def sensor_distances(
     return raw, normalised
 
 
-def spread_out(distances: Sequence[Floats] | Floats, chosen: Bools) -> Arrays:
-    """Distances of chosen solutions, by the names in ``MEASURES``, in arrays of all of them; NaN for the others.
+def distances_of(problem: VehicleProblem, points: Floats, chosen: Bools, every: int = 1) -> Arrays:
+    """The :func:`sensor_distances` of some points of a problem, by the names in ``MEASURES``; NaN for the others.
 
     Args:
-        distances: what :func:`sensor_distances` gave, shape (2, N).
-        chosen: which solutions they are of, with N true values.
+        problem: of vehicles.
+        points: shape (..., D).
+        chosen: which of them, shape (...).
+        every: steps between samples.
     """
     arrays = {name: np.full(chosen.shape, np.nan) for name in MEASURES}
-    for name, values in zip(MEASURES, distances, strict=True):
-        arrays[name][chosen] = values
+    if chosen.any():
+        sites, controllers = problem.split(points[chosen])
+        found = sensor_distances(sites, controllers[:, 0], problem.task, every, problem.threads)
+        for name, values in zip(MEASURES, found, strict=True):
+            arrays[name][chosen] = values
     return arrays

@@ -8,14 +8,13 @@ its best point after every step of a method; here every point is looked at, in t
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from optim.experiments.results import Progress, check_counts, part_of
-from optim.experiments.side_by_side import BudgetedSearch, judge_together, run_side_by_side
+from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.runs.requests import Request
@@ -147,14 +146,9 @@ def _run(
         evaluations[run] += successes[0] + 1 if successes.size else len(points)
         return bool(solved[run])
 
-    def after_round() -> None:
-        if progress:
-            progress(sum(search.done for search in searches) / len(searches))
-
     seeds = [_seed(settings.seed, *run) for run in runs]
     methods = [build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": seed}) for seed in seeds]
-    searches = [BudgetedSearch(run, one, settings.budget, observe) for run, one in enumerate(methods)]
-    run_side_by_side(searches, partial(judge_together, judge=judge), after_round)
+    run_with_budget(methods, settings.budget, judge, observe, progress)
     shape = len(bodies), settings.repetitions
     return dict(zip(bodies, zip(evaluations.reshape(shape), solved.reshape(shape), strict=True), strict=True))
 

@@ -41,12 +41,8 @@ FACTORS: Mapping[str, tuple[float, ...]] = {
     "voxels per bladder": (2 / 3, 4 / 3, 5 / 3),
 }
 FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
-    "Young's modulus": (0.5, 2.0),
-    "density": (0.5, 2.0),
-    "time step": (0.5,),
-    "duration": (0.5, 2.0),
-    "maximum pressure": (0.5, 1.25),
-    "voxels per bladder": (2 / 3,),
+    **{name: (factors[0], factors[-1]) for name, factors in FACTORS.items()},
+    **{"time step": (0.5,), "voxels per bladder": (2 / 3,)},
 }
 
 

@@ -106,12 +106,10 @@ def _draw(axes: "Axes", curve: Mapping[str, Any], colour: str) -> None:
 def _legend(drawn: Any, rows: list[str]) -> None:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=COLOURS[ROWS.index(row)], label=row) for row in rows]
-    handles += [
-        Line2D([], [], color="0.3", label="mean of climbers, 95 % band"),
-        Line2D([], [], color="0.3", linestyle="--", linewidth=0.8, label="maximum"),
-    ]
-    drawn.legend(handles=handles, loc="outside upper center", ncols=3)
+    searches = [Line2D([], [], color=COLOURS[ROWS.index(row)], label=row) for row in rows]
+    mean = Line2D([], [], color="0.3", label="mean of climbers, 95 % band")
+    maximum = Line2D([], [], color="0.3", linestyle="--", linewidth=0.8, label="maximum")
+    drawn.legend(handles=[*searches, mean, maximum], loc="outside upper center", ncols=3)
 
 
 STUDY = Study(

@@ -115,12 +115,12 @@ def history_of(problem: GaitProblem, found: Arrays, folder: Path) -> History:
     """
     scores, count = found["scores"], len(found["scores"])
     known = np.flatnonzero(np.isfinite(scores))
-    best = int(known[np.argmax(scores[known])]) if known.size else None
+    value: float | None = None
     point = details = None
-    if best is not None:
-        point = problem.space.to_dict(found["points"][best])
+    if known.size:
+        best = int(known[np.argmax(scores[known])])
+        value, point = float(scores[best]), problem.space.to_dict(found["points"][best])
         names = [f"speed_{terrain.name}" for terrain in problem.terrains]
         details = dict(zip(names, found["speeds"][best].tolist(), strict=True))
-    value = None if best is None else float(scores[best])
     last = Generation(0, 2 * count, count - known.size, value, None, None, None, point, details, {})
     return History(folder, {}, (last,), (float(found["wall_s"]),), None, False)
