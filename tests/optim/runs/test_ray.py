@@ -14,7 +14,7 @@ from worker_problems import Bowl, sample
 from optim.runs.requests import Request, judge
 from optim.runs.workers import ray_cluster
 
-pytestmark = [pytest.mark.long, pytest.mark.kernels]  # its cluster serves all tests, those that compile kernels, too
+pytestmark = [pytest.mark.kernels, pytest.mark.long]  # all share a cluster, which judges with the simulator
 
 pytest.importorskip("ray", reason="needs the extra ray")
 
