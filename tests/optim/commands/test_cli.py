@@ -174,7 +174,9 @@ def test_any_design_that_a_search_keeps_can_be_exported(morpholab, tmp_path):
 def test_versions_are_told(morpholab):
     code, out, _ = morpholab("--version")
     assert (
-        code == 0 and re.match(r"morpholab \d+\.\d+\.\d+, python 3\.\d+\.\d+, numpy \d", out) and out.count("\n") == 1
+        code == 0
+        and re.match(r"morpholab \d+\.\d+\.\d+\S*, python 3\.\d+\.\d+, numpy \d", out)
+        and out.count("\n") == 1
     )
 
 
