@@ -4,9 +4,13 @@ import contextlib
 import difflib
 import math
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from dataclasses import fields
+from functools import partial
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
+
+from taichi_sim.base.arrays import Floats
 
 LONGEST_SHOWN = 100  # characters of a value in a message
 
@@ -57,7 +61,7 @@ def integer(field: str, value: object, low: int, high: int = 2**31 - 1) -> int:
     return whole_number(field, value, low, high)
 
 
-def positive(field: str, value: object, high: float) -> float:
+def positive(field: str, value: object, high: float = math.inf) -> float:
     """Check that a value is a number above 0 and at most ``high``, and return it as a float.
 
     Raises:
@@ -65,7 +69,8 @@ def positive(field: str, value: object, high: float) -> float:
     """
     if (finite := _finite(value)) is not None and 0 < finite <= high:
         return finite
-    raise ValueError(f"{field}: {_shown(value)} is not allowed; give a positive number, at most {high:g}")
+    allowed = "a positive finite number" if high == math.inf else f"a positive number, at most {high:g}"
+    raise ValueError(f"{field}: {_shown(value)} is not allowed; give {allowed}")
 
 
 def flag(field: str, value: object) -> bool:
@@ -99,6 +104,69 @@ def choice(field: str, value: object, names: Collection[str]) -> str:
     if isinstance(value, str) and value in names:
         return value
     raise ValueError(f"{field}: {_shown(value)} is unknown; choose one of {', '.join(names)}")
+
+
+def numbers(field: str, value: object, *shape: int | str) -> Floats:
+    """Check that a value is an array of finite numbers of this shape, and return a copy.
+
+    Args:
+        field: named in messages.
+        value: an array, or sequences in each other.
+        shape: the length of each axis; a name such as ``"B"`` allows any length of at least 1.
+
+    Raises:
+        ValueError: if it is anything else.
+    """
+    wanted = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
+    try:
+        found = np.array(value, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{field}: {_shown(value)} is not allowed; give numbers of shape {wanted}") from None
+    fits = found.ndim == len(shape) and all(
+        length == size or (isinstance(length, str) and size > 0)
+        for length, size in zip(shape, found.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{field}: an array of shape {found.shape} is not allowed; give {wanted}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{field}: {found[~np.isfinite(found)][0]} is not allowed; give finite numbers")
+    return found
+
+
+# Types of fields for :func:`check_fields`.
+Finite = Annotated[float, number]
+Positive = Annotated[float, positive]
+NotNegative = Annotated[float, partial(number, low=0.0)]
+
+
+def check_fields(described: Any) -> None:
+    """Check the fields of a dataclass by their types, and replace each value by what its check returns.
+
+    An ``Annotated`` type names its check: a function of the field's name and its value, such as those of this module.
+    A ``Literal`` type allows the texts that it lists. None is allowed where it is the default::
+
+        @dataclass(frozen=True)
+        class Disk:
+            radius: Positive
+            slope: Annotated[float, partial(number, low=-80.0, high=80.0, unit="degrees")] = 0.0
+            corners: Annotated[int, partial(whole_number, low=3)] = 100
+            surface: Literal["smooth", "rough"] | None = None
+
+            def __post_init__(self) -> None:
+                check_fields(self)
+
+    Raises:
+        ValueError: if a value is not allowed; the message is that of its check.
+    """
+    for each in fields(described):
+        value = getattr(described, each.name)
+        if value is None and each.default is None:
+            continue
+        for kind in (each.type, *get_args(each.type)):  # those of ``Positive | None``, too
+            if get_origin(kind) is Literal:
+                choice(each.name, value, get_args(kind))
+            for check in getattr(kind, "__metadata__", ()):
+                object.__setattr__(described, each.name, check(each.name, value))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

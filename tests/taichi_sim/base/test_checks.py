@@ -1,6 +1,9 @@
 """Checks of what comes from outside."""
 
 import re
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
@@ -45,6 +48,49 @@ def test_a_name_must_be_known(value):
     assert choice("geometry", "small", ("small", "published")) == "small"
     with pytest.raises(ValueError, match=r"^geometry: .* is unknown; choose one of small, published$"):
         choice("geometry", value, ("small", "published"))
+
+
+@dataclass(frozen=True)
+class Disk:
+    radius: checks.Positive
+    slope: Annotated[float, partial(number, low=-80.0, high=80.0, unit="degrees")] = 0.0
+    corners: Annotated[int, partial(whole_number, low=3)] = 100
+    surface: Literal["smooth", "rough"] | None = None
+    mass: checks.NotNegative | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        checks.check_fields(self)
+
+
+def test_fields_are_checked_by_their_types():
+    disk = Disk(2, corners=4.0, surface="rough")
+    assert (disk.radius, disk.corners, disk.surface, disk.mass) == (2.0, 4, "rough", None)
+    assert isinstance(disk.radius, float) and isinstance(disk.corners, int)
+    for wrong, message in (
+        ({"radius": 0.0}, "radius: 0.0 is not allowed; give a positive finite number"),
+        ({"radius": None}, "radius: None is not allowed; give a positive finite number"),
+        ({"slope": 90.0}, "slope: 90.0 is not allowed; give a number from -80 to 80 degrees"),
+        ({"corners": 2}, "corners: 2 is not allowed; give a whole number, at least 3"),
+        ({"surface": "blue"}, "surface: 'blue' is unknown; choose one of smooth, rough"),
+        ({"mass": -1}, "mass: -1 is not allowed; give a finite number, at least 0"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}$"):
+            Disk(**{"radius": 1.0, **wrong})
+
+
+def test_arrays_have_the_shape_that_is_asked_for():
+    given = np.ones((4, 3))
+    found = checks.numbers("starts", given, "B", 3)
+    assert np.array_equal(found, given) and found is not given
+    for wrong, message in (
+        ("abc", "starts: 'abc' is not allowed; give numbers of shape (B, 3)"),
+        (np.ones(3), "starts: an array of shape (3,) is not allowed; give (B, 3)"),
+        (np.ones((0, 3)), "starts: an array of shape (0, 3) is not allowed; give (B, 3)"),
+        ([[1.0, np.nan, 2.0]], "starts: nan is not allowed; give finite numbers"),
+    ):
+        with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+            checks.numbers("starts", wrong, "B", 3)
 
 
 def test_settings_are_of_their_very_kind():
