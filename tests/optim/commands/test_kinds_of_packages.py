@@ -26,6 +26,8 @@ class Economy(RobotObjective):
     def score(self, outcome, measure):
         return outcome.measures["height"] / (0.1 + outcome.measures["energy"])
 '''
+pytestmark = pytest.mark.long
+
 SEARCH = "codesign --robot hopper --climbers 4 --quiet"
 
 

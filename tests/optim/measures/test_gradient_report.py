@@ -62,6 +62,7 @@ def test_cosine_of_nothing_is_no_number():
     assert np.isnan(cosine(np.zeros(2), np.ones(2)))
 
 
+@pytest.mark.long
 def test_the_plot_shows_every_horizon(tmp_path):
     report = check_gradient({n: (Staircase(h), np.zeros(4)) for n, h in (("a", 0.0), ("b", 0.04))}, samples=10)
     save_plot(report, tmp_path / "plot.png")

@@ -110,6 +110,7 @@ def about(page):
     return json.loads(Page(player["srcdoc"]).scripts["about"])
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("simulator")
 def test_a_page_says_what_the_files_say(morpholab, reported, tmp_path):
     design(morpholab, "runs/a")
@@ -202,6 +203,7 @@ def test_a_rig_that_cannot_play_the_gait(morpholab, reported, tmp_path):
     assert not document["design"]["rig"]["exceeded"] and morpholab("export a --csv gait.csv")[0] == 0
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("simulator")
 def test_several_runs_are_compared_as_compare_does(morpholab, reported):
     for seed in range(3):
@@ -219,6 +221,7 @@ def test_several_runs_are_compared_as_compare_does(morpholab, reported):
     assert page.text.startswith("6 runs: inflatable robot")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("simulator")
 def test_fronts_and_elites(morpholab, reported, tmp_path):
     design(morpholab, "front", "--method borg --population 12")

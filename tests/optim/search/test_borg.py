@@ -68,6 +68,7 @@ def test_fronts_are_as_good_as_those_of_pymoo(name):
     assert np.mean(ours) > 0.98 * VOLUME_OF_PYMOO[name]
 
 
+@pytest.mark.long
 def test_a_search_restarts_and_prefers_operators_that_prove_themselves():
     method = finished("zdt1", 1)
     numbers = method.result().numbers

@@ -58,6 +58,7 @@ def test_angles_wrap_round_and_all_kinds_go_together(seed):
     assert result.point == pytest.approx([1.3, 175, 2, 1], abs=0.1)
 
 
+@pytest.mark.long
 def test_a_region_of_failures_is_left():
     judge = lambda p: np.where(p[:, 0] < 0, np.nan, sphere(p))  # noqa: E731
     method = run_up_to(CMAESWithMargin(mixed_space(6), population=20, seed=1, start={"x0": -0.5}), judge, 100)
@@ -201,6 +202,7 @@ def test_what_is_returned_is_a_copy():
     assert np.array_equal(first, method.ask())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("judge", [lambda p: np.zeros(len(p)), sphere], ids=["plateau", "summit"])
 def test_restarts_keep_the_best(judge):
     method = CMAESWithMargin(continuous_space(2), population=10, patience=30)
@@ -213,6 +215,7 @@ def test_restarts_keep_the_best(judge):
     assert judge(method.result().point[None])[0] == best
 
 
+@pytest.mark.long
 def test_restarts_find_what_one_distribution_misses():
     def judge(p):  # a wide hill at 1, a higher one beside the bound
         return np.maximum(-np.abs(p - 1).max(axis=1), 2 - 2 * np.abs(p + 4).max(axis=1))

@@ -171,6 +171,7 @@ def test_several_trials_are_those_of_different_members_drawn_evenly():
     assert method.ask().shape == (6, 4) and method.result().score > -1.0
 
 
+@pytest.mark.long
 def test_a_sphere_by_one_trial_at_a_time():
     method = DifferentialEvolution(mixed_space(6), population=12, trials=1, strategy="rand/1/bin", bounds="random")
     assert run(method, sphere, 1500).result().score > -1e-3

@@ -64,6 +64,7 @@ def test_a_valley_is_followed_along_turning_directions():
     assert median_score(PLANE, rosenbrock, 3000) < -1e-3  # the valley is not along an axis
 
 
+@pytest.mark.long
 def test_a_corner_and_forty_bits_are_reached_exactly():
     assert median_score(continuous_space(6), corner, 2000) > -1e-9
     space = Space(tuple(Variable(f"b{i}", 0, 1, "binary") for i in range(40)))

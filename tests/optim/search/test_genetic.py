@@ -24,6 +24,7 @@ def one_family(space, parents, **settings):
     return method
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("settings", "gap"), [({}, 2e-3), ({"elites": 60}, 1e-6)])
 def test_a_mixed_sphere_in_6000_evaluations(settings, gap):
     assert min(scores(mixed_space(10), sphere, 100, **settings)) > -gap

@@ -78,6 +78,7 @@ def test_an_ill_conditioned_function_takes_fewer_evaluations_than_without_gradie
     assert max(costs[0]) < 6000 and np.median(costs[0]) < 0.75 * np.median(costs[1])
 
 
+@pytest.mark.long
 def test_bits_that_interact_take_fewer_evaluations_than_without_gradients():
     problem = Pairs()
     long = [DifferentialEvolution(BITS, seed=seed, population=100) for seed in range(3)]
@@ -89,6 +90,7 @@ def test_bits_that_interact_take_fewer_evaluations_than_without_gradients():
     assert np.median(costs[0]) < 0.6 * np.median(costs[1]) and max(costs[0]) < 20_000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mislead", [lambda p: np.full(p.shape, -1.0), lambda p: np.sin(37 * p + np.arange(40))])
 def test_a_misleading_gradient_only_costs_its_evaluations(mislead):
     for seed in range(5):

@@ -59,6 +59,7 @@ def test_a_search_that_only_succeeds_takes_as_long_to_contract():
     assert method.steps[0] == pytest.approx(0.25)
 
 
+@pytest.mark.long
 def test_trainers_solve_an_easy_task_within_the_budget():
     """Random search needs 50 evaluations on average; means over these 40 seeds were 38, 37, 30 and 48."""
     means = {name: np.mean([evaluations_until_solved(name, seed) for seed in range(40)]) for name in BLACK_BOX_OPTIM}

@@ -316,6 +316,7 @@ def test_runs_that_found_nothing_count_neither_as_speeds_nor_as_runs():
     assert row["same_start"] and row["difference"] == pytest.approx(0.2)
 
 
+@pytest.mark.long
 def test_the_table_tells_of_how_many_runs_speeds_are(hill, tmp_path, monkeypatch):
     """One run's finalists all diverge."""
     settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",))
@@ -328,6 +329,7 @@ def test_the_table_tells_of_how_many_runs_speeds_are(hill, tmp_path, monkeypatch
     assert "| 1 of 2 |" in (tmp_path / "hunt" / "table.md").read_text()
 
 
+@pytest.mark.long
 def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     settings = quick(monkeypatch)
     hunting.study(tmp_path / "hunt", dataclasses.replace(settings, searches=("genetic",)))
@@ -341,6 +343,7 @@ def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     assert row["robot_steps"] == spent[spent <= more.budget][-1] > spent[0]
 
 
+@pytest.mark.long
 def test_finalists_of_other_seeds_are_judged_anew(hill, tmp_path, monkeypatch):
     """Of runs with as many generations, too: what was judged are their designs."""
     settings = dataclasses.replace(quick(monkeypatch), searches=("genetic",))

@@ -28,6 +28,7 @@ def gaits_of(simulator):
     ]
 
 
+@pytest.mark.long
 def test_friction_sweeps_are_the_published_points(simulator, tmp_path):
     summary = friction.study(tmp_path / "a", friction.FrictionSweeps(TWO))
     frictions = [(terrain.low_friction, terrain.high_friction) for _, terrain in gaits_of(simulator)]
@@ -238,6 +239,7 @@ def test_bodies_without_success_have_no_interference_and_few_bodies_no_certainty
     assert (tmp_path / "metrics.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_metrics_are_studied_body_by_body_with_the_same_gaits(simulator, tmp_path):
     settings = metrics.SoftRobotMetrics((0.0, 12e3), (0.0, 90.0), gaits=5)
     summary = metrics.study(tmp_path / "a", settings)

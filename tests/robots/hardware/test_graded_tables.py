@@ -28,6 +28,7 @@ def lasting(table) -> list[float]:
     return [state.end_s - state.start_s for state in table.timing]
 
 
+@pytest.mark.long
 @settings(max_examples=40)
 @given(graded_designs, st.sampled_from(["kpa", "psi"]), st.sampled_from([None, 50.0]))
 def test_any_graded_design_survives_its_table(tmp_path_factory, design, units, rate):

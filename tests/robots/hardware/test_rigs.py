@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig
 
 
+@pytest.mark.long
 @given(delay=st.floats(0, 5), still=st.floats(0.01, 5), core=st.floats(1, 50))
 def test_a_rig_survives_its_file(tmp_path_factory, delay, still, core):
     default = PneumaticRig()

@@ -145,6 +145,7 @@ def test_a_chart_has_a_coloured_cell_for_every_bit():
     assert [label.get_text() for label in axes.get_yticklabels()][0:9:8] == ["bladder 1", "foot 1"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("step", "lines"), [(0.02, 3), (1.0, 1)])
 def test_poses_that_are_clear_of_each_other_share_one_ground(step, lines):
     axes = Figure().add_subplot()

@@ -59,6 +59,7 @@ def test_values_keep_their_bits_and_derivatives_agree_with_differences(name):
         assert (gradient * direction).sum() == pytest.approx((sides[0] - sides[1]) / (2 * h), rel=1e-7, abs=1e-7)
 
 
+@pytest.mark.long
 @given(st.integers(0, 1000))
 def test_a_composition_against_torch(seed):
     torch = pytest.importorskip("torch")

@@ -28,6 +28,7 @@ def middle(positions, orientations, strains, sizes) -> np.ndarray:
     return mean_of_face_corners(BODY, positions, orientations, half_extents(BODY, strains, sizes))
 
 
+@pytest.mark.long
 @given(st.integers(0, 1000))
 def test_the_pull_back_of_the_middle_agrees_with_differences_in_every_argument(seed):
     """Free directions: turned quaternions leave the unit sphere, and the strains of links differ in their moduli."""
