@@ -126,6 +126,11 @@ class Outcome:
         return np.where(self.reason == "", self.status, self.reason)
 
 
+def recorded(frames: object | None) -> dict[str, NDArray[Any]]:
+    """Frames of an engine's result, a dataclass of arrays, by name; none if nothing was recorded."""
+    return {} if frames is None else vars(frames)
+
+
 @dataclass(frozen=True, eq=False)
 class Replay:
     """A trial that can be shown: what came of it, how the robot moved, and the title of its picture."""

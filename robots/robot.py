@@ -40,7 +40,7 @@ from taichi_sim.base.registry import Registry
 from taichi_sim.base.variables import Variable as Parameter
 
 if TYPE_CHECKING:
-    pass
+    from robots.view.motion import Motion
 
 __all__ = [
     "DIVERGED",
@@ -63,6 +63,7 @@ __all__ = [
     "Replay",
     "Robot",
     "RobotKind",
+    "Trial",
     "World",
     "find_robot",
     "kind_of_file",
@@ -76,17 +77,43 @@ FRAMES = 1000  # of a motion, at most
 Progress = Callable[[float], None]
 
 
-class Robot(ABC):
+def part_of(progress: Progress | None, done: int, count: int) -> Progress | None:
+    """Progress of the part after ``done`` of ``count`` equal parts, told as that of all; None if nobody is told."""
+    return (lambda fraction: progress((done + fraction) / count)) if progress else None
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """How designs are tried.
+
+    Attributes:
+        world: where.
+        compute: device, precision and threads.
+        record_every: time steps between recorded poses; None for none.
+        progress: called now and then with the fraction done.
+        gradients: whether gradients are asked for.
+    """
+
+    world: World
+    compute: Compute = HERE
+    record_every: int | None = None
+    progress: Progress | None = None
+    gradients: bool = False
+
+
+class Robot:
     """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
 
     Points are arrays of shape (N, P): N designs, each a value for every parameter. A robot of which nothing is free
-    has points of shape (N, 0). Only what is abstract must be defined; parameters and measures may be attributes.
+    has points of shape (N, 0). A kind defines ``kind``, ``measures`` and :meth:`run`; parameters and measures may be
+    attributes. With :attr:`steps` and :meth:`motion` it can be shown, all else is optional.
     """
 
     kind: str
     parameters: tuple[Parameter, ...] = ()
     measures: tuple[Measure, ...]
     worlds: tuple[World, ...] = (Place(),)
+    differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
     exportable = False  # whether :meth:`table` makes a table for hardware
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
     curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
@@ -97,7 +124,15 @@ class Robot(ABC):
         """What people call this robot."""
         return KINDS[self.kind].title
 
-    @abstractmethod
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """What N designs do in a trial; what one of them does must not depend on the others.
+
+        Args:
+            points: shape (N, P), checked.
+            trial: world, computation, and what is asked for.
+        """
+        raise NotImplementedError
+
     def simulate(
         self,
         points: ArrayLike,
@@ -107,7 +142,7 @@ class Robot(ABC):
         record_every: int | None = None,
         progress: Progress | None = None,
     ) -> Outcome:
-        """Try N designs in a world, as one batch; what one of them does must not depend on the others.
+        """Try N designs in a world, as one batch.
 
         Args:
             points: shape (N, P).
@@ -119,6 +154,7 @@ class Robot(ABC):
         Raises:
             ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
         """
+        return self.run(self.points(points), Trial(world, compute, record_every, progress))
 
     def differentiate(
         self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
@@ -128,7 +164,26 @@ class Robot(ABC):
         Raises:
             ValueError: if the robot has no gradients.
         """
-        raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
+        if not self.differentiable:
+            raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
+        return self.run(self.points(points), Trial(world, compute, None, progress, gradients=True))
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial, which tell how often to record a motion.
+
+        Raises:
+            ValueError: if robots of this kind cannot be shown.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of a robot of which nothing is free, for an outcome with frames."""
+        raise NotImplementedError
+
+    def title_of(self, outcome: Outcome, world: World) -> str:
+        """Title of the picture of such a motion; empty for a plain one."""
+        return ""
 
     def replay(
         self,
@@ -140,12 +195,18 @@ class Robot(ABC):
         compute: Compute = HERE,
         progress: Progress | None = None,
     ) -> Replay:
-        """Try one design, shape (P,), with about so many recorded frames, and build its motion of that name.
+        """Try one design, shape (P,), and build its motion of that name, with at most so many frames (2 or more).
 
         Raises:
             ValueError: if the design is no robot, or robots of this kind cannot be shown.
         """
-        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
+        fixed, name = self.design(point) if self.parameters else self, name or self.name
+        every = max(1, -(-fixed.steps // (frames - 1)))
+        outcome = fixed.simulate((), world, compute=compute, record_every=every, progress=progress)
+        if outcome.reason[0]:
+            raise ValueError(f"source: {name} is no robot: {outcome.reason[0]}")
+        motion = fixed.motion(outcome, world, name)
+        return Replay(outcome, motion.every(-(-len(motion.times) // frames)), fixed.title_of(outcome, world))
 
     def design(self, point: ArrayLike) -> "Robot":
         """The robot of one point, shape (P,), with nothing free."""
@@ -275,13 +336,25 @@ class FixedRobot(Robot):
         """What people call this robot."""
         return self.robot.name
 
-    def simulate(self, points: ArrayLike, world: World, **settings: Any) -> Outcome:
-        """Try the design, as often as there are points, shape (N, 0)."""
-        return self.robot.simulate(np.tile(self.point, (len(self.points(points)), 1)), world, **settings)
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial."""
+        return self.robot.steps
 
-    def replay(self, point: ArrayLike, world: World, **settings: Any) -> Replay:
-        """Try the design, and build its motion."""
-        return self.robot.replay(self.point, world, **settings)
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Try the design, as often as there are points, shape (N, 0)."""
+        several, every = np.tile(self.point, (len(points), 1)), trial.record_every
+        return self.robot.simulate(
+            several, trial.world, compute=trial.compute, record_every=every, progress=trial.progress
+        )
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the design."""
+        return self.robot.motion(outcome, world, name)
+
+    def title_of(self, outcome: Outcome, world: World) -> str:
+        """Title of its picture."""
+        return self.robot.title_of(outcome, world)
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design."""

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from optim.problem import WALKER, Evaluation, check_kind
 from optim.problems.robot import JudgedRobot
-from robots.lattice_robot.walker import WalkerActuation, WalkerDesign, WalkerTissue
-from robots.lattice_robot.walker_offered import WalkerBodies
+from robots.lattice_robot.walker import WalkerActuation, WalkerDesign, check_terrain
+from robots.lattice_robot.walker_offered import WalkerRobot
 from robots.robot import KINDS, World
 from robots.world import Terrain
 
@@ -44,12 +44,12 @@ class WalkerProblem(JudgedRobot):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape", self.offered.shape)
-        WalkerTissue().on(self.terrain)
+        check_terrain(self.terrain)
 
     @cached_property
-    def offered(self) -> WalkerBodies:
+    def offered(self) -> WalkerRobot:
         """The lattice, as any kind of robot is seen."""
-        return WalkerBodies(self.shape, self.encoding, self.actuation)
+        return WalkerRobot(self.shape, self.encoding, self.actuation)
 
     @property
     def tried_in(self) -> tuple[World, ...]:
@@ -58,7 +58,7 @@ class WalkerProblem(JudgedRobot):
 
     def design(self, point: ArrayLike) -> WalkerDesign:
         """The design of a point, shape (D,)."""
-        return self.offered.walker(self.space.validate(point))
+        return self.offered.bodies(self.space.validate(point))[0]
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate all points, shape (N, D).

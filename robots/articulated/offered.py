@@ -1,14 +1,16 @@
 """What articulated robots offer to commands, searches, views and reports."""
 
 from dataclasses import dataclass, replace
-from typing import Any
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from robots.articulated.robot import ArticulatedRobot
-from robots.articulated.simulation import ArticulatedResult, differentiate, simulate
-from robots.robot import FRAMES, HERE, Facts, Measure, Outcome, Parameter, Place, Progress, Replay, Robot, World
-from taichi_sim.base.compute import Compute
+from robots.articulated.simulation import differentiate, simulate
+from robots.outcome import recorded
+from robots.robot import Facts, Measure, Outcome, Parameter, Place, Robot, Trial, World
+from taichi_sim.base.arrays import Floats
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 GROUND = Place("ground")
 
@@ -29,6 +31,7 @@ class OfferedArticulated(Robot):
         Measure("distance", "m", "distance along its heading"),
     )
     worlds = (GROUND,)
+    differentiable = True
     horizons = (1, 2, 4)
 
     @property
@@ -41,57 +44,35 @@ class OfferedArticulated(Robot):
         """What is free of the controller."""
         return self.robot.parameters
 
-    def simulate(
-        self,
-        points: ArrayLike,
-        world: World,
-        *,
-        compute: Compute = HERE,
-        record_every: int | None = None,
-        progress: Progress | None = None,
-    ) -> Outcome:
-        """Let the robot move at N points."""
-        found = simulate(self.robot, points, record_every=record_every, progress=progress, **compute.options)
-        return self._outcome(found)
-
-    def differentiate(
-        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Outcome:
-        """Let the robot move at N points, with the gradients of speed and distance."""
-        return self._outcome(differentiate(self.robot, points, progress=progress, **compute.options))
-
-    def _outcome(self, found: ArticulatedResult) -> Outcome:
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Let the robot move at N points, with the gradients of speed and distance if wanted."""
+        compute, tell = trial.compute.options, trial.progress
+        if trial.gradients:
+            found = differentiate(self.robot, points, progress=tell, **compute)
+        else:
+            found = simulate(self.robot, points, record_every=trial.record_every, progress=tell, **compute)
         seconds = self.robot.steps * self.robot.world.time_step
         slopes = {}
         if found.gradient is not None:
             slopes = {"speed": found.gradient / seconds, "distance": found.gradient}
-        frames = found.runs[0].frames
-        measures = {"speed": found.distance / seconds, "distance": found.distance}
-        recorded = {} if frames is None else vars(frames)
-        return Outcome(measures, found.status, (), found.steps, slopes, recorded, found)  # type: ignore[arg-type]
+        measures, frames = {"speed": found.distance / seconds, "distance": found.distance}, found.runs[0].frames
+        return Outcome(
+            measures, found.status, steps=found.steps, gradients=slopes, frames=recorded(frames), result=found
+        )
 
-    def replay(
-        self,
-        point: ArrayLike,
-        world: World,
-        *,
-        frames: int = FRAMES,
-        name: str = "",
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> Replay:
-        """Let one design move."""
-        from robots.view.motion import record_every
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial."""
+        return self.robot.steps
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the robot, with its sensors and commands."""
         from robots.view.rigid_motion import driven_motion
 
-        every = record_every(self.robot.steps, frames)
-        outcome = self.simulate(point, world, compute=compute, record_every=every, progress=progress)
-        (run,) = outcome.result.runs
-        sensors = [*(f"{body} on ground" for body in self.robot.senses.touch), *(["light"] if self.robot.light else [])]
-        lights = [] if self.robot.light is None else [self.robot.light]
-        model = self.robot.model
-        motion = driven_motion(model.tree, run.frames, sensors, model.commands, name=name or self.name, lights=lights)
-        return Replay(outcome, motion)
+        (run,), robot = outcome.result.runs, self.robot
+        sensors = [*(f"{body} on ground" for body in robot.senses.touch), *(["light"] if robot.light else [])]
+        lights = [] if robot.light is None else [robot.light]
+        return driven_motion(robot.model.tree, run.frames, sensors, robot.drives, name=name, lights=lights)
 
     def describe(self) -> dict[str, Any]:
         """All of the robot, the text of its model included."""

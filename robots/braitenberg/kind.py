@@ -36,7 +36,7 @@ class VehicleKind(EnvironmentKind):
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """Sensors and weights to be searched; or the vehicle of a file, of which nothing is free."""
         from robots.braitenberg.body import VehicleBody
-        from robots.braitenberg.offered import Vehicle, VehicleRobot, load_vehicle
+        from robots.braitenberg.offered import VehicleRobot, load_vehicle, one_vehicle
         from robots.control.neural import pair_of
 
         if source is not None:
@@ -47,7 +47,7 @@ class VehicleKind(EnvironmentKind):
         controller = options.get("controller", CONTROLLERS[0])
         if controller in CONTROLLERS:
             return VehicleRobot(body, controller, options.get("sensors", 2))
-        return Vehicle(body or VehicleBody.published(6553), tuple(pair_of(controller)))
+        return one_vehicle(body or VehicleBody.published(6553), pair_of(controller))
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs that searches save."""

@@ -3,29 +3,28 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.braitenberg.body import BASELINE, CONTROLLERS, FORMAT, HALF_SIDE, VehicleBody
-from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral, trace
+from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral
 from robots.braitenberg.sweeps import sweep
-from robots.robot import FRAMES, HERE, Facts, Measure, Outcome, Parameter, Picture, Progress, Replay, Robot, World
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World
 from robots.world import Environment
+from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, write_record
-from taichi_sim.vehicle import VehicleBatch, VehicleTask, differentiate, rollout
+from taichi_sim.vehicle import VehicleBatch, VehicleTask
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 STEP = 0.1  # of a mutation, part of a parameter's range
 WEIGHTS = 41  # of a success matrix, along each side
-MEASURES = (
-    Measure("approach", "m", "minus the smallest distance from the light"),
-    Measure("closest", "m", "smallest distance from the light"),
-    Measure("solved", "", "whether the light is reached"),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +39,24 @@ class VehicleRobot(Robot):
         controller: ``"contralateral"``, each sensor drives the motor of the other side, or ``"full"``.
         sensors: how many, if the body is free; contralateral needs two.
         task: environments, radius, time step and steps.
+        matrix: controller of one vehicle with a fixed body, shape (2, S), see :func:`one_vehicle`; None lets weights
+            be found.
     """
 
     body: VehicleBody | None = None
     controller: str = CONTROLLERS[0]
     sensors: int = 2
     task: VehicleTask = PUBLISHED
+    matrix: Floats | None = None
 
     kind = "vehicle"
-    measures = MEASURES
+    measures = (
+        Measure("approach", "m", "minus the smallest distance from the light"),
+        Measure("closest", "m", "smallest distance from the light"),
+        Measure("solved", "", "whether the light is reached"),
+    )
+    differentiable = True
+    horizons = (100, 300, 1000)
 
     def __post_init__(self) -> None:
         choice("controller", self.controller, CONTROLLERS)
@@ -57,6 +65,13 @@ class VehicleRobot(Robot):
         object.__setattr__(self, "sensors", whole_number("sensors", self.sensors, 1))
         if self.sensors != 2 and self.controller == "contralateral":
             raise ValueError(f"sensors: {self.sensors} is not allowed with a contralateral controller; give 2")
+
+    @property
+    def name(self) -> str:
+        """What people call it: one vehicle by the number of its body, if that is on the published grid."""
+        if self.body is None or self.matrix is None:
+            return super().name
+        return "vehicle" if self.body.design is None else f"vehicle {self.body.design}"
 
     @property
     def worlds(self) -> tuple[World, ...]:  # type: ignore[override]
@@ -73,6 +88,8 @@ class VehicleRobot(Robot):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """Sites, if they are free, and weights; searches of sites begin at the canonical body."""
+        if self.matrix is not None:
+            return ()
         sites = [] if self.body else [f"l{j}{axis}" for j in range(1, self.sensors + 1) for axis in "xy"]
         usual = np.resize(np.ravel(BASELINE.sensors), len(sites)).tolist()
         span, places = 2 * HALF_SIDE, zip(sites, usual, strict=True)
@@ -85,11 +102,13 @@ class VehicleRobot(Robot):
         """Sites, shape (N, S, 2), and controllers, shape (N, 1, 2, S), of points, shape (N, P)."""
         points = self.points(points)
         count, sites = len(points), 0 if self.body else 2 * self.sensors
-        weights = points[:, sites:]
         if self.body is None:
             places = points[:, :sites].reshape(count, -1, 2)
         else:
             places = np.broadcast_to(self.body.sensors, (count, self.sensors, 2))
+        if self.matrix is not None:
+            return places, np.broadcast_to(self.matrix, (count, 1, 2, self.sensors))
+        weights = points[:, sites:]
         if self.controller == "contralateral":
             return places, contralateral(weights)[:, None]
         return places, weights.reshape(count, 1, 2, self.sensors)
@@ -97,40 +116,27 @@ class VehicleRobot(Robot):
     def batch(self, points: ArrayLike) -> VehicleBatch:
         """Bodies and controllers of points, shape (N, P)."""
         sites, controllers = self.split(points)
-        return batch_of([VehicleBody(tuple(map(tuple, each))) for each in sites.tolist()], controllers)
+        return batch_of([VehicleBody(each) for each in sites], controllers)
 
-    def simulate(
-        self,
-        points: ArrayLike,
-        world: World,
-        *,
-        compute: Compute = HERE,
-        record_every: int | None = None,
-        progress: Progress | None = None,
-    ) -> Outcome:
-        """Drive in one environment; with ``record_every`` the frames are ``poses`` and ``readings``."""
-        task = self.task_in(world)
-        done = rollout(self.batch(points), task, until="closest", **compute.options, progress=progress)
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Drive in one environment, with the gradients of the distances from the light if wanted.
+
+        With ``record_every`` the frames are ``poses`` and ``readings``.
+        """
+        task, batch, compute = self.task_in(trial.world), self.batch(points), trial.compute.options
+        if trial.gradients:
+            found = vehicle.differentiate(batch, task, **compute, progress=trial.progress)
+            slopes = self.slopes(found)[:, 0]
+            return Outcome(_measures(found.closest[:, 0, 0], task), gradients={"approach": -slopes, "closest": slopes})
+        done = vehicle.rollout(batch, task, until="closest", **compute, progress=trial.progress)
         result, frames = None, {}
-        if record_every is not None:
-            sites, controllers = self.split(points)
-            bodies = [VehicleBody(tuple(map(tuple, each))) for each in sites.tolist()]
-            result = trace(bodies, controllers, task, every=record_every, **compute.options)
+        if trial.record_every is not None:
+            result = vehicle.trace(batch, task, every=trial.record_every, **compute)
             frames = {name: getattr(result, name) for name in ("times", "poses", "readings")}
-        closest, reached = done.closest[:, 0, 0], done.closest[:, 0, 0] < task.radius
-        status = np.where(done.diverged[:, 0, 0] & ~reached, "diverged", "ok")
+        closest = done.closest[:, 0, 0]
+        status = np.where(done.diverged[:, 0, 0] & ~(closest < task.radius), "diverged", "ok")
         steps = np.full(len(closest), task.steps)
         return Outcome(_measures(closest, task), status, steps=steps, frames=frames, result=result)
-
-    def differentiate(
-        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Outcome:
-        """Drive in one environment, with the gradients of the distances from the light."""
-        task = self.task_in(world)
-        found = differentiate(self.batch(points), task, **compute.options, progress=progress)
-        closest, slopes = found.closest[:, 0, 0], self.slopes(found)[:, 0]
-        gradients = {"approach": -slopes, "closest": slopes}
-        return Outcome(_measures(closest, task), gradients=gradients)
 
     def slopes(self, found: Any) -> Floats:
         """d closest / d parameter of a ``VehicleGradient`` of one controller a body, shape (N, E, P)."""
@@ -151,30 +157,22 @@ class VehicleRobot(Robot):
         place = Environment.parse(world.name, count).number - 1
         return replace(self.task, starts=self.task.starts[[place]], lights=self.task.lights[[place]])
 
-    def replay(
-        self,
-        point: ArrayLike,
-        world: World,
-        *,
-        frames: int = FRAMES,
-        name: str = "",
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> Replay:
-        """Drive in one environment, and build the motion."""
+    @property
+    def steps(self) -> int:
+        """None that may be left out: motions end at the light, and are thinned afterwards."""
+        return 0
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the vehicle up to the light."""
         from robots.view.vehicle_motion import vehicle_motion
 
-        outcome = self.simulate(point, world, compute=compute, record_every=1, progress=progress)
-        sites, _ = self.split(point)
-        body = VehicleBody(tuple(map(tuple, sites[0].tolist())))
-        motion = vehicle_motion(outcome.result, body, self.task_in(world), name=name or self.name)
-        return Replay(outcome, motion.every(-(-len(motion.times) // frames)))
+        assert self.body is not None
+        return vehicle_motion(outcome.result, self.body, self.task_in(world), name=name)
 
-    def design(self, point: ArrayLike) -> "Vehicle":
+    def design(self, point: ArrayLike) -> "VehicleRobot":
         """The vehicle of a point, shape (P,)."""
         sites, controllers = self.split(point)
-        body = VehicleBody(tuple(map(tuple, sites[0].tolist())))
-        return Vehicle(body, tuple(controllers[0, 0].ravel().tolist()), self.task)
+        return one_vehicle(VehicleBody(sites[0]), controllers[0, 0], self.task)
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write body and controller of a point as JSON."""
@@ -238,8 +236,7 @@ class VehicleRobot(Robot):
         from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
 
         (sites, controllers), task = self.split(point), self.task
-        body = VehicleBody(tuple(map(tuple, sites[0].tolist())))
-        overlap = sweep([body], WEIGHTS, task.radius, task.time_step, task.steps, **compute.options)[0]
+        overlap = sweep([VehicleBody(sites[0])], WEIGHTS, task.radius, task.time_step, task.steps, **compute.options)[0]
         words = (
             f"Success matrix of the best body: {int((overlap == 4).sum())} of {overlap.size} controllers solve all "
             "environments; the cross is the one found"
@@ -250,70 +247,54 @@ class VehicleRobot(Robot):
 
         return Picture(words, draw, (3.7, 3.0))
 
+    def document(self) -> dict[str, Any]:
+        """Sensors and weights."""
+        sites, controllers = self.split(())
+        return {"sensors": sites[0].tolist(), "weights": controllers[0, 0].tolist()}
+
     def at_horizon(self, length: int) -> tuple[str, "VehicleRobot"]:
         """The vehicle for so many time steps."""
         return f"{length} steps", replace(self, task=replace(self.task, steps=length))
 
-    horizons = (100, 300, 1000)
+
+def one_vehicle(body: VehicleBody, weights: ArrayLike, task: VehicleTask = PUBLISHED) -> VehicleRobot:
+    """A vehicle of which nothing is free.
+
+    Args:
+        body: the body.
+        weights: two of a contralateral controller, or the full matrix, (2, S), or its rows joined.
+        task: what it is tried in.
+
+    Raises:
+        ValueError: for weights that are not allowed.
+    """
+    given = np.asarray(weights, float)
+    crossed = given.shape == (2,) and len(body.sensors) == 2
+    matrix = contralateral(given) if crossed else given.reshape(2, -1)
+    diagonal = matrix.shape == (2, 2) and not (matrix[0, 1] or matrix[1, 0])
+    found = VehicleRobot(body, CONTROLLERS[0 if diagonal else 1], task=task, matrix=matrix)
+    found.batch(())  # refuses weights that are not allowed
+    return found
 
 
-class Vehicle(VehicleRobot):
-    """One vehicle: nothing of it is free."""
-
-    def __init__(self, body: VehicleBody, weights: Sequence[float], task: VehicleTask = PUBLISHED) -> None:
-        """Fix a body, and its controller: two weights of a contralateral one, or a row of each motor, joined."""
-        super().__init__(body, "full", len(body.sensors), task)
-        crossed = len(weights) == 2 and len(body.sensors) == 2
-        matrix = contralateral(weights) if crossed else np.reshape(np.asarray(weights, float), (2, -1))
-        object.__setattr__(self, "matrix", matrix)
-        if np.count_nonzero(matrix - np.diag(np.diagonal(matrix))) == 0 and matrix.shape == (2, 2):
-            object.__setattr__(self, "controller", "contralateral")
-        self.batch(np.zeros((1, 0)))  # refuses weights that are not allowed
-
-    matrix: Floats
-    parameters = ()
-
-    @property
-    def name(self) -> str:
-        """With the number of the body, if it is on the published grid."""
-        number = self.body.design if self.body else None
-        return "vehicle" if number is None else f"vehicle {number}"
-
-    def split(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """The sites and the controller, as often as there are points."""
-        assert self.body is not None
-        count = len(self.points(points))
-        sites = np.broadcast_to(self.body.sensors, (count, self.sensors, 2))
-        return sites, np.broadcast_to(self.matrix, (count, 1, 2, self.sensors))
-
-    def design(self, point: ArrayLike) -> "Vehicle":
-        """Itself."""
-        return self
-
-    def document(self) -> dict[str, Any]:
-        """Sensors and weights."""
-        return {"sensors": [list(site) for site in self.split(())[0][0].tolist()], "weights": self.matrix.tolist()}
-
-
-def load_vehicle(path: Path) -> Vehicle:
+def load_vehicle(path: Path) -> VehicleRobot:
     """The vehicle that :meth:`VehicleRobot.save` wrote.
 
     Raises:
         ValueError: if the file is unreadable or damaged.
     """
-
-    def build(record: dict[str, Any]) -> Vehicle:
-        body = VehicleBody(tuple(map(tuple, record["sensors"])))
-        return Vehicle(body, tuple(np.ravel(record["controller"]).tolist()))
-
-    return read_record(path, FORMAT, build)
+    return read_record(
+        path,
+        FORMAT,
+        lambda record: one_vehicle(VehicleBody(record["sensors"]), np.ravel(record["controller"])),
+    )
 
 
 def vehicle_of_description(description: Mapping[str, Any]) -> VehicleRobot:
     """The robot that ``describe`` described."""
     body = description["body"]
     return VehicleRobot(
-        None if body is None else VehicleBody(tuple(map(tuple, body))),
+        None if body is None else VehicleBody(body),
         description["controller"],
         description["sensors"],
         VehicleTask(**description["task"]),

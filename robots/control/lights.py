@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from robots.robot import HERE, Option, Outcome, Progress, Robot, RobotKind, World
+from robots.control.neural import Lights
+from robots.outcome import recorded
+from robots.robot import Option, Outcome, Robot, RobotKind, Trial, World
 from robots.world import Environment
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import value_of
 
 
@@ -91,45 +91,37 @@ class LightKind(RobotKind):
 
 
 class LightSeeker(Robot):
-    """A robot that a network steers to a light. A trial of N designs is one run of N controllers."""
+    """A robot that a network steers to a light, by weights that are free.
+
+    Attributes:
+        looks: at the sensors in a trial, each before a time step.
+    """
+
+    looks: int
+    differentiable = True
 
     @abstractmethod
-    def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> Any:
-        """The kind's own result for N controllers in one environment."""
-
-    @abstractmethod
-    def run_back(self, points: Floats, light: LightAt, compute: Compute) -> Any:
-        """As :meth:`run`, with gradients."""
+    def rollout(self, points: Floats, trial: Trial, lights: Lights) -> Any:
+        """The kind's own result for N controllers and lights at places (E, 2) [m]; with gradients if wanted."""
 
     @abstractmethod
     def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
         """Measures of a result, and the gradients of those that have them."""
 
-    def simulate(
-        self,
-        points: ArrayLike,
-        world: World,
-        *,
-        compute: Compute = HERE,
-        record_every: int | None = None,
-        progress: Progress | None = None,
-    ) -> Outcome:
+    def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let N controllers steer to the light."""
-        light = light_of(world)
-        return self._outcome(self.run(self.points(points), light, compute, record_every), light)
-
-    def differentiate(
-        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Outcome:
-        """Let N controllers steer to the light, with gradients by their weights."""
-        light = light_of(world)
-        return self._outcome(self.run_back(self.points(points), light, compute), light)
-
-    def _outcome(self, found: Any, light: LightAt) -> Outcome:
+        light = light_of(trial.world)
+        found = self.rollout(points, trial, [light.place])
         measures, gradients = self.judged(found, light)
-        rollouts = found.rollouts
-        frames = {} if rollouts.frames is None else vars(rollouts.frames)
-        return Outcome(measures, rollouts.status, (), rollouts.steps, gradients, frames, found)  # type: ignore[arg-type]
+        rollouts, frames = found.rollouts, recorded(found.rollouts.frames)
+        return Outcome(
+            measures, rollouts.status, steps=rollouts.steps, gradients=gradients, frames=frames, result=found
+        )
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial."""
+        return self.looks - 1
 
 
 def light_of(world: World) -> LightAt:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -17,8 +17,8 @@ from robots.inflatable.cores import common_pressure
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import InflatableResult, sideways
+from robots.outcome import recorded
 from robots.robot import (
-    FRAMES,
     HERE,
     Facts,
     Judgement,
@@ -29,11 +29,15 @@ from robots.robot import (
     Quantity,
     Replay,
     Robot,
+    Trial,
     World,
 )
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 KPA_PER_PSI = 6.894757293168361
 MEASURES = (
@@ -108,58 +112,49 @@ class InflatableRobot(Robot):
         changed = dataclasses.replace(self.gait, schedule=schedule, **gait)
         return dataclasses.replace(self, gait=changed, **{**own, **more})
 
-    def simulate(
-        self,
-        points: ArrayLike,
-        world: World,
-        *,
-        compute: Compute = HERE,
-        record_every: int | None = None,
-        progress: Progress | None = None,
-    ) -> Outcome:
+    def run(self, points: Floats, trial: Trial) -> Outcome:
         """Play the gait, as often as there are points."""
         geometry, actuation = self.parts
-        designs = [self.gait] * len(self.points(points))
+        designs = [self.gait] * len(points)
         result = simulation.simulate(
             designs,
-            terrain_of(world),
+            terrain_of(trial.world),
             geometry=geometry,
             actuation=actuation,
-            **compute.options,
-            record_every=record_every,
+            **trial.compute.options,
+            record_every=trial.record_every,
             perturbation=self.perturbation,
             seed=self.seed,
-            progress=progress,
+            progress=trial.progress,
         )
-        left = sideways(result.displacement, [design.orientation for design in designs])
         measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
-        frames = {} if result.frames is None else vars(result.frames)
-        measures = {**measures, "sideways": left}
+        measures["sideways"] = sideways(result.displacement, [design.orientation for design in designs])
         if self.speeds is not None:
             measures["speed"] = self.speeds(result)
-        return Outcome(measures, result.status, steps=result.steps, frames=frames, result=result)
+        return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
 
-    def replay(
-        self,
-        point: ArrayLike,
-        world: World,
-        *,
-        frames: int = FRAMES,
-        name: str = "",
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> Replay:
-        """Play the gait, and build its motion."""
-        from robots.view.motion import record_every
-        from robots.view.picture import inflatable_title
+    @property
+    def steps(self) -> int:
+        """Time steps of the gait."""
+        return timing.gait_steps(self.gait.schedule, self.parts[1])
+
+    @property
+    def _seconds(self) -> float:
+        """Time of the gait in the simulation [s]."""
+        return float(self.steps * self.parts[0].time_step)
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the robot, with its gait."""
         from robots.view.soft_motion import inflatable_motion
 
-        terrain, actuation = terrain_of(world), self.parts[1]
-        every = record_every(timing.gait_steps(self.gait.schedule, actuation), frames)
-        outcome = self.simulate((), terrain, compute=compute, record_every=every, progress=progress)
-        motion = inflatable_motion(outcome.result, self.gait, terrain, actuation=actuation, name=name or self.name)
+        return inflatable_motion(outcome.result, self.gait, terrain_of(world), actuation=self.parts[1], name=name)
+
+    def title_of(self, outcome: Outcome, world: World) -> str:
+        """Speed, as it is counted, terrain, pressure and heading."""
+        from robots.view.picture import inflatable_title
+
         counted = dataclasses.replace(outcome.result, speed=outcome.measures["speed"])
-        return Replay(outcome, motion, inflatable_title(counted, self.gait, terrain))
+        return inflatable_title(counted, self.gait, terrain_of(world))
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design, for ``robots.inflatable.load_design``."""
@@ -200,12 +195,11 @@ class InflatableRobot(Robot):
         cores: list[tuple[str, str | Quantity]] = []
         for name, kpa in kilopascals("Core pressure", gait).items():
             cores += [(name, Quantity(kpa, "kPa", 2)), (f"{name} in psi", Quantity(kpa / KPA_PER_PSI, "psi", 2))]
-        seconds = timing.gait_steps(gait.schedule, self.parts[1]) * self.parts[0].time_step
         times = {1: "once", 2: "twice"}.get(gait.schedule.repeats, f"{gait.schedule.repeats} times")
         return [
             *cores,
             ("Orientation, 0° rolls and 90° inches", Quantity(gait.orientation, "°", 1)),
-            ("Gait", f"{gait.schedule.columns} columns, played {times}, {seconds:.2f} s simulated"),
+            ("Gait", f"{gait.schedule.columns} columns, played {times}, {self._seconds:.2f} s simulated"),
         ]
 
     def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
@@ -259,8 +253,7 @@ class InflatableRobot(Robot):
         """What the gait asks of each line of a rig, and the time of the gait in the simulation [s]."""
         from robots.hardware.headroom import rig_report
 
-        seconds = timing.gait_steps(self.gait.schedule, self.parts[1]) * self.parts[0].time_step
-        return rig_report(self.gait, rig), float(seconds)
+        return rig_report(self.gait, rig), self._seconds
 
     def save_picture(self, world: World, path: Path) -> None:
         """Draw poses and gait."""

@@ -2,16 +2,20 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from robots.lattice_robot.record import robot_record, save_robot
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.simulation import LatticeRobotResult, differentiate, simulate
-from robots.robot import FRAMES, HERE, Facts, Measure, Outcome, Parameter, Progress, Replay, Robot, World
+from robots.lattice_robot.simulation import differentiate, simulate
+from robots.outcome import recorded
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
 from robots.world import Terrain, terrain_of
-from taichi_sim.base.compute import Compute
+from taichi_sim.base.arrays import Floats
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 STEP = 0.1  # of a mutation, part of a parameter's range
 
@@ -32,6 +36,7 @@ class OwnRobot(Robot):
         Measure("distance", "m", "distance along its heading"),
     )
     worlds = (Terrain(),)
+    differentiable = True
     horizons = (1, 2, 4)
 
     @property
@@ -55,60 +60,30 @@ class OwnRobot(Robot):
             for name, free in self.robot.free.items()
         )
 
-    def simulate(
-        self,
-        points: ArrayLike,
-        world: World,
-        *,
-        compute: Compute = HERE,
-        record_every: int | None = None,
-        progress: Progress | None = None,
-    ) -> Outcome:
-        """Let the robot move at N points."""
-        points, terrain = self.points(points), terrain_of(world)
-        return self._outcome(
-            simulate(self.robot, points, terrain, **compute.options, record_every=record_every, progress=progress)
-        )
-
-    def differentiate(
-        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Outcome:
-        """Let the robot move at N points, with the gradients of speed and distance."""
-        points, terrain = self.points(points), terrain_of(world)
-        return self._outcome(differentiate(self.robot, points, terrain, **compute.options, progress=progress))
-
-    def _outcome(self, result: LatticeRobotResult) -> Outcome:
-        gradients, frames = {}, {}
-        if result.gradient is not None:
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Let the robot move at N points, with the gradients of speed and distance if wanted."""
+        terrain, compute, tell = terrain_of(trial.world), trial.compute.options, trial.progress
+        if trial.gradients:
+            found = differentiate(self.robot, points, terrain, **compute, progress=tell)
+        else:
+            found = simulate(self.robot, points, terrain, **compute, record_every=trial.record_every, progress=tell)
+        gradients = {}
+        if found.gradient is not None:
             seconds = self.robot.cycle.duration
-            gradients = {"speed": result.gradient / (self.robot.length * seconds), "distance": result.gradient}
-        if result.frames[0] is not None:
-            frames = vars(result.frames[0])
-        measures = {"speed": result.speed, "distance": result.distance}
-        return Outcome(measures, result.status, result.reason, result.steps, gradients, frames, result)
+            gradients = {"speed": found.gradient / (self.robot.length * seconds), "distance": found.gradient}
+        measures, frames = {"speed": found.speed, "distance": found.distance}, recorded(found.frames[0])
+        return Outcome(measures, found.status, found.reason, found.steps, gradients, frames, found)
 
-    def replay(
-        self,
-        point: ArrayLike,
-        world: World,
-        *,
-        frames: int = FRAMES,
-        name: str = "",
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> Replay:
-        """Let one design move."""
-        from robots.view.motion import record_every
+    @property
+    def steps(self) -> int:
+        """Time steps of the cycles."""
+        return self.robot.cycle.end - self.robot.cycle.begin
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the robot."""
         from robots.view.soft_motion import lattice_robot_motion
 
-        fixed = self.design(point)
-        cycle = fixed.robot.cycle
-        every = record_every(cycle.end - cycle.begin, frames)
-        outcome = fixed.simulate((), world, compute=compute, record_every=every, progress=progress)
-        if outcome.reason[0]:
-            raise ValueError(f"source: {name or self.name} is no robot: {outcome.reason[0]}")
-        motion = lattice_robot_motion(outcome.result, fixed.robot, terrain_of(world), name=name or self.name)
-        return Replay(outcome, motion)
+        return lattice_robot_motion(outcome.result, self.robot, terrain_of(world), name=name)
 
     def design(self, point: ArrayLike) -> "OwnRobot":
         """The robot of one point."""

@@ -5,9 +5,8 @@ powerful generative encoding", GECCO 2013: active voxels swell and shrink in tim
 the robot. The robots of evosoro and voxcraft-sim are of this kind.
 """
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from typing import Any, Unpack
@@ -16,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.lattice_robot.simulation import simulate as simulate_lattice_robot
+from robots.robot import Progress, part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
@@ -32,6 +33,7 @@ EMPTY, PASSIVE, ACTIVE, ANTIPHASE = range(4)
 KINDS = ("empty", "passive", "active", "antiphase")
 LEAST_VOXELS = 4
 PHASES = np.array([0.0, 0.0, 1.0, -1.0])  # by kind, times the sine
+SILICONE = Material(5e4, 1000.0, static_friction=1.0, kinetic_friction=0.5, internal_damping=1.0, collision_damping=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,57 +109,17 @@ def _design_of(record: dict[str, Any]) -> WalkerDesign:
 
 @dataclass(frozen=True)
 class WalkerTissue:
-    """What all voxels are made of: a very soft silicone.
+    """What all voxels are made of: by default a very soft silicone.
 
     Attributes:
+        material: of the lattice.
         voxel_size: h [m].
-        youngs_modulus: [Pa].
-        density: [kg/m^3].
-        static_friction: Coulomb coefficient against the floor.
-        kinetic_friction: likewise, while a voxel slides.
-        internal_damping: damping ratio of links.
-        collision_damping: damping ratio of contacts.
         time_step_safety: the largest stable time step is divided by this.
     """
 
+    material: Material = SILICONE
     voxel_size: float = 0.02
-    youngs_modulus: float = 5e4
-    density: float = 1000.0
-    static_friction: float = 1.0
-    kinetic_friction: float = 0.5
-    internal_damping: float = 1.0
-    collision_damping: float = 1.0
     time_step_safety: float = 1.3
-
-    def __post_init__(self) -> None:
-        for field in ("voxel_size", "youngs_modulus", "density", "time_step_safety"):
-            if not (math.isfinite(value := getattr(self, field)) and value > 0):
-                raise ValueError(f"{field}: {value!r} is not allowed; it must be positive")
-        _ = self.material  # which checks the rest
-
-    def on(self, terrain: Terrain) -> "WalkerTissue":
-        """With the friction of a terrain, where it has one.
-
-        Raises:
-            ValueError: if the terrain gives a friction for feet that slide.
-        """
-        if terrain.low_friction is not None:
-            raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; a walker has no sliding feet")
-        if (friction := terrain.high_friction) is None:
-            return self
-        return replace(self, static_friction=friction, kinetic_friction=friction)
-
-    @property
-    def material(self) -> Material:
-        """Of the lattice."""
-        return Material(
-            self.youngs_modulus,
-            self.density,
-            static_friction=self.static_friction,
-            kinetic_friction=self.kinetic_friction,
-            internal_damping=self.internal_damping,
-            collision_damping=self.collision_damping,
-        )
 
 
 @dataclass(frozen=True)
@@ -204,6 +166,12 @@ def walker_robot(
     return _robot(places, kinds, drives, tissue or WalkerTissue(), drive)
 
 
+def check_terrain(terrain: Terrain) -> None:
+    """Raise a ValueError if a terrain gives a friction for feet that slide."""
+    if terrain.low_friction is not None:
+        raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; a walker has no sliding feet")
+
+
 def simulate(
     designs: Sequence[WalkerDesign] | WalkerDesign,
     terrain: Terrain | None = None,
@@ -211,7 +179,7 @@ def simulate(
     tissue: WalkerTissue | None = None,
     actuation: WalkerActuation | None = None,
     record_every: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> LatticeRobotResult:
     """Let designs walk on a terrain. Those with the same voxels, whatever these do, run as one batch.
@@ -235,8 +203,8 @@ def simulate(
     designs = [designs] if isinstance(designs, WalkerDesign) else list(designs)
     if not designs or not all(isinstance(d, WalkerDesign) for d in designs):
         raise ValueError("designs: give at least one WalkerDesign")
-    terrain, drive = terrain or Terrain(), actuation or WalkerActuation()
-    tissue = (tissue or WalkerTissue()).on(terrain)
+    tissue, drive = tissue or WalkerTissue(), actuation or WalkerActuation()
+    check_terrain(terrain := terrain or Terrain())
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     reason = np.array([design.fault for design in designs])
     groups: dict[bytes, list[int]] = {}
@@ -246,19 +214,17 @@ def simulate(
     distance, status, steps = np.full(count, np.nan), np.full(count, "invalid", object), np.zeros(count, np.int64)
     bodies: list[Any] = [None] * count
     frames: list[Any] = [None] * count
-    time_step = _pair(tissue, drive).cycle.time_step
     for done, members in enumerate(groups.values()):
         robot, points = _batch([designs[i] for i in members], tissue, drive)
-        tick = _part(progress, done, len(groups)) if progress else None
+        tick = part_of(progress, done, len(groups))
         found = simulate_lattice_robot(robot, points, terrain, record_every=record_every, progress=tick, **compute)
         distance[members], status[members], steps[members] = found.distance, found.status, found.steps
         for row, i in enumerate(members):
             bodies[i], frames[i] = found.bodies[row], found.frames[row]
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
     speed = distance / lengths * drive.frequency / drive.cycles
-    return LatticeRobotResult(
-        distance, speed, status.astype(str), reason, steps, time_step, tuple(bodies), tuple(frames)
-    )
+    dt = walker_cycle(drive, tissue).time_step
+    return LatticeRobotResult(distance, speed, status.astype(str), reason, steps, dt, tuple(bodies), tuple(frames))
 
 
 def _batch(
@@ -290,11 +256,7 @@ def _robot(
     )
 
 
-def _pair(tissue: WalkerTissue, actuation: WalkerActuation) -> LatticeRobot:
-    """The smallest robot; its time step is that of all bodies."""
-    return _robot(np.array([[0, 0, 0], [1, 0, 0]]), np.zeros(2, np.int64), [Drive("pair", (0,))], tissue, actuation)
-
-
-def _part(report: Callable[[float], None], done: int, count: int) -> Callable[[float], None]:
-    """Progress of one of several batches, as that of all."""
-    return lambda fraction: report((done + fraction) / count)
+def walker_cycle(actuation: WalkerActuation, tissue: WalkerTissue | None = None) -> Cycle:
+    """When what happens: the same for all bodies, so that of the smallest robot."""
+    pair, regions, drive = np.array([[0, 0, 0], [1, 0, 0]]), np.zeros(2, np.int64), Drive("pair", (0,))
+    return _robot(pair, regions, [drive], tissue or WalkerTissue(), actuation).cycle

@@ -37,16 +37,17 @@ class WalkerKind(TerrainKind):
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """A lattice in which bodies are searched; or the walker of a file, of which nothing is free."""
         from robots.lattice_robot.walker import WalkerActuation, load_walker
-        from robots.lattice_robot.walker_offered import Walker, WalkerBodies
+        from robots.lattice_robot.walker_offered import WalkerRobot
 
         drive = {name: options[name] for name in ("amplitude", "frequency", "cycles", "settling") if name in options}
         if source is None:
             body = {name: options[name] for name in ("shape", "encoding") if name in options}
-            return WalkerBodies(actuation=WalkerActuation(**drive), **body)
+            return WalkerRobot(actuation=WalkerActuation(**drive), **body)
         for name in ("shape", "encoding"):
             if name in options:
                 raise ValueError(f"{name}: the walker in {source} has its own; leave it out")
-        return Walker(load_walker(source), WalkerActuation(**drive), Path(source).stem)
+        walker = load_walker(source)
+        return WalkerRobot(walker.materials.shape, ENCODINGS[0], WalkerActuation(**drive), walker, Path(source).stem)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs of ``save_walker``."""
@@ -55,7 +56,7 @@ class WalkerKind(TerrainKind):
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The lattice that was described."""
         from robots.lattice_robot.walker import WalkerActuation
-        from robots.lattice_robot.walker_offered import WalkerBodies
+        from robots.lattice_robot.walker_offered import WalkerRobot
 
         actuation = WalkerActuation(**description["actuation"])
-        return WalkerBodies(tuple(description["shape"]), description["encoding"], actuation)
+        return WalkerRobot(tuple(description["shape"]), description["encoding"], actuation)

@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
-from robots.control.neural import random_weights
+from robots.control.neural import Lights, random_weights
 from robots.quadruped.body import MOTORS, SENSORS, STEPS, TIME_STEP, TWO_ENVIRONMENTS, VARIANTS, Kind, Quadruped
 from robots.quadruped.simulation import QuadrupedResult, differentiate, simulate
-from robots.robot import FRAMES, HERE, Facts, Measure, Parameter, Progress, Replay, World
+from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 FIRST = random_weights(1, SENSORS, MOTORS, np.random.default_rng(0))  # of a robot that nobody has trained
 
@@ -57,47 +58,24 @@ class OfferedQuadruped(LightSeeker):
         """The kind of its body."""
         return f"{self.body.kind} quadruped"
 
-    def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> QuadrupedResult:
-        """Controllers in the body, in one environment."""
+    def rollout(self, points: Floats, trial: Trial, lights: Lights) -> QuadrupedResult:
+        """Controllers in the body."""
         weights, variant = points.reshape(-1, SENSORS, MOTORS), VARIANTS[self.variant]
-        return simulate(
-            self.body,
-            weights,
-            [light.place],
-            variant=variant,
-            steps=self.looks,
-            record_every=record_every,
-            **compute.options,
-        )
-
-    def run_back(self, points: Floats, light: LightAt, compute: Compute) -> QuadrupedResult:
-        """As :meth:`run`, with gradients."""
-        weights, variant = points.reshape(-1, SENSORS, MOTORS), VARIANTS[self.variant]
-        return differentiate(self.body, weights, [light.place], variant=variant, steps=self.looks, **compute.options)
+        settings: Any = {"variant": variant, "steps": self.looks, **trial.compute.options}
+        if trial.gradients:
+            return differentiate(self.body, weights, lights, **settings)
+        return simulate(self.body, weights, lights, record_every=trial.record_every, **settings)
 
     def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
         """The light, with its gradient, and how much nearer it is."""
         slopes = {} if found.gradient is None else {"light": found.gradient.reshape(len(found.light), -1)}
         return {"light": found.light[:, 0], "approach": approach(found.distance[:, 0], light)}, slopes
 
-    def replay(
-        self,
-        point: ArrayLike,
-        world: World,
-        *,
-        frames: int = FRAMES,
-        name: str = "",
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> Replay:
-        """Let one controller steer."""
-        from robots.view.motion import record_every
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the quadruped and its feet."""
         from robots.view.rigid_motion import quadruped_motion
 
-        every = record_every(self.looks - 1, frames)
-        outcome = self.simulate(point, world, compute=compute, record_every=every, progress=progress)
-        place = light_of(world).place
-        return Replay(outcome, quadruped_motion(self.body, outcome.result, [place], name=name or self.name))
+        return quadruped_motion(self.body, outcome.result, [light_of(world).place], name=name)
 
     def describe(self) -> dict[str, Any]:
         """Body, variant and length of a trial."""

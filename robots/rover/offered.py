@@ -1,17 +1,18 @@
 """What rovers offer to commands, searches, views and reports."""
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
-from robots.robot import FRAMES, HERE, Facts, Measure, Parameter, Progress, Replay, World
+from robots.control.neural import Lights
+from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
 from robots.rover.body import LIGHTS, STEPS, TIME_STEP, Rover
 from robots.rover.simulation import RoverResult, differentiate, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +46,12 @@ class OfferedRover(LightSeeker):
         number = self.body.vehicle.design
         return "rover" if number is None else f"rover {number}"
 
-    def run(self, points: Floats, light: LightAt, compute: Compute, record_every: int | None) -> RoverResult:
-        """Pairs of weights in the body, in one environment."""
-        places = [light.place]
-        return simulate(self.body, points, places, steps=self.looks, record_every=record_every, **compute.options)
-
-    def run_back(self, points: Floats, light: LightAt, compute: Compute) -> RoverResult:
-        """As :meth:`run`, with gradients."""
-        return differentiate(self.body, points, [light.place], steps=self.looks, **compute.options)
+    def rollout(self, points: Floats, trial: Trial, lights: Lights) -> RoverResult:
+        """Pairs of weights in the body."""
+        if trial.gradients:
+            return differentiate(self.body, points, lights, steps=self.looks, **trial.compute.options)
+        every, compute = trial.record_every, trial.compute.options
+        return simulate(self.body, points, lights, steps=self.looks, record_every=every, **compute)
 
     def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
         """How much nearer the light is at the end, with its gradient, and was at any time; whether it was reached."""
@@ -60,24 +59,11 @@ class OfferedRover(LightSeeker):
         slopes = {} if found.gradient is None else {"approach": -found.gradient[:, 0]}
         return {"approach": ends, "closest": nearest, "reached": found.success[:, 0].astype(float)}, slopes
 
-    def replay(
-        self,
-        point: ArrayLike,
-        world: World,
-        *,
-        frames: int = FRAMES,
-        name: str = "",
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> Replay:
-        """Let one controller steer."""
-        from robots.view.motion import record_every
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the rover and its sensors."""
         from robots.view.rigid_motion import rover_motion
 
-        every = record_every(self.looks - 1, frames)
-        outcome = self.simulate(point, world, compute=compute, record_every=every, progress=progress)
-        place = light_of(world).place
-        return Replay(outcome, rover_motion(self.body, outcome.result, [place], name=name or self.name))
+        return rover_motion(self.body, outcome.result, [light_of(world).place], name=name)
 
     def describe(self) -> dict[str, Any]:
         """Body and length of a trial."""

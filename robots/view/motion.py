@@ -192,11 +192,6 @@ class Motion:
         return replace(self, lattice=lattice, **{field: getattr(self, field)[part] for field in several})
 
 
-def record_every(steps: float, frames: int) -> int:
-    """Steps between recorded frames, so that a run has at most ``frames`` (2 or more), its start included."""
-    return max(1, int(-(-steps // (frames - 1))))
-
-
 def whole_frames(*arrays: NDArray[np.floating]) -> int:
     """Number of frames before the first that has a number that is not finite, as after a robot diverged.
 

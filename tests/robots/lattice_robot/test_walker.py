@@ -167,8 +167,7 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, text, message):
         (lambda: walk(HOPPER, record_every=0), "record_every: 0 is not allowed"),
         (lambda: WalkerActuation(amplitude=0.6), "amplitude: 0.6 is not allowed; give a number from 0 to 0.5"),
         (lambda: WalkerActuation(cycles=0), "cycles: 0 is not allowed"),
-        (lambda: WalkerTissue(density=0.0), "density: 0.0 is not allowed; it must be positive"),
-        (lambda: WalkerTissue(kinetic_friction=-1.0), "kinetic_friction: -1.0 is not allowed"),
+        (lambda: walk(HOPPER, tissue=WalkerTissue(voxel_size=0.0)), "voxel_size: 0.0 is not allowed; it must be posi"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(make, message):
