@@ -127,7 +127,7 @@ def numbers(field: str, value: object, *shape: int | str) -> Floats:
         for length, size in zip(shape, found.shape, strict=True)
     )
     if not fits:
-        raise ValueError(f"{field}: an array of shape {found.shape} is not allowed; give {wanted}")
+        raise ValueError(f"{field}: shape {found.shape} is not allowed; give {wanted}")
     if not np.isfinite(found).all():
         raise ValueError(f"{field}: {found[~np.isfinite(found)][0]} is not allowed; give finite numbers")
     return found

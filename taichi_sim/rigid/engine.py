@@ -7,23 +7,27 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
-from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import numbers
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.rigid import batch, slots
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.model.settings import Network, World
-from taichi_sim.rigid.model.shapes import is_whole
 from taichi_sim.rigid.model.tree import Tree
-from taichi_sim.rigid.part import Part, Setup
+from taichi_sim.rigid.run import Run
 from taichi_sim.rigid.session import RigidSession
 from taichi_sim.rigid.stages.friction import ENDLESS
-from taichi_sim.rigid.state import Frames, RigidResult, State
-from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, points_of, tables_of
+from taichi_sim.rigid.state import RigidResult, State
+from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, plan_of, points_of
 
 BLOCKS_AT_ONCE = 32  # a thread: so many that threads rarely wait for each other
 ROBOTS_AT_ONCE = 1 << 15  # on a GPU
 COMPLIANCE = {"f64": 2e-9, "f32": 2e-6}  # s/kg, of normals: decides between equal solutions
 TOLERANCE = {"f64": 1e-12, "f32": 1e-7}
+VISCOUS_PHASES, COULOMB_PHASES = 2, 8  # solutions of a step; Coulomb's cone is found by repetition
+FAR_AWAY = [[1e9, 0.0, 0.0]]  # a light that is nowhere
+NEAREST_LIGHT = 1e-6  # m
 
 
 class RigidEngine:
@@ -56,12 +60,15 @@ class RigidEngine:
             raise ValueError("trees: an empty list is not allowed; give at least one tree")
         self.world, self.senses, self.network = world or World(), senses or Senses(), network or Network()
         self.compute, self.width = Compute.given(compute), width
-        first = tables_of(self.trees[0], self.senses, 0)
+        first = plan_of(self.tree, self.senses)
         for n, tree in enumerate(self.trees[1:], 1):
-            if tree.fixed != self.tree.fixed or not first.same_structure(tables_of(tree, self.senses, 0)):
+            if tree.fixed != self.tree.fixed or not np.array_equal(first, plan_of(tree, self.senses)):
                 raise ValueError(f"trees: number {n} has another structure than the first; give trees of one structure")
-        self._parameters = np.stack([parameters_of(tree) for tree in self.trees])
-        self._points = np.stack([points_of(tree) for tree in self.trees])
+        self._numbers = {
+            slots.PARAMETER: np.stack([parameters_of(tree) for tree in self.trees]),
+            slots.POINT_PARAMETER: np.stack([points_of(tree) for tree in self.trees]),
+            slots.LIGHT_PARAMETER: eyes_of(self.senses)[None],
+        }
 
     @property
     def tree(self) -> Tree:
@@ -107,14 +114,11 @@ class RigidEngine:
         Raises:
             ValueError: for arrays of other shapes or numbers that are not allowed.
         """
-        setup = self._setup(steps, weights, commands, hold, lights, start, record_every)
-        found = []
-        for chosen in setup.chunks():
-            part = self._part(setup, chosen)
-            frames = part.run(recording=record_every is not None)
-            found.append((part.memory.read()[:, : len(chosen)], frames[:, : len(chosen)]))
-        memories, frames = (np.concatenate(each, -1) for each in zip(*found, strict=True))
-        return self._result(memories, frames, setup, record_every)
+        run = self._start(steps, weights, commands, hold, lights, start, record_every)
+        recording = record_every is not None
+        found = [(part.run(recording), part.state()) for part in run.parts()]
+        frames, memory = (np.concatenate(each, -1) for each in zip(*found, strict=True))
+        return run.result(memory, frames if recording else None)
 
     @runtime.exclusive
     def record(
@@ -143,15 +147,7 @@ class RigidEngine:
         """
         if np.isfinite(self.world.friction):
             raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity, viscous slip alone")
-        setup = self._setup(steps, weights, commands, hold, lights, start, None)
-        parts, memories = [], []
-        for chosen in setup.chunks():
-            part = self._part(setup, chosen)
-            tape = part.store(int(setup.plan[slots.KEPT]) * (steps + 1))
-            part.run(tape=tape)
-            parts.append((part, tape, len(chosen)))
-            memories.append(part.memory.read()[:, : len(chosen)])
-        return RigidTape(self._result(np.concatenate(memories, -1), np.empty((0, 0)), setup, None), setup, parts)
+        return RigidTape(self._start(steps, weights, commands, hold, lights, start))
 
     @runtime.exclusive
     def session(self, *, batch: int = 1, lights: Floats | None = None, start: State | None = None) -> RigidSession:
@@ -166,11 +162,9 @@ class RigidEngine:
             ValueError: for arrays of other shapes or numbers that are not allowed.
         """
         commands = np.zeros((batch, 1, self.tree.motors))
-        setup = self._setup(1, None, commands, 1, lights, start, None)
-        parts = [(self._part(setup, chosen), chosen) for chosen in setup.chunks()]
-        return RigidSession(setup, parts, lambda found: self._result(found, np.empty((0, 0)), setup, None))
+        return RigidSession(self._start(1, None, commands, 1, lights, start))
 
-    def _setup(
+    def _start(
         self,
         steps: int,
         weights: Floats | None,
@@ -178,41 +172,53 @@ class RigidEngine:
         hold: int,
         lights: Floats | None,
         start: State | None,
-        record_every: int | None,
-    ) -> Setup:
+        record_every: int | None = None,
+    ) -> Run:
         """Check what a run is given, and start Taichi."""
-        if not is_whole(steps) or steps < 0:
-            raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
-        for name, value in (("record_every", record_every), ("hold", hold)):
-            if value is not None and (not is_whole(value) or value < 1):
-                raise ValueError(f"{name}: {value!r} is not allowed; give a whole number, at least 1")
-        given = batch.check(self.trees, self.senses.count, weights, commands, lights, start or self.rest())
+        checks.integer("steps", steps, 0)
+        checks.integer("hold", hold, 1)
+        every = max(1, steps) if record_every is None else checks.integer("record_every", record_every, 1)
+        given = self._given(weights, commands, lights, start or self.rest())
         threads = runtime.start(self.compute).thread_count
-        tables = tables_of(self.tree, self.senses, given.commands.shape[1])
-        plan = tables.counts.plan(hold, steps, record_every or max(1, steps))
+        plan = plan_of(self.tree, self.senses, given["commands"].shape[1])
+        plan[[slots.HOLD, slots.STEPS, slots.EVERY, slots.FRAMES]] = hold, steps, every, steps // every + 1
+        plan[slots.PHASES] = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES
         on_cpu, precision = self.compute.device == "cpu", self.compute.precision
         width = NATIVE_WIDTH[precision] if self.width is None else self.width
         real = Real(precision, width if on_cpu else 1)
         at_once = real.width * BLOCKS_AT_ONCE * threads if on_cpu else ROBOTS_AT_ONCE
-        return Setup(self.trees, given, tables, plan, self.compute, real, start is None, at_once)
+        settings = self._settings(real)
+        return Run(
+            self.trees, self.world, given, self._numbers, settings, plan, real, self.compute, at_once, start is None
+        )
 
-    def _part(self, setup: Setup, chosen: Ints) -> Part:
-        """Some robots, ready to start; the last real is filled up with the first robots again."""
-        real, blocks = setup.real, -(-len(chosen) // setup.real.width)
-        padded = np.resize(chosen, blocks * real.width)
-        sections = {
-            slots.PARAMETER: self._parameters,
-            slots.POINT_PARAMETER: self._points,
-            slots.LIGHT_PARAMETER: eyes_of(self.senses)[None],
-        }
-        several = len(self.trees) > 1
-        numbers = {key: values[padded] if len(values) > 1 else values for key, values in sections.items()}
-        trees = [self.trees[n] for n in padded] if several else self.trees
-        part = Part(setup, blocks, self._settings(real), self.world)
-        filled = np.zeros((int(setup.plan[slots.SLOTS]), len(padded)))
-        batch.fill(filled, setup.plan, setup.given.rows(padded), trees, numbers, self.world.integration == "momentum")
-        part.memory.write(filled)
-        return part
+    def _given(
+        self, weights: Floats | None, commands: Floats | None, lights: Floats | None, start: State
+    ) -> dict[str, Floats]:
+        """What a run is given, checked, as arrays by name."""
+        motors, hinges, sensors = self.tree.motors, len(self.tree.hinges), self.senses.count
+        if weights is not None and commands is not None:
+            raise ValueError("commands: not allowed beside weights; give one of them")
+        if commands is not None and np.ndim(commands) == 3 and np.shape(commands)[1] == 0:
+            raise ValueError("commands: none over time are not allowed; give at least one")
+        found = {"weights": np.zeros((1, 0, 0)), "commands": np.zeros((1, 1 if weights is None else 0, motors))}
+        if weights is not None:
+            found["weights"] = numbers("weights", weights, "B", sensors, motors)
+        elif commands is not None:
+            found["commands"] = numbers("commands", commands, "B", "K", motors)
+        found["lights"] = numbers("lights", FAR_AWAY if lights is None else lights, "B", 3)
+        shapes = {"position": 3, "orientation": 4, "angles": hinges, "velocity": 6, "rates": hinges}
+        found |= {name: numbers(name, getattr(start, name), "B", size) for name, size in shapes.items()}
+        rows = {**{name: len(values) for name, values in found.items()}, "trees": len(self.trees)}
+        batch = max(rows.values())
+        for name, count in rows.items():
+            if count not in (1, batch):
+                raise ValueError(f"{name}: {count} rows are not allowed; give one, or {batch} as others have")
+        if not np.allclose(np.linalg.norm(found["orientation"], axis=1), 1, atol=1e-6):
+            raise ValueError("orientation: not allowed; give unit quaternions (w, x, y, z)")
+        if np.linalg.norm(found["lights"] - found["position"], axis=1).min() < NEAREST_LIGHT:
+            raise ValueError("lights: a light on the robot is not allowed; give a place away from its start")
+        return found
 
     def _settings(self, real: Real) -> np.ndarray:
         """Numbers that all robots of a run share, by their places in ``slots``."""
@@ -234,31 +240,3 @@ class RigidEngine:
             found[place] = value
         found[slots.PUSH_OUT] = real.numpy(world.error_reduction) / found[slots.TIME_STEP]
         return found
-
-    def _result(self, found: np.ndarray, frames: np.ndarray, setup: Setup, record_every: int | None) -> RigidResult:
-        """Arrays of a result from memory after a run."""
-        plan, counts, tree = setup.plan, setup.tables.counts, self.tree
-        diverged = found[slots.DIVERGED] >= 0
-        found = np.where(diverged & (np.arange(len(found)) != slots.DIVERGED)[:, None], np.nan, found)
-        bodies = plan[slots.BODY] + slots.BODY_WIDTH * np.arange(counts.bodies)
-        angles = found[[bodies[n] + slots.ANGLE for n in tree.hinged]].T.reshape(found.shape[1], -1)
-        sensors = counts.touches + counts.lights
-        steps = np.where(diverged, found[slots.DIVERGED], plan[slots.STEPS]).astype(np.int64)
-        recorded: Frames | None = None
-        if record_every is not None:
-            each = frames.reshape(int(plan[slots.FRAMES]), int(plan[slots.FRAME]), -1).transpose(0, 2, 1)
-            times: Floats = np.arange(len(each), dtype=float) * record_every * self.world.time_step
-            ends = np.cumsum([3, 4, counts.hinges, sensors])
-            recorded = Frames(times, *np.split(each, ends, axis=-1))
-        return RigidResult(
-            position=found[slots.POSITION : slots.POSITION + 3].T,
-            orientation=found[slots.ORIENTATION : slots.ORIENTATION + 4].T,
-            angles=angles,
-            velocities=np.stack([found[b + slots.MOVING : b + slots.MOVING + 6].T for b in bodies], 1),
-            readings=found[plan[slots.READING] : plan[slots.READING] + sensors].T,
-            closest=np.sqrt(found[slots.CLOSEST]),
-            status=np.where(diverged, "diverged", "ok"),
-            steps=steps,
-            residual=found[slots.RESIDUAL],
-            frames=recorded,
-        )

@@ -4,22 +4,18 @@ Contacts, joints at their stops and motors at their limits act as they did in th
 motion has kinks and jumps, which derivatives do not see.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import slots
+from taichi_sim.rigid.memory import Store
 from taichi_sim.rigid.model.tree import Tree
-from taichi_sim.rigid.state import RigidResult
+from taichi_sim.rigid.run import Part, Run, bodies_of
 from taichi_sim.rigid.tables import parameters_of, points_of
-
-if TYPE_CHECKING:
-    from taichi_sim.rigid.memory import Store
-    from taichi_sim.rigid.part import Part, Setup
 
 _SHIFT = 1e-5  # part of a number by which descriptions are shifted; they are polynomials of low degree
 
@@ -88,9 +84,14 @@ class RigidTape:
         result: what it came to.
     """
 
-    def __init__(self, result: RigidResult, setup: "Setup", parts: "Sequence[tuple[Part, Store, int]]") -> None:
-        """Keep the memory of a run."""
-        self.result, self._setup, self._parts = result, setup, parts
+    def __init__(self, run: Run) -> None:
+        """Simulate, and keep all states."""
+        self._run, self._parts = run, list[tuple[Part, Store]]()
+        for part in run.parts():
+            tape = part.store(int(run.plan[slots.KEPT]) * (int(run.plan[slots.STEPS]) + 1))
+            part.run(tape=tape)
+            self._parts.append((part, tape))
+        self.result = run.result(np.concatenate([part.state() for part, _ in self._parts], -1))
 
     @runtime.exclusive
     def pull_back(
@@ -112,61 +113,44 @@ class RigidTape:
         Raises:
             ValueError: for other shapes.
         """
-        plan, tree, batch = self._setup.plan, self._setup.trees[0], self._setup.given.batch
-        counts = self._setup.tables.counts
-        sensors = counts.touches + counts.lights
-        body_slots = plan[slots.BODY] + slots.BODY_WIDTH * np.arange(counts.bodies)
+        plan, batch, hinged = self._run.plan, self._run.batch, np.array(self._run.trees[0].hinged, int)
         seeds = np.zeros((int(plan[slots.SLOTS]), batch))
         for name, value, places in (
             ("position", position, slots.POSITION + np.arange(3)),
             ("orientation", orientation, slots.ORIENTATION + np.arange(4)),
-            ("readings", readings, plan[slots.READING] + np.arange(sensors)),
-            ("angles", angles, body_slots[tree.hinged] + slots.ANGLE),
+            ("readings", readings, plan[slots.READING] + np.arange(plan[slots.SENSORS])),
+            ("angles", angles, plan[slots.BODY] + slots.BODY_WIDTH * hinged + slots.ANGLE),
         ):
             if value is not None:
                 if np.shape(value) != (batch, len(places)):
                     raise ValueError(f"{name}: shape {np.shape(value)} is not allowed; give ({batch}, {len(places)})")
                 seeds[places] = np.asarray(value, float).T
-        found = self._go_back(seeds)
+        runtime.start(self._run.compute)
+        found = np.concatenate([part.go_back(tape, seeds[:, part.robots]) for part, tape in self._parts], -1)
         found[:, self.result.status != "ok"] = np.nan
         return self._gradient(found)
 
-    def _go_back(self, seeds: Floats) -> Floats:
-        """Cotangents of all slots, (slots, B)."""
-        runtime.start(self._setup.compute)
-        found, first = [], 0
-        for part, tape, count in self._parts:
-            cotangents = part.store(len(seeds))
-            mine = np.zeros((len(seeds), part.blocks * part.real.width))
-            mine[:, :count] = seeds[:, first : first + count]
-            cotangents.write(mine)
-            part.go_back(tape, cotangents)
-            found.append(cotangents.read()[:, :count])
-            first += count
-        return np.concatenate(found, -1)
-
     def _gradient(self, found: Floats) -> RigidGradient:
         """Cotangents of slots by their meaning."""
-        plan, tree, counts = self._setup.plan, self._setup.trees[0], self._setup.tables.counts
-        sensors = counts.touches + counts.lights
+        plan = self._run.plan
+        sensors, motors, commands, points = plan[[slots.SENSORS, slots.MOTORS, slots.COMMANDS, slots.POINTS]]
 
         def section(first: int, *shape: int) -> Floats:
             return found[first : first + int(np.prod(shape))].T.reshape(found.shape[1], *shape)
 
-        parameters = section(plan[slots.PARAMETER], counts.bodies, slots.PARAMETER_WIDTH)
-        bodies = section(plan[slots.BODY], counts.bodies, slots.BODY_WIDTH)
-        neural = counts.commands == 0
+        parameters = section(plan[slots.PARAMETER], plan[slots.BODIES], slots.PARAMETER_WIDTH)
+        bodies = np.moveaxis(bodies_of(found, plan), -1, 0)
         return RigidGradient(
-            weights=section(plan[slots.WEIGHT], sensors if neural else 0, counts.motors),
-            commands=section(plan[slots.COMMAND], counts.commands, counts.motors),
+            weights=section(plan[slots.WEIGHT], 0 if commands else sensors, motors),
+            commands=section(plan[slots.COMMAND], commands, motors),
             lights=section(slots.LIGHT, 3),
             masses=parameters[..., slots.MASS],
             parameters=parameters,
-            points=section(plan[slots.POINT_PARAMETER], counts.points, slots.POINT_PARAMETER_WIDTH),
+            points=section(plan[slots.POINT_PARAMETER], points, slots.POINT_PARAMETER_WIDTH),
             position=section(slots.POSITION, 3),
             orientation=section(slots.ORIENTATION, 4),
-            angles=bodies[:, tree.hinged, slots.ANGLE],
+            angles=bodies[:, self._run.trees[0].hinged, slots.ANGLE],
             places=bodies[..., slots.OWN : slots.OWN + 3],
             carried=bodies[..., slots.CARRIED : slots.CARRIED + 6],
-            described=self._setup.described,
+            described=self._run.described,
         )

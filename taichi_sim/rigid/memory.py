@@ -8,7 +8,7 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real, accumulate, load, store
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.rigid import slots
-from taichi_sim.runtime import element, emit
+from taichi_sim.runtime import element, emit, ti
 
 Pieces = tuple[tuple[Any, int], ...]  # first slots of runs of slots, and their lengths
 
@@ -49,11 +49,7 @@ class Block(NamedTuple):
         m: the memory.
         k: where the block lies in it, see ``lanes.load``.
         number: of the block.
-        plan: counts, and first slots of sections.
-        table: integers of bodies, see ``slots.PARENT`` and so on.
-        points: body of each point.
-        paths: hinged bodies between the base and each body.
-        eyes: body of each light sensor.
+        plan: counts, first slots of sections, and lists, see ``slots``.
         listed: points that touch the ground in any robot of the block, (blocks, points).
         settings: numbers of the run, see ``slots.TIME_STEP`` and so on.
         drifting: whether bodies carry velocities and may drift off their hinges; else they carry momenta.
@@ -63,13 +59,15 @@ class Block(NamedTuple):
     k: Any
     number: Any
     plan: Any
-    table: Any
-    points: Any
-    paths: Any
-    eyes: Any
     listed: Any
     settings: Any
     drifting: bool
+
+
+@primitive
+def start_of(block: Any, width: Any, lanes: bool) -> Any:
+    """Where a block lies in a memory with so many slots a robot, as ``lanes.load`` wants it."""
+    return emit(block * width) if lanes else block
 
 
 @primitive
@@ -134,6 +132,12 @@ def count_of(robots: Block, place: int) -> Any:
 
 
 @primitive
+def listed_in_plan(robots: Block, place: int, n: Any) -> Any:
+    """An entry of one of the plan's lists."""
+    return emit(element(robots.plan, count_of(robots, place) + n))
+
+
+@primitive
 def body_at(robots: Block, b: Any) -> Any:
     """First slot of a body."""
     return emit(count_of(robots, slots.BODY) + b * slots.BODY_WIDTH)
@@ -154,7 +158,7 @@ def point_at(robots: Block, i: Any) -> Any:
 @primitive
 def column(robots: Block, b: Any, place: int) -> Any:
     """An integer of a body."""
-    return emit(element(robots.table, b * slots.BODY_COLUMNS + place))
+    return listed_in_plan(robots, slots.TABLE, b * slots.BODY_COLUMNS + place)
 
 
 @primitive
@@ -173,7 +177,7 @@ def is_hinged(robots: Block, b: Any) -> Any:
 def listed_point(robots: Block, n: Any) -> tuple[Any, Any, Any]:
     """A point that touches the ground: its number, its body, its first slot."""
     i = emit(element(robots.listed, robots.number, n))
-    return i, emit(element(robots.points, i)), point_at(robots, i)
+    return i, listed_in_plan(robots, slots.POINT_BODIES, i), point_at(robots, i)
 
 
 @primitive
@@ -185,4 +189,18 @@ def listed_at(robots: Block, n: Any) -> Any:
 @primitive
 def hinge_on_path(robots: Block, b: Any, d: Any) -> Any:
     """The hinged body number d on the way from the base to a body."""
-    return emit(element(robots.paths, b * count_of(robots, slots.DEPTH) + d))
+    return listed_in_plan(robots, slots.PATHS, b * count_of(robots, slots.DEPTH) + d)
+
+
+@ti.func
+def copy_slots(robots: ti.template(), listed, count, to: ti.template(), k, first):
+    """Copy the slots that a list of the plan names to another memory."""
+    for c in range(robots.plan[count]):
+        store(to, k, first + c, read(robots, robots.plan[robots.plan[listed] + c]))
+
+
+@ti.func
+def restore_state(robots: ti.template(), tape: ti.template(), k, first):
+    """Read back the state that ``copy_slots`` wrote."""
+    for c in range(robots.plan[slots.KEPT]):
+        write(robots, robots.plan[robots.plan[slots.STATE] + c], load(tape, k, first + c))

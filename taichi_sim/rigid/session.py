@@ -1,14 +1,12 @@
 """Robots under commands, a few steps at a time: for controllers that are not the engine's own."""
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import slots
-from taichi_sim.rigid.model.shapes import is_whole
-from taichi_sim.rigid.part import Part, Setup
+from taichi_sim.rigid.run import Run
 from taichi_sim.rigid.state import RigidResult
 
 
@@ -19,14 +17,9 @@ class RigidSession:
     given all commands at once.
     """
 
-    def __init__(
-        self,
-        setup: Setup,
-        parts: Sequence[tuple[Part, Ints]],
-        result: Callable[[np.ndarray], RigidResult],
-    ) -> None:
-        """Start with parts in their first state, and a way to read a result off the memory of all robots."""
-        self._setup, self._parts, self._result = setup, parts, result
+    def __init__(self, run: Run) -> None:
+        """Put robots where the run starts."""
+        self._run, self._parts = run, list(run.parts())
 
     @runtime.exclusive
     def advance(self, commands: Floats | None = None, steps: int = 1) -> RigidResult:
@@ -42,22 +35,15 @@ class RigidSession:
         Raises:
             ValueError: for arrays of other shapes or numbers that are not allowed.
         """
-        plan, batch = self._setup.plan, self._setup.given.batch
+        plan = self._run.plan
+        plan[slots.STEPS] = checks.integer("steps", steps, 0)  # which kernels read at every launch
         motors = int(plan[slots.MOTORS])
-        if not is_whole(steps) or steps < 0:
-            raise ValueError(f"steps: {steps!r} is not allowed; give a whole number, at least 0")
-        given = None if commands is None else np.asarray(commands, float)
-        if given is not None and (given.shape != (batch, motors) or not np.isfinite(given).all()):
-            raise ValueError(f"commands: shape {given.shape} is not allowed; give finite numbers, ({batch}, {motors})")
-        runtime.start(self._setup.compute)
-        plan[slots.STEPS] = steps  # which kernels read at every launch
-        found = []
-        for part, chosen in self._parts:
+        given = None if commands is None else checks.numbers("commands", commands, self._run.batch, motors)
+        runtime.start(self._run.compute)
+        for part in self._parts:
             if given is not None:
                 held = part.memory.read()
-                padded = np.resize(chosen, held.shape[1])
-                held[plan[slots.COMMAND] : plan[slots.COMMAND] + motors] = given[padded].T
+                held[plan[slots.COMMAND] : plan[slots.COMMAND] + motors] = given[part.padded].T
                 part.memory.write(held)
             part.run()
-            found.append(part.memory.read()[:, : len(chosen)])
-        return self._result(np.concatenate(found, -1))
+        return self._run.result(np.concatenate([part.state() for part in self._parts], -1))

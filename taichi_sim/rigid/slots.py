@@ -1,19 +1,19 @@
 """Layout of a robot's memory: one run of slots, in sections whose places an integer array, the plan, holds.
 
-So nothing compiles again for another tree: what differs between trees is an argument of the kernel.
+So nothing compiles again for another tree: what differs between trees is an argument of the kernel. ``tables.plan_of``
+makes the plan.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
-# Places in the plan: counts, then the first slots of sections.
-BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS, HOLD, STEPS, EVERY, FRAME, FRAMES, KEPT = range(13)
+# Places in the plan: counts; first slots of sections of the memory; then where lists begin in the plan itself: integers
+# of bodies, the body of each point, the hinged bodies between the base and each body, the body of each light sensor,
+# the slots that a step starts from (KEPT of them), and those that are recorded (FRAME_WIDTH).
+BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS = range(8)
+HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH = range(8, 15)
 BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
-    range(13, 25)
+    range(15, 27)
 )
-PLAN_LENGTH = 25
+TABLE, POINT_BODIES, PATHS, EYES, STATE, FRAME = range(27, 33)
+PLAN_LENGTH = 33
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
 # reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world.
@@ -23,7 +23,7 @@ SETTINGS = 12
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.
-POSITION, ORIENTATION, LIGHT = 0, 3, 7
+POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
 ROOT, ROOT_RIGHT, HEAD = 13, 34, 40
 
@@ -56,59 +56,3 @@ PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
 
 NO_STOP = 1e20
 MODE_DRIVEN = 0.0  # of a hinge's row: the rate is as desired; else its impulse is at the upper (1) or lower (-1) bound
-
-
-@dataclass(frozen=True)
-class Counts:
-    """Sizes of a tree and its controller."""
-
-    bodies: int
-    hinges: int
-    points: int
-    touches: int
-    lights: int
-    motors: int
-    depth: int
-    commands: int
-
-    def plan(self, hold: int, steps: int, every: int) -> NDArray[np.int32]:
-        """The plan of a run."""
-        sensors = self.touches + self.lights
-        pairs = self.points * (self.points + 1) // 2
-        sections = {
-            BODY: BODY_WIDTH * self.bodies,
-            PARAMETER: PARAMETER_WIDTH * self.bodies,
-            POINT: self.point_width * self.points,
-            POINT_PARAMETER: POINT_PARAMETER_WIDTH * self.points,
-            LIGHT_PARAMETER: LIGHT_PARAMETER_WIDTH * self.lights,
-            READING: sensors,
-            NEURON: self.motors,
-            WEIGHT: sensors * self.motors,
-            COMMAND: self.commands * self.motors,
-            MATRIX: pairs,
-            FACTOR: pairs,
-        }
-        plan = np.zeros(PLAN_LENGTH, np.int32)
-        plan[[BODIES, POINTS, TOUCHES, LIGHTS, MOTORS, DEPTH, COMMANDS]] = (
-            self.bodies,
-            self.points,
-            self.touches,
-            self.lights,
-            self.motors,
-            self.depth,
-            self.commands,
-        )
-        plan[[HOLD, STEPS, EVERY]] = hold, steps, every
-        plan[KEPT] = 7 + STATE_WIDTH * self.bodies + self.motors + 2 * self.points
-        plan[[FRAME, FRAMES]] = 7 + self.hinges + sensors + self.motors, steps // every + 1
-        slot = HEAD
-        for section, width in sections.items():
-            plan[section] = slot
-            slot += width
-        plan[SLOTS] = slot
-        return plan
-
-    @property
-    def point_width(self) -> int:
-        """Slots of a point."""
-        return HINGES + self.depth

@@ -10,7 +10,6 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.shapes import Vector, vector
 from taichi_sim.rigid.model.tree import Hinge, Tree
-from taichi_sim.rigid.slots import Counts
 
 Ints = NDArray[np.int32]
 
@@ -33,73 +32,90 @@ class Senses:
         return len(self.touch) + len(self.light)
 
 
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """A tree's integers.
+def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
+    """The plan of a tree's memory (see ``slots``), but for the numbers of a run; trees of one structure have the same.
 
-    Attributes:
-        counts: sizes.
-        bodies: (bodies, columns): parent, whether hinged, motor or -1, hinges up to the base, touch sensor or -1.
-        points: the body of each point.
-        paths: (bodies, depth): the hinged bodies between the base and each body, the first next to the base.
-        eyes: the body of each light sensor.
-    """
-
-    counts: Counts
-    bodies: Ints
-    points: Ints
-    paths: Ints
-    eyes: Ints
-
-    def same_structure(self, other: "Tables") -> bool:
-        """Whether one kernel run serves both."""
-        return self.counts == other.counts and all(
-            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("bodies", "points", "paths", "eyes")
-        )
-
-
-def tables_of(tree: Tree, senses: Senses, commands: int) -> Tables:
-    """The integers of a tree.
+    Args:
+        tree: the robot.
+        senses: what it senses.
+        commands: how many commands it is given over time, 0 for neurons.
 
     Raises:
         ValueError: for senses of bodies that do not exist or cannot touch.
     """
-    points = tree.points()
-    touchable = {n for n, _, _ in points}
-    for name in senses.touch:
-        if tree.place_of(name) not in touchable:
-            raise ValueError(f"touch: {name!r} has no shape that could touch; give a body with one")
-    if len(set(senses.touch)) < len(senses.touch):
-        raise ValueError(f"touch: {list(senses.touch)!r} is not allowed; give each body once")
+    points = [n for n, _, _ in tree.points()]
+    eyes = [tree.place_of(name) for name, _ in senses.light]
+    rows, paths = _structure(tree, senses)
+    bodies, sensors, motors, pairs = len(rows), senses.count, tree.motors, len(points) * (len(points) + 1) // 2
+    point_width = slots.HINGES + paths.shape[1]
+    widths = {
+        slots.BODY: slots.BODY_WIDTH * bodies,
+        slots.PARAMETER: slots.PARAMETER_WIDTH * bodies,
+        slots.POINT: point_width * len(points),
+        slots.POINT_PARAMETER: slots.POINT_PARAMETER_WIDTH * len(points),
+        slots.LIGHT_PARAMETER: slots.LIGHT_PARAMETER_WIDTH * len(eyes),
+        slots.READING: sensors,
+        slots.NEURON: motors,
+        slots.WEIGHT: sensors * motors,
+        slots.COMMAND: commands * motors,
+        slots.MATRIX: pairs,
+        slots.FACTOR: pairs,
+    }
+    first = dict(zip([*widths, slots.SLOTS], slots.HEAD + np.cumsum([0, *widths.values()]), strict=True))
+    body_slots = first[slots.BODY] + slots.BODY_WIDTH * np.arange(bodies)[:, None]
+    impulses = first[slots.POINT] + slots.IMPULSES + point_width * np.arange(len(points))[:, None]
+    pose, neurons = np.arange(slots.POSE_WIDTH), first[slots.NEURON] + np.arange(motors)
+    readings = first[slots.READING] + np.arange(sensors)
+    state = (pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2))
+    frame = (pose, body_slots[tree.hinged] + slots.ANGLE, readings, neurons)
+    lists = {
+        slots.TABLE: rows.ravel(),
+        slots.POINT_BODIES: np.array(points, int),
+        slots.PATHS: paths.ravel(),
+        slots.EYES: np.array(eyes, int),
+        slots.STATE: np.concatenate([part.ravel() for part in state]),
+        slots.FRAME: np.concatenate([part.ravel() for part in frame]),
+    }
+    lengths = {place: len(each) for place, each in lists.items()}
+    counts = {
+        slots.BODIES: bodies,
+        slots.POINTS: len(points),
+        slots.TOUCHES: len(senses.touch),
+        slots.LIGHTS: len(eyes),
+        slots.SENSORS: sensors,
+        slots.MOTORS: motors,
+        slots.DEPTH: paths.shape[1],
+        slots.COMMANDS: commands,
+        slots.KEPT: lengths[slots.STATE],
+        slots.FRAME_WIDTH: lengths[slots.FRAME],
+    }
+    places = dict(zip(lists, slots.PLAN_LENGTH + np.cumsum([0, *lengths.values()]), strict=False))
+    plan = np.concatenate([np.zeros(slots.PLAN_LENGTH, int), *lists.values()]).astype(np.int32)
+    for place, value in {**counts, **first, **places}.items():
+        plan[place] = value
+    return plan
+
+
+def _structure(tree: Tree, senses: Senses) -> tuple[Ints, Ints]:
+    """Integers of bodies, (bodies, columns), and the hinged bodies between the base and each of them."""
+    touchable = {n for n, _, _ in tree.points()}
     feeling = {tree.place_of(name): s for s, name in enumerate(senses.touch)}
-    paths: list[list[int]] = []
+    for n, s in feeling.items():
+        if n not in touchable:
+            raise ValueError(f"touch: {senses.touch[s]!r} has no shape that could touch; give a body with one")
+    if len(feeling) < len(senses.touch):
+        raise ValueError(f"touch: {list(senses.touch)!r} is not allowed; give each body once")
+    chains: list[list[int]] = []
     rows = np.full((len(tree.bodies), slots.BODY_COLUMNS), -1, np.int32)
     for n, (_, joint) in enumerate(tree.ordered):
         hinged = isinstance(joint, Hinge)
-        paths.append([] if n == 0 else paths[tree.parents[n]] + [n] * hinged)
+        chains.append([] if n == 0 else chains[tree.parents[n]] + [n] * hinged)
         motor = joint.command if isinstance(joint, Hinge) and joint.motor is not None else -1
-        rows[n] = tree.parents[n], hinged, motor, len(paths[n]), feeling.get(n, -1)
-    depth = max(map(len, paths))
-    table = np.zeros((len(paths), max(1, depth)), np.int32)
-    for n, path in enumerate(paths):
-        table[n, : len(path)] = path
-    counts = Counts(
-        len(tree.bodies),
-        len(tree.hinges),
-        len(points),
-        len(senses.touch),
-        len(senses.light),
-        tree.motors,
-        max(1, depth),
-        commands,
-    )
-    return Tables(
-        counts,
-        rows.ravel(),
-        np.array([n for n, _, _ in points] or [0], np.int32),
-        table.ravel(),
-        np.array([tree.place_of(name) for name, _ in senses.light] or [0], np.int32),
-    )
+        rows[n] = tree.parents[n], hinged, motor, len(chains[n]), feeling.get(n, -1)
+    paths = np.zeros((len(chains), max(1, *map(len, chains))), np.int32)
+    for n, chain in enumerate(chains):
+        paths[n, : len(chain)] = chain
+    return rows, paths
 
 
 def parameters_of(tree: Tree) -> Floats:

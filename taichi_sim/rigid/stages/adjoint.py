@@ -51,7 +51,7 @@ def clear_work(cotangents: ti.template()):
     for b in range(cotangents.plan[slots.BODIES]):
         for c in range(slots.STATE_WIDTH, slots.BODY_WIDTH):
             write(cotangents, body_at(cotangents, b) + c, zero)
-    for c in range(cotangents.plan[slots.TOUCHES] + cotangents.plan[slots.LIGHTS]):
+    for c in range(cotangents.plan[slots.SENSORS]):
         write(cotangents, cotangents.plan[slots.READING] + c, zero)
 
 
@@ -211,6 +211,18 @@ def uncommand(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
 
 
 @ti.func
+def reverse_response(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count):
+    """Reverse ``step.respond`` and ``motion.move_bodies``."""
+    rows = ti.min(count, 1)
+    unmove(robots, motion, cotangents)
+    solve_adjoint(robots, motion, cotangents, count, rows)
+    unsolve(robots, motion, cotangents, count, rows)
+    if ti.static(not robots.drifting):
+        unshift_moments(robots, robots, cotangents, 1.0)
+    uncommand(robots, motion, cotangents, rows)
+
+
+@ti.func
 def unthink(robots: ti.template(), cotangents: ti.template(), step):
     """From neurons to their last values, weights and sensors."""
     memory, gain = setting(robots, slots.MEMORY), setting(robots, slots.GAIN)
@@ -225,7 +237,7 @@ def unthink(robots: ti.template(), cotangents: ti.template(), step):
         else:
             inner = (1.0 - value * value) * cotangent
             write(cotangents, slot, memory * inner)
-            for s in range(robots.plan[slots.TOUCHES] + robots.plan[slots.LIGHTS]):
+            for s in range(robots.plan[slots.SENSORS]):
                 weight, reading = robots.plan[slots.WEIGHT] + s * motors + j, robots.plan[slots.READING] + s
                 add_one(cotangents, weight, gain * inner * read(robots, reading))
                 add_one(cotangents, reading, gain * inner * read(robots, weight))

@@ -4,8 +4,7 @@ from typing import Any
 
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.rigid import slots
-from taichi_sim.rigid.memory import Block, Pieces, body_at, count_of, given_at, parent_at
-from taichi_sim.runtime import element
+from taichi_sim.rigid.memory import Block, Pieces, body_at, count_of, given_at, listed_in_plan, parent_at
 
 
 @primitive
@@ -46,6 +45,6 @@ def contact_slots(robots: Block, b: Any, i: Any) -> Pieces:
 @primitive
 def eye_slots(robots: Block, s: Any) -> Pieces:
     """Slots for ``light_reading``: the base's place, the body's rotation and place, the sensor's offset, the light."""
-    body = body_at(robots, element(robots.eyes, s))
+    body = body_at(robots, listed_in_plan(robots, slots.EYES, s))
     offset = count_of(robots, slots.LIGHT_PARAMETER) + s * slots.LIGHT_PARAMETER_WIDTH
     return (slots.POSITION, 3), (body + slots.ROTATION, 9), (body + slots.PLACE, 3), (offset, 3), (slots.LIGHT, 3)

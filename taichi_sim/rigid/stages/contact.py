@@ -16,6 +16,7 @@ from taichi_sim.rigid.memory import (
     count_of,
     hinge_on_path,
     listed_at,
+    listed_in_plan,
     listed_point,
     point_at,
     put,
@@ -43,7 +44,7 @@ def find_contacts(robots: ti.template()):
     touching = setting(robots, slots.TOUCHING)
     count = 0
     for i in range(robots.plan[slots.POINTS]):
-        b = robots.points[i]
+        b = listed_in_plan(robots, slots.POINT_BODIES, i)
         body, point = body_at(robots, b), point_at(robots, i)
         given = robots.plan[slots.POINT_PARAMETER] + i * slots.POINT_PARAMETER_WIDTH
         arm = ti.static(spatial.turned(row(robots, body + slots.ROTATION, 9), row(robots, given, 3)))

@@ -43,7 +43,7 @@ def sense_light(robots: ti.template()):
 def think(robots: ti.template(), step):
     """Motor neurons m = tanh(memory m + gain sum of W s), or commands given beforehand."""
     memory, gain = setting(robots, slots.MEMORY), setting(robots, slots.GAIN)
-    sensors, motors = robots.plan[slots.TOUCHES] + robots.plan[slots.LIGHTS], robots.plan[slots.MOTORS]
+    sensors, motors = robots.plan[slots.SENSORS], robots.plan[slots.MOTORS]
     for j in range(motors):
         slot = robots.plan[slots.NEURON] + j
         if robots.plan[slots.COMMANDS] > 0:

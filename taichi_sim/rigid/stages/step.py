@@ -8,7 +8,7 @@ changes sides.
 from taichi_sim.autodiff.lanes import any_lane
 from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
-from taichi_sim.rigid.memory import body_at, point_at, read, row, setting, write
+from taichi_sim.rigid.memory import body_at, read, row, setting, write
 from taichi_sim.rigid.stages import spatial
 from taichi_sim.rigid.stages.articulated import assemble, collect, solve_base, spread, switch_rows
 from taichi_sim.rigid.stages.contact import (
@@ -26,7 +26,7 @@ from taichi_sim.runtime import ti
 
 MOST_SWITCHES, SWITCHES_TOGETHER = 30, 8  # solutions a phase, while hinges' rows change; all at once in the first
 FARTHEST = 1e6  # m, or m/s: beyond it a robot has exploded
-AWAY = (0.0, 0.0, 1e4, 1.0, 0.0, 0.0, 0.0)  # where a robot is put that exploded: high above the ground
+HIGH_ABOVE = 1e4  # m: where a robot is put that exploded
 
 
 @ti.func
@@ -41,10 +41,11 @@ def observe(robots: ti.template(), t):
 
 
 @ti.func
-def respond(robots: ti.template(), count, phases):
+def respond(robots: ti.template(), count):
     """Velocities of all bodies at the end of the step."""
     command_hinges(robots)
     gather_momentum(robots)
+    phases = robots.plan[slots.PHASES]
     for phase in range(phases):
         if phase == 0 or count > 0:
             solve_phase(robots, count, phase)
@@ -91,17 +92,11 @@ def quarantine(robots: ti.template(), step):
     if any_lane(select(sound, 0.0 * all_six[0], 0.0 * read(robots, slots.RESIDUAL) + 1.0) > 0.5):
         before = read(robots, slots.DIVERGED)
         write(robots, slots.DIVERGED, select(sound | (before >= 0.0), before, 0.0 * before + step))
-        for c in ti.static(range(7)):
-            value = read(robots, slots.POSITION + c)
-            write(robots, slots.POSITION + c, select(sound, value, AWAY[c]))
-        for b in range(robots.plan[slots.BODIES]):
-            for c in range(slots.STATE_WIDTH):
-                slot = body_at(robots, b) + c
-                write(robots, slot, select(sound, read(robots, slot), 0.0))
-        for c in range(robots.plan[slots.MOTORS]):
-            slot = robots.plan[slots.NEURON] + c
-            write(robots, slot, select(sound, read(robots, slot), 0.0))
-        for c in range(robots.plan[slots.POINTS]):
-            for phase in ti.static(range(2)):
-                slot = point_at(robots, c) + slots.IMPULSES + phase
-                write(robots, slot, select(sound, read(robots, slot), 0.0))
+        for c in range(robots.plan[slots.KEPT]):
+            slot = robots.plan[robots.plan[slots.STATE] + c]
+            away = 0.0
+            if slot == slots.POSITION + 2:
+                away = HIGH_ABOVE
+            if slot == slots.ORIENTATION:
+                away = 1.0
+            write(robots, slot, select(sound, read(robots, slot), away))

@@ -116,7 +116,7 @@ BAD = {
     ),
     "weights that are no numbers": (
         lambda: engine().run(1, weights=np.full((1, 2, 1), np.nan)),
-        "weights: numbers that are not finite",
+        "weights: nan is not allowed; give finite numbers",
     ),
     "weights of another robot": (lambda: simulate(LEGGED, np.zeros((2, 8, 5))), "weights: shape (2, 8, 5) is not"),
     "a light on the robot": (

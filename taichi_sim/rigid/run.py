@@ -1,0 +1,190 @@
+"""A run of a batch: what robots are given, their memory part by part, and the results that are read off it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_sim.autodiff.lanes import Real
+from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.compute import Compute
+from taichi_sim.rigid import slots
+from taichi_sim.rigid.kernels import gradient_kernel, rollout_kernel
+from taichi_sim.rigid.memory import Store
+from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.tree import Tree
+from taichi_sim.rigid.pose import momenta, poses, velocities
+from taichi_sim.rigid.state import Frames, RigidResult, State
+from taichi_sim.runtime import GRAIN
+
+Given = Mapping[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A batch that is about to run.
+
+    Attributes:
+        trees: one for all robots, or one each.
+        world: ground, gravity and time.
+        given: ``weights`` (B, S, M) or ``commands`` (B, K, M), the other without entries; ``lights``, and the fields of
+            ``State``; with a first axis of one where all robots share them.
+        numbers: parameters of trees and senses, as the sections of memory that they fill.
+        settings: numbers that all robots share, by their places in ``slots``.
+        plan: places of sections.
+        real: what a real is.
+        compute: where the run is computed.
+        at_once: robots of a part.
+        described: whether robots start as their trees describe them.
+    """
+
+    trees: Sequence[Tree]
+    world: World
+    given: Given
+    numbers: Mapping[int, Floats]
+    settings: np.ndarray
+    plan: NDArray[np.int32]
+    real: Real
+    compute: Compute
+    at_once: int
+    described: bool
+
+    @property
+    def batch(self) -> int:
+        """Number of robots."""
+        return max(len(self.trees), *map(len, self.given.values()))
+
+    def parts(self) -> Iterator["Part"]:
+        """Robots that run together, ready to start."""
+        for first in range(0, self.batch, self.at_once):
+            yield Part(self, np.arange(first, min(first + self.at_once, self.batch)))
+
+    def memory(self, robots: Ints) -> Floats:
+        """Memory of some robots at the start, (slots, robots)."""
+        given = {name: _rows(values, robots) for name, values in self.given.items()}
+        found = np.zeros((int(self.plan[slots.SLOTS]), len(robots)))
+        for first, values in {
+            slots.POSITION: given["position"],
+            slots.ORIENTATION: given["orientation"],
+            slots.LIGHT: given["lights"],
+            **{self.plan[section]: _rows(values, robots) for section, values in self.numbers.items()},
+            self.plan[slots.WEIGHT]: given["weights"],
+            self.plan[slots.COMMAND]: given["commands"],
+        }.items():
+            flat = values.reshape(len(robots), -1)
+            found[first : first + flat.shape[1]] = flat.T
+        found[slots.CLOSEST], found[slots.DIVERGED] = 1e30, -1
+        bodies = bodies_of(found, self.plan)
+        carried, places, moving = self._carried(robots, given)
+        for slot, values in ((slots.CARRIED, carried), (slots.OWN, places), (slots.MOVING, moving)):
+            bodies[:, slot : slot + values.shape[-1]] = values.transpose(1, 2, 0)
+        bodies[self.trees[0].hinged, slots.ANGLE] = given["angles"].T
+        return found
+
+    def _carried(self, robots: Ints, given: Given) -> tuple[Floats, Floats, Floats]:
+        """What bodies carry, (B, bodies, 6), their places, (B, bodies, 3), and velocities, (B, bodies, 6)."""
+        by_momentum, state = self.world.integration == "momentum", [given[each.name] for each in fields(State)]
+        if len(self.trees) == 1:
+            return _of_tree(self.trees[0], State(*state), by_momentum)
+        rows = [State(*(values[n : n + 1] for values in state)) for n in range(len(robots))]
+        each = [_of_tree(self.trees[n], row, by_momentum) for n, row in zip(robots, rows, strict=True)]
+        carried, places, moving = (np.concatenate(parts) for parts in zip(*each, strict=True))
+        return carried, places, moving
+
+    def result(self, found: Floats, frames: Floats | None = None) -> RigidResult:
+        """Result of memory, (slots, B), and of what was recorded, (numbers, B)."""
+        plan, hinged = self.plan, self.trees[0].hinged
+        diverged = found[slots.DIVERGED] >= 0
+        steps = np.where(diverged, found[slots.DIVERGED], plan[slots.STEPS]).astype(np.int64)
+        found = np.where(diverged, np.nan, found)
+        bodies = bodies_of(found, plan)
+        recorded: Frames | None = None
+        if frames is not None:
+            each = frames.reshape(plan[slots.FRAMES], plan[slots.FRAME_WIDTH], -1).transpose(0, 2, 1)
+            times: Floats = np.arange(len(each), dtype=float) * plan[slots.EVERY] * self.world.time_step
+            ends = np.cumsum([3, 4, len(hinged), plan[slots.SENSORS]])
+            recorded = Frames(times, *np.split(each, ends, axis=-1))
+        return RigidResult(
+            position=found[slots.POSITION : slots.POSITION + 3].T,
+            orientation=found[slots.ORIENTATION : slots.ORIENTATION + 4].T,
+            angles=bodies[hinged, slots.ANGLE].T,
+            velocities=np.ascontiguousarray(bodies[:, slots.MOVING : slots.MOVING + 6].transpose(2, 0, 1)),
+            readings=found[plan[slots.READING] : plan[slots.READING] + plan[slots.SENSORS]].T,
+            closest=np.sqrt(found[slots.CLOSEST]),
+            status=np.where(diverged, "diverged", "ok"),
+            steps=steps,
+            residual=found[slots.RESIDUAL],
+            frames=recorded,
+        )
+
+
+class Part:
+    """Robots that run together: their memory, and the arguments that all kernels take.
+
+    Args:
+        run: whose robots they are.
+        robots: their numbers; the last real is filled up with the first of them again.
+    """
+
+    def __init__(self, run: Run, robots: Ints) -> None:
+        self.robots, self._real, self._plan = robots, run.real, run.plan
+        self._on_cpu = run.compute.device == "cpu"
+        self._blocks = -(-len(robots) // run.real.width)
+        self.padded = np.resize(robots, self._blocks * run.real.width)
+        self.memory = self.store(int(self._plan[slots.SLOTS]))
+        self.memory.write(run.memory(self.padded))
+        listed = np.zeros((self._blocks, max(1, int(self._plan[slots.POINTS]))), np.int32)
+        self._kind = run.real, GRAIN if self._on_cpu else 1, run.world.integration == "velocity"
+        self._shared = self._plan, listed, run.settings
+
+    def store(self, count: int) -> Store:
+        """Memory for so many slots of each robot."""
+        return Store(self._real, count, self._blocks, self._on_cpu)
+
+    def state(self) -> Floats:
+        """Memory of the robots, (slots, robots)."""
+        return self.memory.read()[:, : len(self.robots)]
+
+    def run(self, recording: bool = False, tape: Store | None = None) -> Floats:
+        """Run to the end; what was recorded, (numbers, robots). States before steps go to the tape."""
+        frames = self.store(int(self._plan[slots.FRAME_WIDTH] * self._plan[slots.FRAMES]) if recording else 1)
+        kernel = rollout_kernel(*self._kind, recording, tape is not None)
+        memories = (self.memory, frames, tape or self.store(1))
+        kernel(self._blocks, *(each.argument for each in memories), *self._shared)
+        return frames.read()[:, : len(self.robots)]
+
+    def go_back(self, tape: Store, seeds: Floats) -> Floats:
+        """Cotangents of all slots at the start of a run from those at its end, (slots, robots)."""
+        motion, cotangents = (self.store(len(seeds)) for _ in range(2))
+        mine = np.zeros((len(seeds), len(self.padded)))
+        mine[:, : len(self.robots)] = seeds
+        cotangents.write(mine)
+        memories = (self.memory, motion, cotangents, tape)
+        gradient_kernel(*self._kind)(self._blocks, *(each.argument for each in memories), *self._shared)
+        return cotangents.read()[:, : len(self.robots)]
+
+
+def bodies_of(memory: Floats, plan: NDArray[np.int32]) -> Floats:
+    """The slots of bodies in a memory (slots, B), as a view (bodies, slots of a body, B)."""
+    width = slots.BODY_WIDTH * plan[slots.BODIES]
+    return memory[plan[slots.BODY] : plan[slots.BODY] + width].reshape(plan[slots.BODIES], slots.BODY_WIDTH, -1)
+
+
+def _rows(array: Floats, robots: Ints) -> Floats:
+    """What some robots are given, where one row may serve all."""
+    return array[robots] if len(array) > 1 else np.repeat(array, len(robots), 0)
+
+
+def _of_tree(tree: Tree, state: State, by_momentum: bool) -> tuple[Floats, Floats, Floats]:
+    places, turns = poses(tree, state.position, state.orientation, state.angles)
+    moving = velocities(tree, places, turns, state.velocity, state.rates)
+    if not by_momentum:
+        return moving, places, moving
+    carried = momenta(tree, places, turns, moving)
+    if not tree.fixed:  # as ``stages.motion.shift_moments`` has them
+        masses = np.array([body.mass for body, _ in tree.ordered])[:, None]
+        arms = places - places[..., :1, :]
+        centre, velocity = ((masses * x).sum(-2, keepdims=True) / masses.sum() for x in (arms, moving[..., 3:]))
+        carried[..., :3] -= np.cross(centre, carried[..., 3:]) + np.cross(arms - centre, masses * velocity)
+    return carried, places, moving
