@@ -1,12 +1,15 @@
 """What the searches are held against: gaits made by hand, and what they found, simulated again and elsewhere."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Costs, Progress, cached, part_of
+from optim.experiments.parts import Part, computed
+from optim.experiments.results import Costs, Progress
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
 from robots.inflatable.body import NAMED_GEOMETRIES
@@ -37,100 +40,85 @@ class Played:
     generation: int | None = None
 
 
-@dataclass(frozen=True)
 class Player:
-    """Plays gaits beside the searches of a study, and caches their speeds.
+    """Plays gaits beside the searches of a study, and keeps their speeds."""
 
-    Attributes:
-        settings: of the study.
-        folder: takes the speeds.
-        costs: takes what playing costs.
-        threads: CPU threads; no result depends on them.
-    """
+    def __init__(self, settings: ShapeChange, folder: Path, costs: Costs, threads: int | None = None) -> None:
+        """Open the folder of these gaits, new or of the same settings; more generations may follow.
 
-    settings: ShapeChange
-    folder: ResultsFolder
-    costs: Costs
-    threads: int | None = None
-
-    @classmethod
-    def open(cls, settings: ShapeChange, folder: Path, costs: Costs, threads: int | None) -> "Player":
-        """Open the folder of these gaits, new or of the same settings; more generations may follow."""
+        Args:
+            settings: of the study.
+            folder: of the study; takes a folder of speeds.
+            costs: takes what playing costs.
+            threads: CPU threads; no result depends on them.
+        """
         lasting = {name: value for name, value in asdict(settings).items() if name != "generations"}
-        return cls(settings, ResultsFolder(folder / KIND, KIND, lasting), costs, threads)
+        self.settings, self.costs, self.threads = settings, costs, threads
+        self.folder = ResultsFolder(folder / KIND, KIND, lasting)
 
-    def by_hand(self, progress: Progress) -> dict[str, dict[str, Floats]]:
-        """Rolling and inching as they were made by hand, on both terrains, in f64."""
+    def play_by_hand(self, progress: Progress) -> None:
+        """Play rolling and inching as they were made by hand, on both terrains, in f64."""
         gaits = [repeated(design, self.settings.repeats) for design in BY_HAND.values()]
         cases = [Case(gait, self.settings.terrain(place)) for gait in gaits for place in PLACES]
-        robot = self._robot("f64", self.settings.copies)
-        speeds = iter(self._played("by_hand", "by hand", lambda: robot.speeds(cases, self.threads, progress)))
-        return {name: {place: next(speeds) for place in PLACES} for name in BY_HAND}
+        computed(self.folder, {"by_hand": partial(self._in_copies, "by hand", cases)}, progress)
 
-    def found(
-        self, found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]], progress: Progress
-    ) -> Played:
-        """The best design of every experiment again, and the best few of those on both terrains elsewhere."""
-        again, elsewhere = {}, {}
-        for number, experiment in enumerate(EXPERIMENTS):
-            name = experiment.name
-            if name not in found or not found[name].best(1):
-                continue
-            part = part_of(progress, number, len(EXPERIMENTS))
-            again[name] = self._again(experiment, found[name], part_of(part, 0, 2))
+    def play_found(self, found: Mapping[str, Found], progress: Progress) -> None:
+        """Play the best design of every experiment again, and the best few of those on both terrains elsewhere."""
+        parts: dict[str, Part] = {}
+        for experiment, one in _with_designs(found):
+            generation = len(one.scores) - 1
+            parts[_part("again", experiment, generation)] = partial(self._again, experiment, one)
             if experiment.row in PAIRED:
-                elsewhere[name] = self._elsewhere(experiment, found[name], part_of(part, 1, 2))
-        return Played(by_hand, again, elsewhere, _latest(found))
+                parts[_part("elsewhere", experiment, generation)] = partial(self._elsewhere, experiment, one)
+        computed(self.folder, parts, progress)
 
-    def before(self, found: Mapping[str, Found], by_hand: Mapping[str, Mapping[str, Floats]]) -> Played:
-        """The newest generation of which the folder has all best designs again, and what it has of them elsewhere."""
-        best = [experiment for experiment in EXPERIMENTS if experiment.name in found and found[experiment.name].best(1)]
-        for generation in range(_latest(found), -1, -1):
+    def played(self, found: Mapping[str, Found]) -> Played:
+        """What was played: of the newest generation of which all best designs were, with what there is elsewhere."""
+        (by_hand,) = self._known("by_hand")
+        named = {name: dict(zip(PLACES, by_hand[2 * n :], strict=False)) for n, name in enumerate(BY_HAND)}
+        best = [experiment for experiment, _ in _with_designs(found)]
+        for generation in range(min((len(one.scores) - 1 for one in found.values()), default=-1), -1, -1):
             again, elsewhere = (
-                {e.name: each["speeds"] for e in best for each in self.folder.load(f"{what}_{_part(e, generation)}")}
+                {e.name: speeds for e in best for speeds in self._known(_part(what, e, generation))}
                 for what in ("again", "elsewhere")
             )
             if again and len(again) == len(best):
-                return Played(by_hand, again, elsewhere, generation)
-        return Played(by_hand)
+                return Played(named, again, elsewhere, generation)
+        return Played(named)
 
-    def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
+    def _known(self, name: str) -> list[Floats]:
+        return [arrays["speeds"] for arrays in self.folder.load(name)]
+
+    def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Arrays:
         """Speeds of copies of the best design where it was found; a search also keeps what chance favoured."""
-        cases = [Case(found.designs[found.best(1)[0]], self.settings.terrain(experiment.place))]
-        robot = self._robot("f64", self.settings.copies)
-        name = f"again_{_part(experiment, len(found.scores) - 1)}"
-        return self._played(name, "best designs again", lambda: robot.speeds(cases, self.threads, progress)[0])
+        case = Case(found.designs[found.best(1)[0]], self.settings.terrain(experiment.place))
+        return {"speeds": self._in_copies("best designs again", [case], progress)["speeds"][0]}
 
-    def _elsewhere(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
+    def _elsewhere(self, experiment: Experiment, found: Found, progress: Progress) -> Arrays:
         """Speeds of the best designs where they were found, and on the other terrain."""
         best = found.best(self.settings.others)
         terrain = self.settings.terrain(HILL if experiment.place == FLAT else FLAT)
         cases = [Case(found.designs[climber], terrain) for climber in best]
-        robot = self._robot("f32", 1, noise=0.0)
-        return self._played(
-            f"elsewhere_{_part(experiment, len(found.scores) - 1)}",
-            "best designs elsewhere",
-            lambda: np.array([found.scores[-1, best], robot.speeds(cases, self.threads, progress)[:, 0]]),
-        )
+        once = {"precision": "f32", "copies": 1, "noise": 0.0}
+        speeds = self._speeds("best designs elsewhere", cases, once, progress)
+        return {"speeds": np.array([found.scores[-1, best], speeds[:, 0]])}
 
-    def _played(self, name: str, part: str, play: Callable[[], Floats]) -> Floats:
-        """Speeds that the folder has under a name, or that are played now, at a cost of some part of the study."""
+    def _in_copies(self, part: str, cases: Sequence[Case], progress: Progress) -> Arrays:
+        return {"speeds": self._speeds(part, cases, {"copies": self.settings.copies}, progress)}
 
-        def compute() -> Arrays:
-            with self.costs.of(part):
-                return {"speeds": play()}
-
-        return cached(self.folder, name, compute)["speeds"]
-
-    def _robot(self, precision: str, copies: int, **more: float) -> Robot:
-        return Robot(NAMED_GEOMETRIES[self.settings.geometry], precision=precision, copies=copies, **more)  # type: ignore[arg-type]
+    def _speeds(self, part: str, cases: Sequence[Case], how: Mapping[str, Any], progress: Progress) -> Floats:
+        """Play cases now, at a cost of some part of the study."""
+        with self.costs.of(part):
+            robot = Robot(NAMED_GEOMETRIES[self.settings.geometry], **how)
+            return robot.speeds(cases, self.threads, progress)
 
 
-def _latest(found: Mapping[str, Found]) -> int:
-    """The generation that all experiments have reached; -1 if none has any."""
-    return min((len(one.scores) - 1 for one in found.values()), default=-1)
+def _with_designs(found: Mapping[str, Found]) -> list[tuple[Experiment, Found]]:
+    """The experiments that have found any design."""
+    known = [(experiment, found[experiment.name]) for experiment in EXPERIMENTS if experiment.name in found]
+    return [(experiment, one) for experiment, one in known if one.best(1)]
 
 
-def _part(experiment: Experiment, generation: int) -> str:
+def _part(what: str, experiment: Experiment, generation: int) -> str:
     """The name of an experiment's part; what it found changes with the generations."""
-    return f"{experiment.name.replace('-', '_')}_{generation}"
+    return f"{what}_{experiment.name.replace('-', '_')}_{generation}"

@@ -12,21 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Costs, Progress, check_counts, part_of
+from optim.experiments.results import Costs, Progress, part_of
+from optim.experiments.settings import Count, Settings, Several, Whole
 from optim.experiments.side_by_side import run_side_by_side
 from optim.problem import Evaluation
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
 from optim.runs.environment import environment
-from optim.runs.folder import RunFolder
 from optim.runs.history import read_history, read_result
 from optim.runs.loop import FolderSearch
 from optim.runs.requests import Request, judge
 from optim.search import HillClimb
+from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.cores import highest_pressure
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
-from robots.world import STEEPEST, Terrain
+from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
@@ -79,7 +80,7 @@ PAIRED = tuple(row for row in ROWS if {e.place for e in EXPERIMENTS if e.row == 
 
 
 @dataclass(frozen=True)
-class ShapeChange:
+class ShapeChange(Settings):
     """Settings of the searches and of what follows them.
 
     Attributes:
@@ -93,18 +94,17 @@ class ShapeChange:
         others: best designs of each experiment that are simulated on the other terrain.
     """
 
-    climbers: int = 60
-    generations: int = 200
-    slope: float = 15.0
-    seed: int = 1
+    climbers: Several = 60
+    generations: Whole = 200
+    slope: Uphill = 15.0
+    seed: Whole = 1
     geometry: str = "published"
-    repeats: int = 2
-    copies: int = 8
-    others: int = 16
+    repeats: Count = 2
+    copies: Count = 8
+    others: Count = 16
 
     def __post_init__(self) -> None:
-        check_counts(self, climbers=2, generations=0, seed=0, repeats=1, copies=1, others=1)
-        object.__setattr__(self, "slope", checks.number("slope", self.slope, 0.1, STEEPEST, "degrees"))
+        super().__post_init__()
         checks.choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
 
     def terrain(self, place: str) -> Terrain:
@@ -189,39 +189,35 @@ def search(
                 yield judge(problem, request)
 
     with ExitStack() as stack:
-        searches = []
-        for experiment in EXPERIMENTS:
-            run = stack.enter_context(_open(settings, experiment, folder, threads))
-            searches.append(_Turns(settings, experiment, run, threads))
+        searches = [_Turns(settings, experiment, folder, threads, stack) for experiment in EXPERIMENTS]
         run_side_by_side(searches, evaluate, after_round)
 
 
 class _Turns(FolderSearch):
-    """The search of an experiment.
+    """The search of an experiment in its run folder, new or as it was left.
 
     Attributes:
         experiment: what is searched for.
         gaits: its problem.
+        generations: number of the last generation.
     """
 
-    def __init__(self, settings: ShapeChange, experiment: Experiment, run: RunFolder, threads: int | None) -> None:
+    def __init__(
+        self, settings: ShapeChange, experiment: Experiment, folder: Path, threads: int | None, stack: ExitStack
+    ) -> None:
+        """Open the folder, which the stack closes."""
         self.experiment, self.generations = experiment, settings.generations
-        self.gaits = settings.problem(experiment, threads)
-        super().__init__(self.gaits, HillClimb(self.gaits.space, **settings.method(experiment)), run)
+        self.gaits, method = settings.problem(experiment, threads), settings.method(experiment)
+        where = {"device": self.gaits.device, "precision": self.gaits.precision, "threads": threads}
+        about, named = environment(seed=settings.seed, **where), {"name": "hill-climb", **method}
+        config = {"problem": self.gaits.describe(), "method": named, "generations": self.generations}
+        run = stack.enter_context(open_run(folder / experiment.name, config, resume=True, environment=about))
+        super().__init__(self.gaits, HillClimb(self.gaits.space, **method), run)
 
     @property
     def done(self) -> bool:
         """Whether all generations are made."""
         return self.turns > self.generations
-
-
-def _open(settings: ShapeChange, experiment: Experiment, folder: Path, threads: int | None) -> Any:
-    """The run folder of an experiment, new or as it was left."""
-    problem = settings.problem(experiment)
-    method = {"name": "hill-climb", **settings.method(experiment)}
-    about = environment(device=problem.device, precision=problem.precision, seed=settings.seed, threads=threads)
-    config = {"problem": problem.describe(), "method": method, "generations": settings.generations}
-    return open_run(folder / experiment.name, config, resume=True, environment=about)
 
 
 def read(settings: ShapeChange, folder: Path) -> dict[str, Found]:

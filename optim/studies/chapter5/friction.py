@@ -3,46 +3,37 @@
 Source: Powers 2021 dissertation, ch. 5, figure "friction", d (the difference of the two) and e (their mean).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
-from optim.experiments.results import Budget, Progress, write_summary
+from optim.experiments.pages import cell, page
+from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
 from optim.experiments.tables import markdown
-from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
+from optim.studies.chapter5.gaits import Case, Robot, shown, spread
 from robots.inflatable.design import INCHING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
-# (low, high) friction and the speed of inching on flat ground.
-FRICTION: Mapping[str, tuple[tuple[float, float, float], ...]] = MappingProxyType(
-    {
-        "difference": (
-            (0.0001, 2.0, 0.0603),
-            (0.2, 1.8, 0.0450),
-            (0.4, 1.6, 0.0338),
-            (0.6, 1.4, 0.0223),
-            (0.8, 1.2, 0.0154),
-            (0.93, 1.07, 0.0032),
-            (1.0, 1.0, -0.0114),
-        ),
-        "mean": ((0.13, 2.13, 0.0485), (0.4, 2.4, 0.0280), (0.8, 2.8, 0.0141), (1.2, 3.2, 0.0043), (2.0, 4.0, -0.0014)),
-    }
-)
-
-KIND = "friction-sweeps"
-TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, with some room
-AXES: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
-    "difference": ("difference of friction, gripping - sliding", lambda low, high: high - low),
-    "mean": ("mean friction of gripping and sliding", lambda low, high: (low + high) / 2),
+Points = Mapping[str, Sequence[tuple[float, float, float]]]  # by sweep: (low, high) friction, published speed
+FRICTION: Points = {
+    "difference": (
+        *((0.0001, 2.0, 0.0603), (0.2, 1.8, 0.0450), (0.4, 1.6, 0.0338), (0.6, 1.4, 0.0223), (0.8, 1.2, 0.0154)),
+        *((0.93, 1.07, 0.0032), (1.0, 1.0, -0.0114)),
+    ),
+    "mean": ((0.13, 2.13, 0.0485), (0.4, 2.4, 0.0280), (0.8, 2.8, 0.0141), (1.2, 3.2, 0.0043), (2.0, 4.0, -0.0014)),
 }
+AXES = {
+    "difference": "difference of friction, gripping - sliding",
+    "mean": "mean friction of gripping and sliding",
+}
+TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, with some room
 
 
 @dataclass(frozen=True)
@@ -56,7 +47,7 @@ class FrictionSweeps:
     """
 
     robot: Robot = field(default_factory=Robot)
-    points: Mapping[str, Sequence[tuple[float, float, float]]] = field(default_factory=lambda: FRICTION)
+    points: Points = field(default_factory=lambda: FRICTION)
 
     def __post_init__(self) -> None:
         for name, points in self.points.items():
@@ -64,18 +55,6 @@ class FrictionSweeps:
                 raise ValueError(f"points: sweep {name!r} is unknown; choose of {', '.join(AXES)}")
             if not points:
                 raise ValueError(f"points: sweep {name} has none; give at least one")
-
-    @property
-    def cases(self) -> list[Case]:
-        """Inching with the friction of every point, sweep by sweep."""
-        return [
-            Case(INCHING, Terrain(high_friction=high, low_friction=low))
-            for points in self.points.values()
-            for low, high, _ in points
-        ]
-
-
-SCALES: Mapping[Budget, FrictionSweeps] = {"small": FrictionSweeps(Robot(copies=2)), "full": FrictionSweeps()}
 
 
 def study(
@@ -85,12 +64,15 @@ def study(
 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
-    cases = settings.cases
+    points = [point for sweep in settings.points.values() for point in sweep]
+    cases = [Case(INCHING, Terrain(high_friction=high, low_friction=low)) for low, high, _ in points]
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
-    speeds = speeds_in_parts(settings.robot, cases, ResultsFolder(folder, KIND, about), threads, progress)
+    parts = ResultsFolder(folder, "friction-sweeps", about)
+    speeds = settings.robot.speeds_in_parts(cases, parts, threads, progress)
     rows = rows_of(settings, speeds)
-    summary = {"largest_deviation": largest_deviation(rows), "tolerance": TOLERANCE, "rows": rows}
-    write_summary(folder, "friction", summary, page(rows))
+    worst = largest_deviation(rows)
+    summary = {"largest_deviation": worst, "tolerance": TOLERANCE, "rows": rows}
+    write_summary(folder, "friction", summary, text_of(rows, worst))
     draw(rows, speeds, folder / "friction.png")
     return summary
 
@@ -118,43 +100,40 @@ def largest_deviation(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | Non
     return {"low": row["low"], "high": row["high"], "difference": away, "within": within, "of": len(rows)}
 
 
-def page(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table as Markdown."""
+def text_of(rows: Sequence[Mapping[str, Any]], worst: Mapping[str, Any] | None) -> str:
+    """The page: the table, and the point of the largest deviation, if there is any."""
     cells = []
     for row in rows:
         away = row["deviation_from_published"]
-        difference = "–" if away is None else f"{round(away, 4) + 0.0:+.4f}"
+        difference = cell(away if away is None else round(away, 4) + 0.0, "+.4f")
         friction = f"{row['low']:g}", f"{row['high']:g}"
         cells.append((row["sweep"], *friction, shown(row), f"{row['published']:.4f}", difference))
-    lines = [
+    return page(
         "Inching on flat ground [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.",
-        "",
-        *markdown(("sweep", "sliding", "gripping", "speed", "published", "difference"), "lrrrrr", cells),
-    ]
-    if worst := largest_deviation(rows):
-        lines += [
-            "",
-            f"Largest difference: {worst['difference']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
-            f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}.",
-        ]
-    return "\n".join(lines) + "\n"
+        markdown(("sweep", "sliding", "gripping", "speed", "published", "difference"), "lrrrrr", cells),
+        f"Largest difference: {worst['difference']:+.4f} at ({worst['low']:g}, {worst['high']:g}); "
+        f"{worst['within']} of {worst['of']} points are within {TOLERANCE:g}."
+        if worst
+        else "",
+    )
 
 
 def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
     """Speeds against the difference and the mean of the two frictions, copies as points, beside the published ones."""
+    played = [(row, copies) for row, copies in zip(rows, speeds, strict=True)]
     with figure(path, PAGE, 2.8, ncols=len(AXES), sharey=True) as (drawn, panels):
-        for axes, (sweep, (label, place)) in zip(panels.flat, AXES.items(), strict=True):
-            found = [(row, copies) for row, copies in zip(rows, speeds, strict=True) if row["sweep"] == sweep]
+        for axes, (sweep, label) in zip(panels.flat, AXES.items(), strict=True):
+            found = [pair for pair in played if pair[0]["sweep"] == sweep]
             if sweep == "mean":  # the published figure has the robot's own friction, the base of both, in both
-                base = [pair for pair in zip(rows, speeds, strict=True) if pair[0]["sweep"] == "difference"]
-                found = base[:1] + found
-            x = [place(row["low"], row["high"]) for row, _ in found]
+                found = [pair for pair in played if pair[0]["sweep"] == "difference"][:1] + found
+            low, high, means, published = (
+                np.array([row[name] for row, _ in found], float) for name in ("low", "high", "mean", "published")
+            )
+            x = high - low if sweep == "difference" else (low + high) / 2
             axes.axhline(0.0, color="0.8", linewidth=0.6, zorder=0)
-            means = np.array([row["mean"] for row, _ in found], float)
             ours = axes.plot(x, means, marker="o", markersize=3.5, color=COLOURS[0], label="here, mean of copies")
             for each, (_, copies) in zip(x, found, strict=True):
                 dots = axes.plot([each] * len(copies), copies, ".", markersize=2.5, color=COLOURS[4], label="each copy")
-            published = [row["published"] for row, _ in found]
             theirs = axes.plot(x, published, "s--", ms=3.5, mfc="none", color=COLOURS[1], label="published")
             axes.set_xlabel(label)
         panels[0, 0].set_ylabel("speed of inching [BL/s]")
@@ -165,7 +144,7 @@ def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
 STUDY = Study(
     title="inching on flat ground with other friction of sliding and gripping feet",
     source="chapter 5, figure of friction, d and e",
-    scales=SCALES,
+    scales={"small": FrictionSweeps(Robot(copies=2)), "full": FrictionSweeps()},
     run=study,
     writes=("friction.md", "friction.csv", "friction.png", "summary.json"),
 )

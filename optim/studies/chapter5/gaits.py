@@ -7,24 +7,26 @@ any single run, a published one too, is one draw of them.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.experiments.results import Progress, cached_in_turn
+from optim.experiments.parts import computed_arrays
+from optim.experiments.results import Progress
+from optim.experiments.settings import Settings, Whole
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import NOISE
-from robots.world import Terrain
+from robots.world import STEEPEST, Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
-MOST_COPIES = 1000
 BATCH = 16  # robots of a part of a study at least, if there are any more: they fill the lanes of two threads in f64
+Uphill = Annotated[float, partial(checks.number, low=0.1, high=STEEPEST, unit="degrees")]  # slope of a hill
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Robot:
+class Robot(Settings):
     """The robot that plays the gaits, and how it is simulated.
 
     Attributes:
@@ -62,18 +64,20 @@ class Robot:
     geometry: InflatableGeometry = PUBLISHED
     actuation: InflatableActuation = ACTUATION
     precision: str = "f64"
-    copies: int = 8
+    copies: Annotated[int, partial(checks.integer, low=1, high=1000)] = 8
     noise: float = NOISE
-    seed: int = 0
+    seed: Whole = 0
 
     def __post_init__(self) -> None:
-        checks.integer("copies", self.copies, 1, MOST_COPIES)
-        checks.integer("seed", self.seed, 0)
+        super().__post_init__()
         checks.number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
 
     def describe(self) -> dict[str, Any]:
-        """Describe all settings for JSON."""
-        return asdict(self)
+        """Describe all settings for JSON, as version 1.0 did, which knew no ``ramp_steps``."""
+        described = super().describe()
+        if self.actuation.ramp_steps is None:
+            del described["actuation"]["ramp_steps"]
+        return described
 
     def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:
         """Play all cases as one batch.
@@ -86,7 +90,7 @@ class Robot:
     def play(
         self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None
     ) -> simulation.InflatableResult:
-        """All cases as one batch, the copies of each beside each other."""
+        """Play all cases as one batch, the copies of each beside each other."""
         each = [case for case in cases for _ in range(self.copies)]
         return simulation.simulate(
             [case.design for case in each],
@@ -100,15 +104,14 @@ class Robot:
             progress=progress,
         )
 
-
-def speeds_in_parts(
-    robot: Robot, cases: Sequence[Case], folder: ResultsFolder, threads: int | None = None, progress: Progress = None
-) -> Floats:
-    """Play cases in batches whose speeds are cached in a folder: a kill loses at most one batch."""
-    size = -(-BATCH // robot.copies)
-    batches = [cases[first : first + size] for first in range(0, len(cases), size)]
-    parts = [(f"speeds_{n}", partial(robot.speeds, batch, threads)) for n, batch in enumerate(batches)]
-    return np.concatenate(cached_in_turn(folder, "speeds", parts, progress))
+    def speeds_in_parts(
+        self, cases: Sequence[Case], folder: ResultsFolder, threads: int | None = None, progress: Progress = None
+    ) -> Floats:
+        """Play cases in batches whose speeds are kept in a folder: a kill loses at most one batch."""
+        size = -(-BATCH // self.copies)
+        batches = [cases[first : first + size] for first in range(0, len(cases), size)]
+        parts = {f"speeds_{n}": partial(self.speeds, batch, threads) for n, batch in enumerate(batches)}
+        return np.concatenate(computed_arrays(folder, "speeds", parts, progress))
 
 
 def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:

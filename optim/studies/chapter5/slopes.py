@@ -13,18 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
-from optim.experiments.results import Budget, Progress, write_summary
+from optim.experiments.pages import page
+from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
 from optim.experiments.tables import markdown
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
-from optim.studies.chapter5.gaits import Case, Robot, shown, speeds_in_parts, spread
+from optim.studies.chapter5.gaits import Case, Robot, shown, spread
 from robots.inflatable.design import INCHING, ROLLING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
-KIND = "slope-sweep"
 GAITS = {"rolling": ROLLING, "inching": INCHING}
 LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their range
 
@@ -48,32 +48,25 @@ class SlopeSweep:
         object.__setattr__(self, "slopes", tuple(slopes))
 
 
-SCALES: Mapping[Budget, SlopeSweep] = {
-    "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), Robot(copies=2)),
-    "medium": SlopeSweep(robot=Robot(copies=2)),
-    "full": SlopeSweep(),
-}
-
-
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a table, a figure, the transition and all numbers.
 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
-    parts = ResultsFolder(folder, KIND, {"slopes": settings.slopes, "robot": settings.robot.describe()})
-    cases = [Case(design, Terrain(slope)) for slope in settings.slopes for design in GAITS.values()]
-    found = speeds_in_parts(settings.robot, cases, parts, threads, progress)
-    speeds = found.reshape(len(settings.slopes), len(GAITS), settings.robot.copies)
+    slopes, robot = settings.slopes, settings.robot
+    parts = ResultsFolder(folder, "slope-sweep", {"slopes": slopes, "robot": robot.describe()})
+    cases = [Case(design, Terrain(slope)) for slope in slopes for design in GAITS.values()]
+    speeds = robot.speeds_in_parts(cases, parts, threads, progress).reshape(len(slopes), len(GAITS), robot.copies)
     rows = [
         {"slope": slope, "gait": gait, **spread(copies)}
-        for slope, both in zip(settings.slopes, speeds, strict=True)
+        for slope, both in zip(slopes, speeds, strict=True)
         for gait, copies in zip(GAITS, both, strict=True)
     ]
-    place = transition(settings.slopes, speeds[:, 0], speeds[:, 1])
-    unknown = [slope for slope, told in zip(settings.slopes, told_at(speeds), strict=True) if not told]
+    place = transition(slopes, speeds[:, 0], speeds[:, 1])
+    unknown = [slope for slope, told in zip(slopes, told_at(speeds), strict=True) if not told]
     summary = {"transition": place, "unknown": unknown, "rows": rows}
-    write_summary(folder, "slopes", summary, page(settings, summary))
-    draw(settings.slopes, speeds, place, folder / "slopes.png")
+    write_summary(folder, "slopes", summary, text_of(summary))
+    draw(slopes, speeds, place, folder / "slopes.png")
     return summary
 
 
@@ -127,33 +120,27 @@ def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, fl
     return float(slopes[n - 1] + share * (slopes[n] - slopes[n - 1])), float(slopes[n - 1]), float(slopes[n])
 
 
-def page(settings: SlopeSweep, summary: dict[str, Any]) -> str:
-    """The table as Markdown."""
-    cells = [
-        (f"{slope:g}", *(shown(row) for row in summary["rows"] if row["slope"] == slope)) for slope in settings.slopes
-    ]
-    lines = [
+def text_of(summary: Mapping[str, Any]) -> str:
+    """The page: the table, and where the transition is."""
+    cells: dict[float, list[str]] = {}
+    for row in summary["rows"]:
+        cells.setdefault(row["slope"], [f"{row['slope']:g}"]).append(shown(row))
+    found, unknown = summary["transition"], ", ".join(f"{slope:g}" for slope in summary["unknown"])
+    remark = "Inching does not overtake rolling between these slopes."
+    if found is not None:
+        interval = "" if found["low"] is None else f" [{found['low']:.2f}, {found['high']:.2f}]"
+        between = "interpolated between {:g} and {:g}".format(*found["between"])
+        remark = f"Inching overtakes rolling at {found['slope']:.2f} degrees{interval}, {between}."
+    if unknown:
+        remark += f" Left out: {unknown} degrees, where all copies of a gait diverged."
+    return page(
         "Speeds uphill [body lengths/s]: mean ± standard deviation of copies whose starts differ by noise.",
-        "",
-        *markdown(("slope [degrees]", *GAITS), "r" * (1 + len(GAITS)), cells),
-        "",
-        _sentence(summary["transition"], summary["unknown"]),
-    ]
-    return "\n".join(lines) + "\n"
+        markdown(("slope [degrees]", *GAITS), "r" * (1 + len(GAITS)), cells.values()),
+        remark,
+    )
 
 
-def _sentence(found: dict[str, Any] | None, unknown: Sequence[float]) -> str:
-    at = ", ".join(f"{slope:g}" for slope in unknown)
-    left_out = f" Left out: {at} degrees, where all copies of a gait diverged." if unknown else ""
-    if found is None:
-        return f"Inching does not overtake rolling between these slopes.{left_out}"
-    low, high = found["between"]
-    interval = "" if found["low"] is None else f" [{found['low']:.2f}, {found['high']:.2f}]"
-    place = f"Inching overtakes rolling at {found['slope']:.2f} degrees{interval}"
-    return f"{place}, interpolated between {low:g} and {high:g}.{left_out}"
-
-
-def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, path: Path) -> None:
+def draw(slopes: Sequence[float], speeds: Floats, found: Mapping[str, Any] | None, path: Path) -> None:
     """Speeds of both gaits against the slope: mean, range of the copies, and the transition."""
     with figure(path, COLUMN, 2.8) as (drawn, panels):
         axes = panels[0, 0]
@@ -175,7 +162,11 @@ def draw(slopes: Sequence[float], speeds: Floats, found: dict[str, Any] | None, 
 STUDY = Study(
     title="rolling and inching up slopes, and the slope at which inching overtakes",
     source="chapter 5, transition of gaits",
-    scales=SCALES,
+    scales={
+        "small": SlopeSweep((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), Robot(copies=2)),
+        "medium": SlopeSweep(robot=Robot(copies=2)),
+        "full": SlopeSweep(),
+    },
     run=study,
     writes=("slopes.md", "slopes.csv", "slopes.png", "summary.json"),
 )

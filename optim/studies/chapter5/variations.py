@@ -6,7 +6,7 @@ bladder and density "could be adjusted without causing drastic changes in behavi
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from typing import Any
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
@@ -30,31 +30,32 @@ class Variant:
     pressure: float = FULL_PRESSURE
 
 
-def retimed(actuation: InflatableActuation, steps: float) -> InflatableActuation:
-    """Stretch all strokes and pauses to ``steps`` times as many time steps; rates are per step."""
+def retimed(steps: float) -> InflatableActuation:
+    """All strokes and pauses stretched to ``steps`` times as many time steps; rates are per step."""
     return replace(
-        actuation,
-        inflation_rate=actuation.inflation_rate / steps,
-        pressure_ramp=actuation.pressure_ramp / steps,
-        hold_steps=round(actuation.hold_steps * steps),
-        settle_steps=round(actuation.settle_steps * steps),
+        ACTUATION,
+        inflation_rate=ACTUATION.inflation_rate / steps,
+        pressure_ramp=ACTUATION.pressure_ramp / steps,
+        hold_steps=round(ACTUATION.hold_steps * steps),
+        settle_steps=round(ACTUATION.settle_steps * steps),
     )
 
 
-def in_the_same_time(geometry: InflatableGeometry) -> Variant:
-    """A robot of this geometry, whose gait takes as many seconds as the published one, whatever its time step."""
-    return Variant(geometry, retimed(ACTUATION, PUBLISHED.time_step / geometry.time_step))
+def in_the_same_time(**changed: Any) -> Variant:
+    """A robot of a changed geometry, whose gait takes as many seconds as the published one, whatever its time step."""
+    geometry = replace(PUBLISHED, **changed)
+    return Variant(geometry, retimed(PUBLISHED.time_step / geometry.time_step))
 
 
 def with_modulus(factor: float) -> Variant:
     """Young's modulus of skin and bladders times a factor."""
     skin, bladders = PUBLISHED.youngs_modulus * factor, PUBLISHED.bladder_modulus * factor
-    return in_the_same_time(replace(PUBLISHED, youngs_modulus=skin, bladder_modulus=bladders))
+    return in_the_same_time(youngs_modulus=skin, bladder_modulus=bladders)
 
 
 def with_density(factor: float) -> Variant:
     """Density times a factor."""
-    return in_the_same_time(replace(PUBLISHED, density=PUBLISHED.density * factor))
+    return in_the_same_time(density=PUBLISHED.density * factor)
 
 
 def with_time_step(factor: float) -> Variant:
@@ -62,20 +63,19 @@ def with_time_step(factor: float) -> Variant:
     safety = PUBLISHED.time_step_safety
     if not 0 < factor <= safety:
         raise ValueError(f"time step: a factor of {factor:g} is not allowed; give a positive one, at most {safety:g}")
-    return in_the_same_time(replace(PUBLISHED, time_step_safety=safety / factor))
+    return in_the_same_time(time_step_safety=safety / factor)
 
 
 def with_duration(factor: float) -> Variant:
     """All that happens takes a factor times as long, in time steps of the same length."""
-    return Variant(actuation=retimed(ACTUATION, factor))
+    return Variant(actuation=retimed(factor))
 
 
 def with_pressure(factor: float) -> Variant:
     """The pressure of the round robot times a factor; at that pressure bladders lengthen least."""
     pressure = FULL_PRESSURE * factor
     if not 0 < pressure <= MAXIMUM_PRESSURE:
-        most = MAXIMUM_PRESSURE / FULL_PRESSURE
-        allowed = f"give a positive one, at most {most:g}"
+        allowed = f"give a positive one, at most {MAXIMUM_PRESSURE / FULL_PRESSURE:g}"
         raise ValueError(f"maximum pressure: a factor of {factor:g} is not allowed; {allowed}")
     return Variant(actuation=replace(ACTUATION, round_pressure=pressure), pressure=pressure)
 
@@ -92,27 +92,22 @@ def with_voxels(factor: float) -> Variant:
     size = PUBLISHED.columns * PUBLISHED.voxel_size / (4 * across + 3)
     ratio = size / PUBLISHED.voxel_size
     return in_the_same_time(
-        replace(
-            PUBLISHED,
-            bladder_columns=across,
-            rows=round(PUBLISHED.rows / ratio),
-            foot_rows=max(1, round(PUBLISHED.foot_rows / ratio)),
-            bladder_layers=max(1, round(PUBLISHED.bladder_layers / ratio)),
-            voxel_size=size,
-            youngs_modulus=PUBLISHED.youngs_modulus / ratio**3,
-            bladder_modulus=PUBLISHED.bladder_modulus / ratio**3,
-            density=PUBLISHED.density / ratio,
-        )
+        bladder_columns=across,
+        rows=round(PUBLISHED.rows / ratio),
+        foot_rows=max(1, round(PUBLISHED.foot_rows / ratio)),
+        bladder_layers=max(1, round(PUBLISHED.bladder_layers / ratio)),
+        voxel_size=size,
+        youngs_modulus=PUBLISHED.youngs_modulus / ratio**3,
+        bladder_modulus=PUBLISHED.bladder_modulus / ratio**3,
+        density=PUBLISHED.density / ratio,
     )
 
 
-VARIATIONS: Mapping[str, Callable[[float], Variant]] = MappingProxyType(
-    {
-        "Young's modulus": with_modulus,
-        "density": with_density,
-        "time step": with_time_step,
-        "duration": with_duration,
-        "maximum pressure": with_pressure,
-        "voxels per bladder": with_voxels,
-    }
-)
+VARIATIONS: Mapping[str, Callable[[float], Variant]] = {
+    "Young's modulus": with_modulus,
+    "density": with_density,
+    "time step": with_time_step,
+    "duration": with_duration,
+    "maximum pressure": with_pressure,
+    "voxels per bladder": with_voxels,
+}

@@ -1,7 +1,9 @@
 """Studies of rolling and inching, and of sampled gaits: frictions, slopes, other parameters, metrics of bodies."""
 
 import json
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,12 +46,22 @@ def test_friction_sweeps_are_the_published_points(simulator, tmp_path):
     assert not simulator.calls
 
 
+def test_the_committed_speeds_of_friction_sweeps_make_their_table_and_nothing_is_played(simulator, tmp_path):
+    """A folder of version 1.0, whose settings knew fewer fields, goes on."""
+    shutil.copytree(Path(__file__).parents[3] / "docs/data/friction-sweeps", tmp_path / "a")
+    summary = friction.study(tmp_path / "a", friction.STUDY.scales["full"])
+    assert not simulator.calls and len(summary["rows"]) == 12
+    assert summary["largest_deviation"]["within"] == 12 and summary["rows"][0]["mean"] == pytest.approx(
+        0.0603, abs=2e-4
+    )
+
+
 def test_the_largest_deviation_from_the_published_speeds_is_told():
     settings = friction.FrictionSweeps(TWO, {"difference": [(0.0, 2.0, 0.06), (0.5, 1.5, 0.03), (1.0, 1.0, 0.0)]})
     rows = friction.rows_of(settings, np.array([[0.061, 0.063], [0.02, 0.03], [np.nan, np.nan]]))
     worst = friction.largest_deviation(rows)
     assert worst == {"low": 0.5, "high": 1.5, "difference": pytest.approx(-0.005), "within": 1, "of": 3}
-    text = friction.page(rows)
+    text = friction.text_of(rows, worst)
     assert "| difference | 0 | 2 | 0.0620 ± 0.0014 | 0.0600 | +0.0020 |" in text and "all diverged" in text
     assert "1 of 3 points are within 0.004" in text
 
@@ -146,7 +158,7 @@ def test_finer_voxels_keep_size_weight_and_stiffness():
 
 
 def test_a_slower_gait_has_more_steps_of_smaller_rates():
-    slow = retimed(ACTUATION, 2.0)
+    slow = retimed(2.0)
     assert slow.settle_steps == 8002 and slow.inflation_rate == pytest.approx(1.5e-4)
     assert with_duration(2.0).geometry == PUBLISHED
     assert with_pressure(0.5).pressure == with_pressure(0.5).actuation.round_pressure == 6000
@@ -178,7 +190,7 @@ def test_a_behaviour_survives_with_half_the_distance_and_all_copies():
     rows = sensitivity.rows_of(found, ("rolling", "inching"))
     assert [row["survives"] for row in rows] == [True, True, True, False, False, True]
     assert rows[2]["share"] == pytest.approx(1.1 / 2.1)
-    text = sensitivity.page(rows)
+    text = sensitivity.text_of(rows)
     assert "**2.0000 (1 of 2 diverged), 0.95**" in text and "2 of 4 behaviours survive." in text
 
 
@@ -190,7 +202,7 @@ def test_where_the_unchanged_robot_gets_nowhere_nothing_survives_or_dies():
     rows = sensitivity.rows_of(found, ("rolling", "inching"))
     assert [row["share"] for row in rows] == [None, 1.0, None, 0.4, None, 1.0]
     assert [row["survives"] for row in rows] == [None, True, None, False, None, True]
-    text = sensitivity.page(rows)
+    text = sensitivity.text_of(rows)
     assert "1 of 2 behaviours survive." in text and text.count("**") == 4  # "Bold" among them
 
 
@@ -210,7 +222,7 @@ def test_sensitivity_is_studied_robot_by_robot(simulator, tmp_path):
     assert (tmp_path / "a/sensitivity.png").exists()
 
 
-def test_metrics_of_made_up_gaits():
+def test_metrics_of_made_up_gaits(monkeypatch):
     """Gaits that succeed on flat ground, on the hill, on both, on neither, and one that failed."""
     speeds = np.array([[[0.03, 0.0, 0.03, -0.1, np.nan], [-0.1, 0.01, 0.01, -0.1, 0.1]]])
     rows = {row["threshold"]: row for row in metrics.rows_of([(6e3, 45.0)], speeds)}
@@ -219,8 +231,9 @@ def test_metrics_of_made_up_gaits():
     assert found["M_L"] == pytest.approx(1 / 5) and found["M_CI"] == pytest.approx(1 / 4)
     assert found["M_L_low"] < 0.2 < found["M_L_high"]
     assert (rows["strict"]["flat"], rows["strict"]["M_L"]) == (0, 0.0)
-    assert not metrics.solved(speeds, (1.0, 1.0)).any()
-    assert metrics.solved(speeds, (0.02, 0.0)).sum(axis=1).tolist() == [[1, 1, 2, 0, 1]]
+    monkeypatch.setattr(metrics, "THRESHOLDS", {"high": (1.0, 1.0)})
+    (row,) = metrics.rows_of([(6e3, 45.0)], speeds)
+    assert (row["flat"], row["hill"], row["both"]) == (0, 0, 0)
 
 
 def test_bodies_without_success_have_no_interference_and_few_bodies_no_certainty(tmp_path):

@@ -12,7 +12,7 @@ from optim.studies.chapter5 import study as shape_change
 from optim.studies.chapter5.champions import Played
 from optim.studies.chapter5.experiments import EXPERIMENTS, PAIRED, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, shown, spread
-from optim.studies.chapter5.table import best_on_both, curve, page, summarise, tests
+from optim.studies.chapter5.table import best_on_both, curve, summarise, tests, text_of
 from robots.inflatable import INCHING, ROLLING, SMALL
 from robots.world import Terrain
 
@@ -131,7 +131,7 @@ def test_while_searches_go_on_the_table_keeps_what_was_played_of_their_designs(s
         shape_change.study(folder, ShapeChange(climbers=3, generations=3, copies=2, others=2))
     summary = json.loads((folder / "summary.json").read_text())
     row, old = summary["rows"][0], before["rows"][0]
-    assert (row["generations"], summary["played"]) == (2, 1) and "gone on" not in page(before)
+    assert (row["generations"], summary["played"]) == (2, 1) and "gone on" not in text_of(before)
     assert row["flat_max_again"] == old["flat_max_again"] and row["one_design"] == old["one_design"]
     assert "are those after generation 1; the searches have gone on." in (folder / "table.md").read_text()
 
@@ -208,7 +208,7 @@ def test_rows_tests_and_curves_of_made_up_searches():
     assert test["effect"]["difference"] == pytest.approx(0.21) and test["climbers"] == [2, 3]
     assert test["paired"] is None  # of other numbers of climbers
     assert curve(flat.scores)["mean"] == pytest.approx([0.05, 0.2]) and curve(flat.scores)["max"] == [0.1, 0.3]
-    assert "| orientation, shape, control | 60 x 1 | 12 | 0.2000 (0.0791) | 0.3000 (0.1888) |" in page(summary)
+    assert "| orientation, shape, control | 60 x 1 | 12 | 0.2000 (0.0791) | 0.3000 (0.1888) |" in text_of(summary)
 
 
 def test_the_best_single_design_is_the_best_mean_and_failures_never_win():
