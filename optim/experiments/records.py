@@ -31,4 +31,4 @@ def column(records: Iterable[Record], name: str) -> Floats:
 def write_columns(path: Path, columns: Mapping[str, ArrayLike | Sequence[Any]]) -> None:
     """Write columns of equal length as a CSV file, which is compressed if its name ends in ``.gz``."""
     values = (np.asarray(each).tolist() if isinstance(each, np.ndarray) else each for each in columns.values())
-    write_table(path, tuple(columns), zip(*values, strict=True))  # type: ignore[arg-type]
+    write_table(path, tuple(columns), zip(*values, strict=True))
