@@ -11,6 +11,6 @@ def page(*parts: str | Sequence[str]) -> str:
     return "\n\n".join(text for text in texts if text) + "\n"
 
 
-def cell(value: float | None, form: str = ".4f") -> str:
-    """Format a number of a table; a dash for None."""
-    return MISSING if value is None else format(value, form)
+def cell(value: float | None, form: str = ".4f", missing: str = MISSING) -> str:
+    """Format a number of a table; ``missing`` for None."""
+    return missing if value is None else format(value, form)

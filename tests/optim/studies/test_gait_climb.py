@@ -247,4 +247,4 @@ def test_a_program_that_was_killed_goes_on_to_the_same_gait(slopes, tmp_path, mo
 def test_a_folder_of_something_else_is_refused(tmp_path):
     (tmp_path / "letter.txt").write_text("hello")
     with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
-        climb.study(tmp_path, climb.SCALES["small"])
+        climb.study(tmp_path, climb.STUDY.scales["small"])

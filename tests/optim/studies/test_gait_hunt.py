@@ -287,7 +287,7 @@ def test_committed_tables_make_the_published_page_again(tmp_path):
     data = Path(__file__).parents[3] / "docs/data"
     for name, module in (("gait-hunt", hunting), ("gait-climb", climb)):
         shutil.copytree(data / name, tmp_path / name)
-        module.study(tmp_path / name, module.SCALES["medium"])
+        module.study(tmp_path / name, module.STUDY.scales["medium"])
         for made in ("summary.json", "table.md"):
             assert (tmp_path / name / made).read_bytes() == (data / name / made).read_bytes()
         (picture,) = (tmp_path / name).glob("*.png")
@@ -382,18 +382,18 @@ def test_damaged_finalists_are_judged_again(hill, tmp_path, monkeypatch, text):
 def test_other_folders_are_refused(tmp_path):
     (tmp_path / "letter.txt").write_text("hello")
     with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
-        hunting.study(tmp_path, hunting.SCALES["small"])
+        hunting.study(tmp_path, hunting.STUDY.scales["small"])
 
 
 def test_a_hunt_and_a_climb_refuse_each_others_folders(hill, tmp_path, monkeypatch):
     """Both have runs, tables and gaits: a file tells which study they are of, from the start."""
     hunting.study(tmp_path / "hunt", dataclasses.replace(quick(monkeypatch), searches=("genetic",), seeds=(0,)))
     with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
-        climb.study(tmp_path / "hunt", climb.SCALES["small"])
+        climb.study(tmp_path / "hunt", climb.STUDY.scales["small"])
     (tmp_path / "climb").mkdir()
     (tmp_path / "climb" / "gait-climb.json").write_text("{}")
     with pytest.raises(ValueError, match=r"^out: .* holds something else; name a new folder$"):
-        hunting.study(tmp_path / "climb", hunting.SCALES["small"])
+        hunting.study(tmp_path / "climb", hunting.STUDY.scales["small"])
 
 
 @pytest.mark.parametrize(
@@ -424,10 +424,10 @@ def test_settings_that_no_study_can_do_are_refused(make, message):
 def test_diverged_finalists_are_kept_as_such(hill, tmp_path, monkeypatch):
     problem = GaitProblem(HILL, **SMALL)
     history = search_within(problem, "genetic", {"population": 4, "seed": 1}, tmp_path / "run", 1e6)
-    one = Finalist(np.array([np.nan, 0.1]), np.array([0.0, 0.1]), INCHING, 0)
     count = len(last_bests(history, problem, 2))
-    stand_in = "optim.studies.beyond.gait_hunt.finalists.judge_finalists"
-    monkeypatch.setattr(stand_in, lambda designs, *_, **__: [one] * len(designs))
+    stand_in = "optim.studies.beyond.gait_hunt.finalists.play_with_noise"
+    speeds = np.array([[np.nan, 0.1]]), np.array([[0.0, 0.1]])
+    monkeypatch.setattr(stand_in, lambda designs, *_, **__: tuple(np.repeat(each, len(designs), 0) for each in speeds))
     for _ in range(2):  # computed, then read
         finals = Finals(finalists=2, runs=2)
         found = cached_finalists(tmp_path / "f.json", [history, history], problem, finals, None)

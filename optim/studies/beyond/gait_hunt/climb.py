@@ -12,18 +12,20 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.alone import read_alone
 from optim.experiments.figures import COLOURS, PAGE, figure, letter
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Budget, Progress, check_folder, check_tables, part_of, tables_alone, write_json
+from optim.experiments.pages import page
+from optim.experiments.records import Record
+from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import markdown, read_records, write_records
-from optim.problems.inflatable.problem import HARD
+from optim.experiments.tables import markdown, write_records
 from optim.studies.beyond.gait_hunt.finalists import (
     Finalist,
     Finals,
+    Seeds,
     best_of,
     cached_finalists,
-    check_seeds,
     columns_of,
     write_gaits,
 )
@@ -32,9 +34,8 @@ from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 
-Record = Mapping[str, Any]
 TABLES = ("seeds.csv", "steps.csv")  # what the summary, the page and the figure are made from
-FILES = (*TABLES, "runs", "gaits", "table.md", "climb.png", "summary.json")
+FILES = ("table.md", *TABLES, "climb.png", "summary.json", "runs", "gaits")
 
 
 @dataclass(frozen=True)
@@ -46,19 +47,8 @@ class Climb(Finals):
         plan: of each of them.
     """
 
-    seeds: tuple[int, ...]
+    seeds: Seeds
     plan: Plan = field(default_factory=Plan)
-
-    def __post_init__(self) -> None:
-        check_seeds(self.seeds)
-        super().__post_init__()
-
-
-SCALES: Mapping[Budget, Climb] = {
-    "small": Climb((0,), Plan(8, 6, 2, 4, (1, 1), (2 / 3,), 4, 4, 1), geometry="small", finalists=2, runs=2),
-    "medium": Climb((0,)),
-    "full": Climb((0, 1, 2, 3, 4)),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,16 +70,6 @@ class Climbed:
         """The best of all finalists; None if all failed."""
         return best_of([one for found in self.finalists.values() for one in found])
 
-    @property
-    def found_by(self) -> str | None:
-        """The step that found the best."""
-        return next((name for name, found in self.finalists.items() if self.best in found), None)
-
-    @property
-    def spent(self) -> float:
-        """Cost of all steps [robot-steps]."""
-        return sum(step.spent for step in self.steps)
-
 
 def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
     """Write runs, tables, ``summary.json``, ``climb.png``, and the gait that each seed found.
@@ -101,17 +81,14 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         jobs: programs that go on at the same time, each in a process of its own.
         where: precision, device and threads of the simulations.
     """
-    check_folder(folder, FILES, "gait-climb")
-    if tables_alone(folder, "runs", TABLES):
-        check_tables(folder, {"slope": settings.slope})
-        write_reports(folder, settings, *(read_records(folder / name) for name in TABLES))
+    if tables := read_alone(folder, "gait-climb", TABLES, FILES, {"slope": settings.slope}):
+        write_reports(folder, settings, *tables)
         return
-    seeds, found = settings.seeds, list[Climbed]()
-    tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in seeds]
+    tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in settings.seeds]
     run_parallel(tasks, jobs, where, progress)
-    for number, seed in enumerate(seeds):
-        share = part_of(progress if jobs == 1 else None, number, len(seeds))
-        found.append(_climb(folder / "runs", settings, seed, where, share))
+    found = list[Climbed]()
+    for number, (_, climb) in enumerate(tasks):
+        found.append(climb(where, part_of(progress if jobs == 1 else None, number, len(tasks))))
         _report(folder, settings, found)
     if progress:
         progress(1.0)
@@ -130,12 +107,39 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
 
 def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
     """Write what some seeds have found: tables, what follows from them, and gaits."""
-    rows = [_row(one) for one in found]
-    steps = [{"seed": one.seed, **row} for one in found for row in _step_rows(one)]
-    for name, records in zip(TABLES, (rows, steps), strict=True):
+    tables = [_row(one) for one in found], [{"seed": one.seed, **_step_row(s)} for one in found for s in one.steps]
+    for name, records in zip(TABLES, tables, strict=True):
         write_records(folder / name, records)
-    write_reports(folder, settings, rows, steps)
+    write_reports(folder, settings, *tables)
     write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
+
+
+def _row(one: Climbed) -> dict[str, Any]:
+    """A seed in a line."""
+    best, spent = one.best, sum(step.spent for step in one.steps)
+    return {
+        "seed": one.seed,
+        "evaluations": sum(step.last.evaluations for step in one.steps),
+        "robot_steps": spent,
+        "published_evaluations": spent / PUBLISHED_COST,
+        "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
+        "stays": best.stays if best else False,
+        "found_by": next((name for name, found in one.finalists.items() if best in found), None),
+        **columns_of(best),
+    }
+
+
+def _step_row(step: Step) -> dict[str, Any]:
+    """A step in a line: terrains, cost, and the best's score and speeds on the terrains that it was tried on."""
+    return {
+        "step": step.name,
+        "terrains": " ".join(terrain.name for terrain in step.problem.terrains),
+        "evaluations": step.last.evaluations,
+        "robot_steps": step.spent,
+        "score": step.last.best,
+        "speeds": [round(speed, 4) for speed in step.speeds.values()],
+        "hard_speeds": [round(speed, 4) for speed in step.hard_speeds],
+    }
 
 
 def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: Sequence[Record]) -> None:
@@ -148,48 +152,11 @@ def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: 
         steps: the records of ``steps.csv``, one of each step of each seed.
     """
     write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
-    write_text(folder / "table.md", _table(rows))
+    write_text(folder / "table.md", text_of(rows))
     _draw(settings, rows, steps, folder / "climb.png")
 
 
-def _row(one: Climbed) -> dict[str, Any]:
-    """A seed in a line."""
-    return {
-        "seed": one.seed,
-        "evaluations": sum(step.last.evaluations for step in one.steps),
-        "robot_steps": one.spent,
-        "published_evaluations": one.spent / PUBLISHED_COST,
-        "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
-        "stays": one.best.stays if one.best else False,
-        "found_by": one.found_by,
-        **columns_of(one.best),
-    }
-
-
-def _step_rows(one: Climbed) -> list[dict[str, Any]]:
-    """The steps of a seed: terrains, cost, and the best's score and speeds on the terrains that it was tried on."""
-    return [
-        {
-            "step": step.name,
-            "terrains": " ".join(terrain.name for terrain in step.problem.terrains),
-            "evaluations": step.last.evaluations,
-            "robot_steps": step.spent,
-            "score": step.last.best,
-            "speeds": [round(speed, 4) for speed in step.speeds.values()],
-            "hard_speeds": _hard_speeds(step),
-        }
-        for step in one.steps
-    ]
-
-
-def _hard_speeds(step: Step) -> list[float]:
-    """Speeds of the step's best on its terrains under the harder conditions; empty if it was not tried there."""
-    details = step.last.best_details or {}
-    names = [f"speed_{terrain.name}{HARD}" for terrain in step.problem.terrains]
-    return [round(details[name], 4) for name in names if name in details]
-
-
-def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+def text_of(rows: Sequence[Record]) -> str:
     """The seeds in Markdown."""
     cells = []
     for row in rows:
@@ -200,8 +167,9 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
         effort = row["seed"], row["evaluations"], f"{row['robot_steps'] / 1e6:.1f}"
         cells.append((*effort, *found, "yes" if row["stays"] else "no"))
     effort = ("seed", "evaluations", "million robot-steps")
-    header = (*effort, "found by", "heading", "core [kPa]", "speed", "harder", "stays")
-    return "\n".join(markdown(header, "rrrlrrrrl", cells)) + "\n"
+    return page(
+        markdown((*effort, "found by", "heading", "core [kPa]", "speed", "harder", "stays"), "rrrlrrrrl", cells)
+    )
 
 
 def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path: Path) -> None:
@@ -214,17 +182,17 @@ def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path
         for panel, row in zip(panels[0], rows, strict=True):
             mine = [step for step in steps if step["seed"] == row["seed"] and not step["step"].startswith("look")]
             for name, colour in zip(names, COLOURS, strict=False):
-                for column, marker, label in (("speeds", "o", name), ("hard_speeds", "x", f"{name}, harder")):
-                    each = [dict(zip(step["terrains"].split(), step[column], strict=False)) for step in mine]
-                    told = [(place, speeds[name]) for place, speeds in enumerate(each) if name in speeds]
-                    shown = label if told or column == "speeds" else None
+                for speeds, marker, label in (("speeds", "o", name), ("hard_speeds", "x", f"{name}, harder")):
+                    each = [dict(zip(step["terrains"].split(), step[speeds], strict=False)) for step in mine]
+                    told = [(place, found[name]) for place, found in enumerate(each) if name in found]
+                    shown = label if told or speeds == "speeds" else None
                     panel.plot(*np.array(told).reshape(-1, 2).T, marker, color=colour, label=shown, markersize=4)
-            places = {step["step"]: place for place, step in enumerate(mine)}
+            places = [step["step"] for step in mine]
             if row["found_by"]:
-                panel.plot(places[row["found_by"]], row["speed"], "k*", label="in full")
+                panel.plot(places.index(row["found_by"]), row["speed"], "k*", label="in full")
             panel.axhline(0.0, color="0.7", linewidth=0.6)
             panel.set(title=f"seed {row['seed']}", xticks=range(len(mine)))
-            panel.set_xticklabels(list(places), rotation=90)
+            panel.set_xticklabels(places, rotation=90)
         panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
         panels[0, 0].legend()
         if len(rows) > 1:
@@ -234,8 +202,12 @@ def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path
 STUDY = Study(
     title="a program that finds gaits which climb 15 degrees: random ones, their kinds refined, the best led uphill",
     source="chapter 5, discussion: why the search did not find inching on the hill",
-    scales=SCALES,
+    scales={
+        "small": Climb((0,), Plan(8, 6, 2, 4, (1, 1), (2 / 3,), 4, 4, 1), geometry="small", finalists=2, runs=2),
+        "medium": Climb((0,)),
+        "full": Climb((0, 1, 2, 3, 4)),
+    },
     run=study,
-    writes=("table.md", "seeds.csv", "steps.csv", "climb.png", "summary.json", "runs", "gaits"),
+    writes=FILES,
     cost="15 h of CPU time",
 )

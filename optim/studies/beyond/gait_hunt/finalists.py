@@ -1,28 +1,40 @@
 """The best designs of a search, played in full with noise under both conditions; judged once and cached."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, check_counts
+from optim.experiments.results import Progress
+from optim.experiments.settings import Count, Settings
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
+from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.files import save_design
 from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE, NoisySpeeds, play_with_noise
-from robots.world import STEEPEST, Terrain
+from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.files import read_text, sha256, write_text
 
 
+def check_seeds(name: str, seeds: Sequence[int]) -> Sequence[int]:
+    """Return seeds; raises ValueError for none, or for one that is negative or given twice."""
+    if not seeds or len(set(seeds)) < len(seeds):
+        raise ValueError(f"{name}: {tuple(seeds)} are not allowed; give at least one, and none twice")
+    return tuple(checks.integer(name, seed, 0) for seed in seeds)
+
+
+Seeds = Annotated[tuple[int, ...], check_seeds]
+
+
 @dataclass(frozen=True, kw_only=True)
-class Finals:
+class Finals(Settings):
     """The hill that gaits shall climb, and how the best of them are played there in full.
 
     Attributes:
@@ -32,28 +44,19 @@ class Finals:
         runs: with noise, of each of them under either condition.
     """
 
-    slope: float = 15.0
+    slope: Uphill = 15.0
     geometry: str = "published"
-    finalists: int = 4
-    runs: int = 4
+    finalists: Count = 4
+    runs: Count = 4
 
     def __post_init__(self) -> None:
-        checks.number("slope", self.slope, 0.1, STEEPEST, "degrees")
+        super().__post_init__()
         checks.choice("geometry", self.geometry, NAMED_GEOMETRIES)
-        check_counts(self, finalists=1, runs=1)
 
     @property
     def terrain(self) -> Terrain:
         """The hill."""
         return Terrain(self.slope)
-
-
-def check_seeds(seeds: Sequence[int]) -> None:
-    """Raise a ValueError for no seeds, or for one that is negative or given twice."""
-    if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"seeds: {tuple(seeds)} are not allowed; give at least one, and none twice")
-    for seed in seeds:
-        checks.integer("seeds", seed, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,21 +97,6 @@ def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple
     return found[-count:]
 
 
-def judge_finalists(
-    found: Sequence[tuple[InflatableDesign, int]],
-    terrain: Terrain,
-    runs: int,
-    *,
-    progress: Callable[[float], None] | None = None,
-    **where: Any,
-) -> list[Finalist]:
-    """Play designs of one kind on a terrain, each ``runs`` times under either condition, as two batches."""
-    if not found:
-        return []
-    rows = play_with_noise([design for design, _ in found], terrain, runs, progress=progress, **where)
-    return [Finalist(usual, hard, *one) for usual, hard, one in zip(*rows, found, strict=True)]
-
-
 def best_of(finalists: Sequence[Finalist]) -> Finalist | None:
     """The fastest of those that stay under the harder conditions; else the one that loses least there."""
     known = [f for f in finalists if np.isfinite([f.speed, f.hard_speed]).all()]
@@ -116,22 +104,6 @@ def best_of(finalists: Sequence[Finalist]) -> Finalist | None:
     if staying:
         return max(staying, key=lambda f: f.speed)
     return max(known, key=lambda f: f.hard_speed) if known else None
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """Read cached speeds; a damaged file is as good as missing."""
-    try:
-        known = json.loads(read_text(path)) if path.exists() else {}
-    except ValueError:
-        return {}
-    return known if isinstance(known, dict) and isinstance(known.get("speeds"), list) else {}
-
-
-def _conditions(problem: GaitProblem, terrain: Terrain, where: Mapping[str, Any]) -> str:
-    """A digest of all that speeds of given designs depend on, beside the number of runs."""
-    world = {"problem": problem.describe(), "terrain": asdict(terrain), "noise": NOISE, "friction": HARD_FRICTION}
-    record = {**world, "precision": where.get("precision"), "device": where.get("device")}
-    return sha256(json.dumps(record, sort_keys=True).encode())
 
 
 def cached_finalists(
@@ -148,27 +120,42 @@ def cached_finalists(
     noise of each follows from its place among them.
 
     Args:
-        path: of the JSON file, which may be missing, or of fewer generations.
+        path: of the JSON file, which may be missing, damaged, or of fewer generations.
         histories: of the runs.
         problem: that they searched.
         settings: the hill, and how many finalists of each run are played how often.
         progress: called with the fraction done.
         where: options of the simulations; ``precision`` is ``"f32"`` unless it is given.
     """
-    where, body = {"precision": "f32", **where}, NAMED_GEOMETRIES[settings.geometry]
+    where = {"precision": "f32", **where}
     found = [last_bests(history, problem, settings.finalists) for history in histories]
-    bests = json.dumps([[generation.best_point for generation in history.generations] for history in histories])
-    of = {"bests": sha256(bests.encode()), "count": settings.finalists, "runs": settings.runs}
-    of |= {"conditions": _conditions(problem, settings.terrain, where)}
-    known, listed = _read(path), [each for one in found for each in one]
+    listed = [each for one in found for each in one]
+    bests = [[generation.best_point for generation in history.generations] for history in histories]
+    world = {"problem": problem.describe(), "terrain": asdict(settings.terrain), "noise": NOISE}
+    conditions = {**world, "friction": HARD_FRICTION, "precision": where["precision"], "device": where.get("device")}
+    of = {"bests": sha256(json.dumps(bests).encode()), "count": settings.finalists, "runs": settings.runs}
+    of["conditions"] = sha256(json.dumps(conditions, sort_keys=True).encode())
+    known = _read(path)
     if known.get("of") != of or len(known["speeds"]) != len(listed):
-        judged = judge_finalists(listed, settings.terrain, settings.runs, progress=progress, geometry=body, **where)
-        speeds = [[f.speeds.tolist(), f.hard_speeds.tolist()] for f in judged]
-        known = {"of": of, "speeds": json.loads(json.dumps(speeds).replace("NaN", "null"))}
+        speeds = np.empty((0, 2, settings.runs))
+        if listed:
+            designs, body = [design for design, _ in listed], NAMED_GEOMETRIES[settings.geometry]
+            options = {"progress": progress, "geometry": body, **where}
+            speeds = np.stack(play_with_noise(designs, settings.terrain, settings.runs, **options), axis=1)
+        known = {"of": of, "speeds": np.where(np.isnan(speeds), None, speeds).tolist()}  # type: ignore[call-overload]
         write_text(path, json.dumps(known) + "\n")
-    rest = iter(np.array(known["speeds"], float))
-    shares = ((one, islice(rest, len(one))) for one in found)
-    return [[Finalist(usual, hard, *each) for each, (usual, hard) in zip(*share, strict=True)] for share in shares]
+    judged = zip(listed, np.array(known["speeds"], float), strict=True)
+    rest = iter([Finalist(usual, hard, *each) for each, (usual, hard) in judged])
+    return [list(islice(rest, len(one))) for one in found]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Read cached speeds; a damaged file is as good as missing."""
+    try:
+        known = json.loads(read_text(path)) if path.exists() else {}
+    except ValueError:
+        return {}
+    return known if isinstance(known, dict) and isinstance(known.get("speeds"), list) else {}
 
 
 def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:

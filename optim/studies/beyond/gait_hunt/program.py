@@ -24,18 +24,19 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached, check_counts
-from optim.problems.inflatable.problem import GaitProblem
+from optim.experiments.results import Progress, cached
+from optim.experiments.settings import Count, Settings, Several, Whole
+from optim.problems.inflatable.problem import HARD, GaitProblem
 from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
 from optim.studies.beyond.gait_hunt.kinds import best_of_kinds, history_of, turned
 from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
-from optim.studies.beyond.gait_hunt.spending import read_spent, search_within
+from optim.studies.beyond.gait_hunt.spending import first_of, read_spent, search_within
 from robots.inflatable.design import InflatableDesign
 from robots.world import Terrain
 from taichi_sim.base import checks
@@ -50,8 +51,20 @@ SIGMA, FIRM_SIGMA = 0.05, 0.02
 GRADED: Mapping[str, Any] = {**CYCLE, "hard": False}  # the harder conditions are for what climbs
 
 
+def check_rounds(name: str, rounds: Sequence[int]) -> tuple[int, ...]:
+    """Return generations of rounds; raises ValueError for none, or negative ones."""
+    if not rounds:
+        raise ValueError(f"{name}: none given; give the generations of at least one")
+    return tuple(checks.integer(name, generations, 0) for generations in rounds)
+
+
+def check_parts(name: str, parts: Sequence[float]) -> tuple[float, ...]:
+    """Return parts of the slope; raises ValueError for others than from 0 to 1."""
+    return tuple(checks.number(name, part, 0.0, 1.0) for part in parts)
+
+
 @dataclass(frozen=True)
-class Plan:
+class Plan(Settings):
     """How much the program does in each of its steps.
 
     Attributes:
@@ -66,24 +79,15 @@ class Plan:
         generations: of each of these.
     """
 
-    looks: int = 192
-    kept: int = 32
-    kinds: int = 4
-    population: int = 12
-    rounds: tuple[int, ...] = (2, 2, 4)
-    leads: tuple[float, ...] = (0.0, 2 / 3)
-    headings: int = 16
-    refined: int = 16
-    generations: int = 20
-
-    def __post_init__(self) -> None:
-        check_counts(self, looks=2, kept=1, kinds=1, population=2, headings=2, refined=2, generations=0)
-        if not self.rounds:
-            raise ValueError("rounds: none given; give the generations of at least one")
-        for generations in self.rounds:
-            checks.integer("rounds", generations, 0)
-        for part in self.leads:
-            checks.number("leads", part, 0.0, 1.0)
+    looks: Several = 192
+    kept: Count = 32
+    kinds: Count = 4
+    population: Several = 12
+    rounds: Annotated[tuple[int, ...], check_rounds] = (2, 2, 4)
+    leads: Annotated[tuple[float, ...], check_parts] = (0.0, 2 / 3)
+    headings: Several = 16
+    refined: Several = 16
+    generations: Whole = 20
 
     @property
     def evaluations(self) -> int:
@@ -136,6 +140,13 @@ class Step:
                 break
             found[terrain.name] = float(speed)
         return found
+
+    @property
+    def hard_speeds(self) -> list[float]:
+        """The same under the harder conditions; empty if it was not tried there."""
+        details = self.last.best_details or {}
+        names = [f"speed_{terrain.name}{HARD}" for terrain in self.problem.terrains]
+        return [details[name] for name in names if name in details]
 
     @property
     def design(self) -> InflatableDesign:
@@ -254,8 +265,7 @@ class Program:
         folder, count = self.folder / name, generations + 1
         history = search_within(problem, method, settings, folder, math.inf, None, generations)
         # A run that was begun before may have come further: what counts is what it had found then.
-        history = replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
-        return self._note(Step(name, problem, history, sum(read_spent(folder)[:count])))
+        return self._note(Step(name, problem, first_of(history, count), sum(read_spent(folder)[:count])))
 
     def _note(self, step: Step) -> Step:
         """Remember a step, or that it has come further."""

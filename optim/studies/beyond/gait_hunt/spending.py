@@ -1,14 +1,14 @@
 """Searches that end when they have spent what they may, in time steps of simulated robots."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from optim.experiments.side_by_side import run_side_by_side
+from optim.experiments.results import Progress
 from optim.problem import Evaluation
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
@@ -27,40 +27,35 @@ SPENT = "spent.json"
 
 
 class PaidSearch(FolderSearch):
-    """A search in a run folder that ends when its next generation would cost more than is left.
+    """A search in a run folder that knows what its generations have cost.
 
     Attributes:
         spent: what each generation has cost [robot-steps].
     """
 
-    def __init__(self, problem: GaitProblem, method: Method, run: RunFolder, budget: float, generations: int) -> None:
+    def __init__(self, problem: GaitProblem, method: Method, run: RunFolder) -> None:
         """Restore the search and what it has spent.
 
         Args:
             problem: what to search.
             method: not yet used.
             run: open run folder; takes ``spent.json``, too.
-            budget: [robot-steps].
-            generations: number of the last generation, if the budget lasts.
         """
         super().__init__(problem, method, run)
-        self.gaits, self.budget, self.generations, self.path = problem, budget, generations, run.path
-        self.spent = read_spent(self.path)
+        self.gaits, self.path = problem, run.path / SPENT
+        self.spent = read_spent(run.path)
         if (known := len(self.spent)) < self.turns:
-            raise ValueError(f"{run.path / SPENT}: tells the cost of {known} of {self.turns} generations; restore it")
+            raise ValueError(f"{self.path}: tells the cost of {known} of {self.turns} generations; restore it")
         del self.spent[self.turns :]  # of a generation that was cut off
 
-    @property
-    def done(self) -> bool:
-        """Whether all generations are made, or the next one would cost too much; the first never does."""
-        if self.turns > self.generations:
-            return True
-        return bool(self.spent) and sum(self.spent) + least_cost(self.gaits, self.ask()) > self.budget
+    def lasts(self, budget: float) -> bool:
+        """Whether a budget may last for the next generation; it does for the first."""
+        return not self.spent or sum(self.spent) + least_cost(self.gaits, self.ask()) <= budget
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
         """Note what the generation has cost, then complete it."""
         self.spent.append(cost(self.gaits, request, evaluation))
-        write_text(self.path / SPENT, json.dumps(self.spent) + "\n")
+        write_text(self.path, json.dumps(self.spent) + "\n")
         super().tell(request, evaluation)
 
 
@@ -70,7 +65,7 @@ def search_within(
     settings: Mapping[str, Any],
     folder: Path,
     budget: float,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     generations: int = ENDLESS,
 ) -> History:
     """Run a search, or go on with the one in the folder, until it has spent its budget, or made its generations.
@@ -95,22 +90,22 @@ def search_within(
     known = default_settings(method) | dict(settings)
     config = {"problem": problem.describe(), "method": {"name": method, **known}, "generations": ENDLESS}
     with open_run(folder, config, resume=True) as run:
-        search = PaidSearch(problem, build_method(method, problem.space, known), run, budget, generations)
-
-        def evaluate(_: Sequence[PaidSearch], requests: Sequence[Request]) -> list[Evaluation]:
-            return [judge(problem, request) for request in requests]
-
-        def after_round() -> None:
+        search = PaidSearch(problem, build_method(method, problem.space, known), run)
+        while search.turns <= generations and search.lasts(budget):
+            request = search.ask()
+            search.tell(request, judge(problem, request))
             if progress:
                 progress(min(sum(search.spent) / budget, 1.0))
-
-        run_side_by_side([search], evaluate, after_round)
     return read_history(folder)
 
 
 def paid(history: History, spent: Sequence[float], budget: float) -> History:
     """The generations of a run that ended within a budget; the first counts in any case."""
-    count = max(1, int(np.searchsorted(np.cumsum(spent), budget, side="right")))
+    return first_of(history, max(1, int(np.searchsorted(np.cumsum(spent), budget, side="right"))))
+
+
+def first_of(history: History, count: int) -> History:
+    """The first few generations of a run."""
     return replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
 
 
@@ -121,10 +116,8 @@ def read_spent(folder: Path) -> list[float]:
         ValueError: for a damaged file.
     """
     path = folder / SPENT
-    if not path.exists():
-        return []
     try:
-        spent = json.loads(read_text(path))
+        spent = json.loads(read_text(path)) if path.exists() else []
     except ValueError:
         spent = None
     if not isinstance(spent, list) or not all(isinstance(each, int | float) and each >= 0 for each in spent):
