@@ -53,6 +53,15 @@ class Real:
         """Taichi type of a real."""
         return self.scalar if self.width == 1 else ti.types.vector(self.width, self.scalar)
 
+    @property
+    def memory(self) -> Any:
+        """Taichi type of an array of reals, one after the other."""
+        return ti.types.ndarray(dtype=self.type, ndim=1)
+
+    def scalars(self, ndim: int) -> Any:
+        """Taichi type of an array of single elements."""
+        return ti.types.ndarray(dtype=self.scalar, ndim=ndim)
+
     def array(self, shape: tuple[int, ...], fill: float = 0) -> np.ndarray:
         """Memory for reals, shape ``shape + (width,)``."""
         return aligned((*shape, self.width), self.numpy, fill)
@@ -60,6 +69,11 @@ class Real:
     def reals(self, array: np.ndarray) -> np.ndarray:
         """The array as a kernel argument whose elements are reals (drops the lane axis of a scalar)."""
         return array[..., 0] if self.width == 1 else array
+
+
+def ints(ndim: int, width: int = 1) -> Any:
+    """Taichi type of an array of whole numbers, or of native vectors of so many."""
+    return ti.types.ndarray(dtype=ti.i32 if width == 1 else ti.types.vector(width, ti.i32), ndim=ndim)
 
 
 def choose_width(batch: int, precision: str, threads: int, block_cost: float) -> int:

@@ -11,20 +11,20 @@ began, so that it cannot slow the others. Neither touches the other lanes.
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real, any_lane, consecutive, larger, load, load_all, store_all
+from taichi_sim.autodiff.lanes import Real, any_lane, consecutive, ints, larger, load, load_all, store_all
 from taichi_sim.lattice.drivers import marks as marking
-from taichi_sim.lattice.drivers.marks import Marks
+from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import Shared
+from taichi_sim.lattice.stages.columns import in_variables, shared_types
 from taichi_sim.lattice.stages.contact import contact_force, squared_move, surface_place
 from taichi_sim.lattice.stages.enclosure import add_pressure, square_stage
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import FORCE, MONITOR, STATE_SLOTS
-from taichi_sim.lattice.stages.neighbours import LIST, NOWHERE, Lists, rebuild_lane
+from taichi_sim.lattice.stages.neighbours import LIST, NOWHERE, list_types, rebuild_lane
 from taichi_sim.lattice.stages.voxel import gauge_stage, voxel_stage
-from taichi_sim.runtime import GRAIN, ti
+from taichi_sim.runtime import GRAIN, kernel_of, ti
 
 # Columns of the integers of a block; the first three belong to the neighbour list.
 STEP, NEXT_MARK, STATE, LOGGED, KEPT = 3, 4, 5, 6, 7
@@ -32,15 +32,25 @@ INFO_COLUMNS = 8
 RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
 
 
-class Log(NamedTuple):
-    """Where a kernel keeps the state before every step, and the contacts of each; see ``fused.Record``."""
+class Record(NamedTuple):
+    """States of the blocks before each of the steps ``first`` to ``first`` + room - 2, and the contacts of each.
 
-    recording: bool
-    first: Any
-    states: Any
-    room: Any
-    contacts: Any
-    start: Any
+    Attributes:
+        kept: whether there is a record; known when a kernel is compiled.
+        first: step of the first state.
+        states, scalar_states: shape (blocks * room * state slots, lanes), as reals and as scalars.
+        room: states a block.
+        contacts: touching pairs (surface voxel, surface voxel, bits of lanes), shape (blocks, contacts, 3).
+        start: first contact of each step, shape (blocks, room).
+    """
+
+    kept: bool = False
+    first: Any = None
+    states: Any = None
+    scalar_states: Any = None
+    room: Any = None
+    contacts: Any = None
+    start: Any = None
 
 
 @ti.func
@@ -102,7 +112,7 @@ def collide(m: ti.template(), block, k, t: ti.template(), lists: ti.template(), 
                     fx, fy, fz = contact_force(m, k, s, other, dx, dy, dz, limit, near, t)
                     add_contact(m, block, k, s, 0.0 - fx, 0.0 - fy, 0.0 - fz, t, lists.touched)
                     add_contact(m, block, k, other, fx, fy, fz, t, lists.touched)
-                    if ti.static(log.recording):
+                    if ti.static(log.kept):
                         log_contact(block, s, other, bits, lists.info, log)
 
 
@@ -231,100 +241,78 @@ def refresh_lists(
                 ms[moved, lane] = 0.0
 
 
+class Memories(NamedTuple):
+    """The blocks' memories as reals and as scalars, and the states of robots that are parked."""
+
+    m: Any
+    ms: Any
+    parked: Any
+
+
+class Launch(NamedTuple):
+    """How many blocks there are, slots of each, most steps of each in this launch, and where all stop."""
+
+    blocks: Any
+    slots: Any
+    steps: Any
+    until: Any
+    radius: Any
+    distance: Any
+
+
 @lru_cache
 def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
     """The kernel for one kind of real, on the ground or in a fluid; all else that differs is an argument.
 
-    With ``recording`` it keeps the state before every step from step ``first`` on, and the contacts of each.
+    With ``recording`` it keeps the state before every step from the record's first on, and the contacts of each.
     """
     width = real.width
-    bunch = NATIVE_WIDTH[real.precision]
-    reals = ti.types.ndarray(dtype=real.type, ndim=1)
-    bunches = ti.types.ndarray(dtype=ti.types.vector(bunch, real.scalar), ndim=3)
-    bits_type = ti.types.ndarray(dtype=ti.i32 if width == 1 else ti.types.vector(width, ti.i32), ndim=1)
-    flags = ti.types.ndarray(dtype=ti.types.vector(bunch, ti.i32), ndim=1)
-    ints1, ints2, ints3 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3))
-    scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
-    @ti.kernel
+    @ti.func
     def run(
-        blocks: ti.i32,
-        slots: ti.i32,
-        steps: ti.i32,
-        until: ti.i32,
-        time_step: real.scalar,
-        voxel_size: real.scalar,
-        acceleration: real.scalar,
-        radius: real.scalar,
-        distance: real.scalar,
-        m: reals,
-        ms: scalars2,
-        parked: scalars2,
-        plan: ints1,
-        link: ints1,
-        voxel: ints1,
-        rest: ints2,
-        square: ints1,
-        corner: ints1,
-        surface: ints1,
-        excluded: ints2,
-        start: scalars2,
-        row: ints3,
-        partner: ints3,
-        mask: ints3,
-        info: ints2,
-        bits: bits_type,
-        touched: ints2,
-        fresh: ints2,
-        scratch: bunches,
-        scratch_scalar: scalars4,
-        near: flags,
-        near_scalar: ints2,
-        lanes: ints3,
-        event: ints2,
-        value: scalars2,
-        poses: scalars4,
-        strains: scalars3,
-        sizes: scalars4,
-        first: ti.i32,
-        states: reals,
-        room: ti.i32,
-        contacts: ints3,
-        contact_start: ints2,
+        launch: ti.template(),
+        memories: ti.template(),
+        given: ti.template(),
+        lists: ti.template(),
+        marks: ti.template(),
+        log: ti.template(),
     ):
-        lists = ti.static(
-            Lists(row, partner, mask, info, bits, touched, fresh, scratch, scratch_scalar, near, near_scalar, bunch)
-        )
-        marks = ti.static(Marks(lanes, event, value, poses, strains, sizes))
-        log = ti.static(Log(recording, first, states, room, contacts, contact_start))
-        for i in range(GRAIN * blocks):
+        m, ms, parked = ti.static(memories)
+        plan, lanes, info = ti.static((given.plan, marks.lanes, lists.info))
+        for i in range(GRAIN * launch.blocks):
             if i % GRAIN == 0:
-                # As variables: what a kernel is given is read again after every store.
-                dt, edge, gravity = time_step, voxel_size, acceleration
-                world = ti.static((dt, edge, gravity, fluid))
-                t = ti.static(Shared(plan, link, voxel, rest, square, corner, surface, excluded, start, *world))
+                t = ti.static(in_variables(given))
                 block = i // GRAIN
-                k = block * slots
-                left = steps
-                while left > 0 and info[block, STATE] == RUNNING and info[block, STEP] < until:
+                k = block * launch.slots
+                left = launch.steps
+                while left > 0 and info[block, STATE] == RUNNING and info[block, STEP] < launch.until:
                     left -= 1
                     step = info[block, STEP]
-                    if ti.static(recording):
+                    if ti.static(log.kept):
                         if step != info[block, KEPT]:  # before the events of the step, and not again after a halt
                             keep(m, block, k, step, t, info, log)
                             info[block, KEPT] = step
                     if step == info[block, NEXT_MARK]:
                         handle_marks(ms, parked, block, k, step, width, t, marks, info)
                     if info[block, STATE] == RUNNING and plan[memory.CONTACT_ON] != 0:
-                        if any_lane(load(m, k, plan[MONITOR] + memory.MOVED) > distance * distance):
-                            refresh_lists(ms, block, k, width, radius, distance, t, lists, lanes)
+                        if any_lane(load(m, k, plan[MONITOR] + memory.MOVED) > launch.distance * launch.distance):
+                            refresh_lists(ms, block, k, width, launch.radius, launch.distance, t, lists, lanes)
                     if info[block, STATE] == RUNNING:
                         step_block(m, block, k, t, lists, log)
                         info[block, STEP] = step + 1
-                        if ti.static(recording):
-                            if step + 1 == until:
+                        if ti.static(log.kept):
+                            if step + 1 == launch.until:
                                 keep(m, block, k, step + 1, t, info, log)
                         if any_lane(load(m, k, plan[MONITOR] + memory.DIVERGED) > 0.5):
                             retire_diverged(ms, parked, block, k, step, width, t, lanes, info)
 
-    return run
+    i32, scalar = ti.i32, real.scalar
+    return kernel_of(
+        run,
+        Launch(i32, i32, i32, i32, scalar, scalar),
+        Memories(real.memory, real.scalars(2), real.scalars(2)),
+        shared_types(real, fluid),
+        list_types(real),
+        mark_types(real),
+        Record(True, i32, real.memory, None, i32, ints(3), ints(2)) if recording else Record(),
+    )

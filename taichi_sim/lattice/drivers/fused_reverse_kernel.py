@@ -6,20 +6,21 @@ of the state after the step to those of the state before it.
 """
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import Real
+from taichi_sim.autodiff.lanes import Real, ints
 from taichi_sim.lattice.drivers import marks as marking
-from taichi_sim.lattice.drivers.marks import Marks
+from taichi_sim.lattice.drivers.fused_kernel import Record
+from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.stages import columns
-from taichi_sim.lattice.stages.columns import Shared, Undo
+from taichi_sim.lattice.stages.columns import Undo, in_variables, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint, were_near
 from taichi_sim.lattice.stages.enclosure import square_adjoint
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.voxel_adjoint import gauge_adjoint, voxel_adjoint
-from taichi_sim.runtime import GRAIN, ti
+from taichi_sim.runtime import GRAIN, kernel_of, ti
 
 
 @ti.func
@@ -43,78 +44,74 @@ def undo_step(u: ti.template(), block, n, bits, t: ti.template(), contacts: ti.t
     group_adjoint(u, t)
 
 
+class Launch(NamedTuple):
+    """How many blocks there are, slots of each, and the steps to go back from and to."""
+
+    blocks: Any
+    slots: Any
+    high: Any
+    low: Any
+
+
+class Memories(NamedTuple):
+    """Parameters and cotangents, as reals and as scalars."""
+
+    m: Any
+    ms: Any
+    a: Any
+    a_scalar: Any
+
+
+class Turns(NamedTuple):
+    """The bit of every lane, and the next step of every block at which a lane has something to do."""
+
+    bits: Any
+    upcoming: Any
+
+
 @lru_cache
 def reverse_kernel(real: Real, fluid: bool) -> Any:
     """The kernel for one kind of real, on the ground or in a fluid."""
-    width = real.width
-    reals = ti.types.ndarray(dtype=real.type, ndim=1)
-    bits_type = ti.types.ndarray(dtype=ti.i32 if width == 1 else ti.types.vector(width, ti.i32), ndim=1)
-    ints1, ints2, ints3 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3))
-    scalars2, scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3, 4))
 
-    @ti.kernel
+    @ti.func
     def undo(
-        blocks: ti.i32,
-        slots: ti.i32,
-        high: ti.i32,
-        low: ti.i32,
-        first: ti.i32,
-        room: ti.i32,
-        time_step: real.scalar,
-        voxel_size: real.scalar,
-        acceleration: real.scalar,
-        m: reals,
-        ms: scalars2,
-        a: reals,
-        a_scalar: scalars2,
-        record: reals,
-        record_scalar: scalars2,
-        plan: ints1,
-        link: ints1,
-        voxel: ints1,
-        rest: ints2,
-        square: ints1,
-        corner: ints1,
-        surface: ints1,
-        excluded: ints2,
-        start: scalars2,
-        bits: bits_type,
-        contacts: ints3,
-        contact_start: ints2,
-        upcoming: ints1,
-        lanes: ints3,
-        event: ints2,
-        value: scalars2,
-        poses: scalars4,
-        strains: scalars3,
-        sizes: scalars4,
-        finals: scalars3,
-        by_value: scalars2,
+        launch: ti.template(),
+        memories: ti.template(),
+        given: ti.template(),
+        turns: ti.template(),
+        log: ti.template(),
+        marks: ti.template(),
     ):
-        marks = ti.static(Marks(lanes, event, value, poses, strains, sizes, finals, by_value))
-        for i in range(GRAIN * blocks):
+        m, ms, a, a_scalar = ti.static(memories)
+        for i in range(GRAIN * launch.blocks):
             if i % GRAIN == 0:
-                # As variables: what a kernel is given is read again after every store.
-                dt, edge, gravity = time_step, voxel_size, acceleration
-                world = ti.static((dt, edge, gravity, fluid))
-                t = ti.static(Shared(plan, link, voxel, rest, square, corner, surface, excluded, start, *world))
+                t = ti.static(in_variables(given))
                 block = i // GRAIN
-                k = block * slots
-                r = block * room * plan[STATE_SLOTS]
-                for back in range(high - low + 1):
-                    step = high - back
-                    here = (step - first) * plan[STATE_SLOTS]
-                    after = here + plan[STATE_SLOTS]
+                k = block * launch.slots
+                r = block * log.room * t.plan[STATE_SLOTS]
+                for back in range(launch.high - launch.low + 1):
+                    step = launch.high - back
+                    here = (step - log.first) * t.plan[STATE_SLOTS]
+                    after = here + t.plan[STATE_SLOTS]
                     if back > 0:
-                        u = ti.static(Undo(m, k, record, r, a, here, after))
-                        undo_step(u, block, step - first, bits[0], t, contacts, contact_start)
-                    if step == upcoming[block]:
-                        recall_groups(m, k, record, r, here, t)
-                        scalars = ti.static(Undo(ms, k, record_scalar, r, a_scalar, here, here))
+                        u = ti.static(Undo(m, k, log.states, r, a, here, after))
+                        undo_step(u, block, step - log.first, turns.bits[0], t, log.contacts, log.start)
+                    if step == turns.upcoming[block]:
+                        recall_groups(m, k, log.states, r, here, t)
+                        scalars = ti.static(Undo(ms, k, log.scalar_states, r, a_scalar, here, here))
                         next_step = marking.NO_MARK
-                        for lane in range(width):
-                            found = marking.meet_events_back(scalars, block, lane, step, slots, t, marks)
+                        for lane in range(real.width):
+                            found = marking.meet_events_back(scalars, block, lane, step, launch.slots, t, marks)
                             next_step = ti.max(next_step, found)
-                        upcoming[block] = next_step
+                        turns.upcoming[block] = next_step
 
-    return undo
+    i32, scalars = ti.i32, real.scalars(2)
+    return kernel_of(
+        undo,
+        Launch(i32, i32, i32, i32),
+        Memories(real.memory, scalars, real.memory, scalars),
+        shared_types(real, fluid),
+        Turns(ints(1, real.width), ints(1)),
+        Record(True, i32, real.memory, scalars, i32, ints(3), ints(2)),
+        mark_types(real, back=True),
+    )

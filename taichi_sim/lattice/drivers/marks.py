@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from taichi_sim.autodiff.lanes import Real, ints
 from taichi_sim.autodiff.tracing import pull_back
 from taichi_sim.lattice.laws import group as laws
 from taichi_sim.lattice.program import QUANTITY_COUNT
@@ -49,6 +50,12 @@ class Marks(NamedTuple):
     sizes: Any
     finals: Any = None
     by_value: Any = None
+
+
+def mark_types(real: Real, back: bool = False) -> Marks:
+    """Types of marks in kernels, or in kernels of the way back."""
+    forwards = Marks(ints(3), ints(2), real.scalars(2), real.scalars(4), real.scalars(3), real.scalars(4))
+    return forwards._replace(finals=real.scalars(3), by_value=real.scalars(2)) if back else forwards
 
 
 def lane_table(program: PackedProgram, robots: np.ndarray, state: np.ndarray) -> np.ndarray:

@@ -6,14 +6,14 @@ two drivers agree to the last bit.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import Real, consecutive, load, load_all, store, store_all
+from taichi_sim.autodiff.lanes import Real, consecutive, ints, load, load_all, store, store_all
 from taichi_sim.lattice.drivers import marks as marking
-from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, Marks
+from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import Shared
+from taichi_sim.lattice.stages.columns import shared_types
 from taichi_sim.lattice.stages.contact import (
     contact_force,
     listed_slots,
@@ -26,34 +26,41 @@ from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import CONTACT_ON, FORCE, LINKS, MONITOR, PAIRS, SQUARES, STATE_SLOTS, SURFACE
 from taichi_sim.lattice.stages.voxel import gauge_stage, voxel_stage
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import kernel_of, ti
 
 
-@dataclass(frozen=True)
-class SteppedKernels:
-    """The kernels of a step, in the order in which they run."""
+class Near(NamedTuple):
+    """Neighbours of the surface voxels.
 
-    begin: Any
-    list_neighbours: Any
-    keep: Any
-    collide: Any
-    links: Any
-    squares: Any
-    voxels: Any
+    Attributes:
+        partner: those of each, in ascending order, shape (room, surface voxels, B).
+        count: how many each has, shape (surface voxels, B).
+        full: whether one had more than there is room for, shape (1,).
+    """
+
+    partner: Any
+    count: Any
+    full: Any
+
+
+class Record(NamedTuple):
+    """States of the robots before each of the steps from ``first`` on, and the contacts of each, on the device.
+
+    Attributes:
+        first: step of the first state.
+        states: shape (room * state slots, B).
+        log: touching pairs of surface voxels, shape (room, contacts, B, 2).
+        logged: number of contacts of each step, shape (room, B).
+    """
+
+    first: Any
+    states: Any
+    log: Any
+    logged: Any
 
 
 @ti.func
-def list_voxel(
-    m: ti.template(),
-    r,
-    s,
-    radius_squared,
-    again: ti.template(),
-    t: ti.template(),
-    partner: ti.template(),
-    count: ti.template(),
-    full: ti.template(),
-):
+def list_voxel(m: ti.template(), r, s, radius_squared, again: ti.template(), t: ti.template(), near: ti.template()):
     """List the surface voxels near surface voxel s, in ascending order; voxels of the plan's PAIRS have room."""
     x, y, z = place(m, r, s, again, t)
     found = 0
@@ -63,14 +70,14 @@ def list_voxel(
             ox, oy, oz = ox - x, oy - y, oz - z
         else:
             ox, oy, oz = x - ox, y - oy, z - oz
-        near = ox * ox + oy * oy + oz * oz <= radius_squared
-        if near and t.excluded[s, other // 32] & (1 << (other % 32)) == 0:
+        within = ox * ox + oy * oy + oz * oz <= radius_squared
+        if within and t.excluded[s, other // 32] & (1 << (other % 32)) == 0:
             if found < t.plan[PAIRS]:
-                partner[found, s, r] = other
+                near.partner[found, s, r] = other
             found += 1
-    count[s, r] = ti.min(found, t.plan[PAIRS])
+    near.count[s, r] = ti.min(found, t.plan[PAIRS])
     if found > t.plan[PAIRS]:
-        full[0] = 1
+        near.full[0] = 1
 
 
 @ti.func
@@ -80,22 +87,12 @@ def place(m: ti.template(), r, s, again: ti.template(), t: ti.template()):
 
 
 @ti.func
-def gather_contacts(
-    m: ti.template(),
-    r,
-    s,
-    n,
-    t: ti.template(),
-    partner: ti.template(),
-    count: ti.template(),
-    log: ti.template(),
-    logged: ti.template(),
-):
+def gather_contacts(m: ti.template(), r, s, n, t: ti.template(), lists: ti.template(), record: ti.template()):
     """Sum of the contact forces on a surface voxel, partners in ascending order; logs pairs that touch if n >= 0."""
     x, y, z, size = surface_place(m, r, s, t)
     fx, fy, fz = 0.0 * size, 0.0 * size, 0.0 * size
-    for q in range(count[s, r]):
-        other = partner[q, s, r]
+    for q in range(lists.count[s, r]):
+        other = lists.partner[q, s, r]
         ox, oy, oz, other_size = surface_place(m, r, other, t)
         limit = contact.reach(size, other_size)
         if other > s:
@@ -105,10 +102,10 @@ def gather_contacts(
                 gx, gy, gz = contact_force(m, r, s, other, dx, dy, dz, limit, near, t)
                 fx, fy, fz = fx - gx, fy - gy, fz - gz
                 if n >= 0:
-                    place_in_log = ti.atomic_add(logged[n, r], 1)
-                    if place_in_log < log.shape[1]:
-                        log[n, place_in_log, r, 0] = s
-                        log[n, place_in_log, r, 1] = other
+                    place_in_log = ti.atomic_add(record.logged[n, r], 1)
+                    if place_in_log < record.log.shape[1]:
+                        record.log[n, place_in_log, r, 0] = s
+                        record.log[n, place_in_log, r, 1] = other
         else:
             dx, dy, dz = x - ox, y - oy, z - oz
             near = dx * dx + dy * dy + dz * dz < limit * limit
@@ -139,142 +136,138 @@ def gather_links(m: ti.template(), r, v, t: ti.template()):
     return fx, fy, fz, mx, my, mz
 
 
+@ti.func
+def link_forces(m: ti.template(), r, l, t: ti.template()):
+    """Keep the forces and moments of a link."""
+    ends = link_stage(m, r, l, t)
+    slot, axes = t.plan[FORCE] + 12 * l, link_axes(l, t)
+    store_all(m, r, end_slots(slot, axes) + end_slots(slot + 6, axes), ends)
+
+
+@ti.func
+def move_voxel(m: ti.template(), r, v, t: ti.template()):
+    """Integrate a voxel; strains for the next step; how far surface voxels have moved."""
+    fx, fy, fz, mx, my, mz = gather_links(m, r, v, t)
+    fx, fy, fz = add_pressure(m, r, v, fx, fy, fz, t)
+    s = t.voxel[v * columns.VOXEL_COLUMNS + columns.SURFACE_SLOT]
+    zero = 0.0 * load(m, r, t.plan[memory.CURRENT] + memory.MEAN_SIZE)
+    cx, cy, cz = zero, zero, zero
+    if s >= 0 and t.plan[CONTACT_ON] != 0:
+        cx, cy, cz = load_all(m, r, consecutive(t.plan[memory.CONTACT] + 3 * s, 3))
+    x, y, z = voxel_stage(m, r, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t)
+    if t.voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
+        gauge_stage(m, r, v, t)
+    if s >= 0 and t.plan[CONTACT_ON] != 0:
+        ti.atomic_max(m[t.plan[MONITOR] + memory.MOVED, r], squared_move(m, r, s, x, y, z, t))
+
+
+def for_every(count: int, stage: Any) -> Any:
+    """A stage of all items of active robots; ``count`` is the place of their number in the plan."""
+
+    @ti.func
+    def run(m: ti.template(), t: ti.template(), lanes: ti.template()):
+        for i, r in ti.ndrange(t.plan[count], m.shape[1]):
+            if lanes[0, r, STATE] == ACTIVE:
+                stage(m, r, i, t)
+
+    return run
+
+
+@ti.func
+def begin(step: ti.template(), m: ti.template(), t: ti.template(), marks: ti.template()):
+    """Events due at a step, ends and divergence; then this step's channels and rest lengths."""
+    for r in range(m.shape[1]):
+        if marks.lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.DIVERGED) > 0.5:
+            marks.lanes[0, r, STATE] = marking.DIVERGED
+            marks.lanes[0, r, marking.STEP] = step
+        if marks.lanes[0, r, STATE] == ACTIVE:
+            marking.meet_events(m, 0, 0, r, step, t, marks)
+            if marks.lanes[0, r, marking.LENGTH] == step:
+                marks.lanes[0, r, STATE] = marking.ENDED
+                marks.lanes[0, r, marking.STEP] = step
+        if marks.lanes[0, r, STATE] == ACTIVE:
+            group_stage(m, r, t)
+
+
+@ti.func
+def list_neighbours(
+    radius: ti.template(),
+    limit: ti.template(),
+    again: ti.template(),
+    m: ti.template(),
+    t: ti.template(),
+    lanes: ti.template(),
+    near: ti.template(),
+):
+    """Build the lists of robots that have moved too far; or all lists again, from where they were built last."""
+    for s, r in ti.ndrange(t.plan[SURFACE], m.shape[1]):
+        if again != 0:
+            list_voxel(m, r, s, radius * radius, True, t, near)
+        elif lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.MOVED) > limit * limit:
+            list_voxel(m, r, s, radius * radius, False, t, near)
+            store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
+
+
+@ti.func
+def keep(n: ti.template(), m: ti.template(), t: ti.template(), record: ti.template()):
+    """Copy the state to place n of a record."""
+    for slot, r in ti.ndrange(t.plan[STATE_SLOTS], m.shape[1]):
+        record.states[n * t.plan[STATE_SLOTS] + slot, r] = m[slot, r]
+        if slot == 0:
+            record.logged[n, r] = 0
+
+
+@ti.func
+def collide(
+    n: ti.template(),
+    m: ti.template(),
+    t: ti.template(),
+    lanes: ti.template(),
+    near: ti.template(),
+    record: ti.template(),
+):
+    """Contact forces, and no moves yet; contacts of a recorded step (n >= 0) are logged."""
+    for s, r in ti.ndrange(t.plan[SURFACE], m.shape[1]):
+        if lanes[0, r, STATE] == ACTIVE:
+            if s == 0:
+                store(m, r, t.plan[MONITOR] + memory.MOVED, 0.0)
+            force = gather_contacts(m, r, s, n, t, near, record)
+            store_all(m, r, consecutive(t.plan[memory.CONTACT] + 3 * s, 3), force)
+
+
+@dataclass(frozen=True)
+class SteppedKernels:
+    """The kernels of a step, in the order in which they run."""
+
+    begin: Any
+    list_neighbours: Any
+    keep: Any
+    collide: Any
+    links: Any
+    squares: Any
+    voxels: Any
+
+
 @lru_cache
 def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
     """Kernels for one precision, on the ground or in a fluid; all else that differs is an argument."""
-    reals = ti.types.ndarray(dtype=real.scalar, ndim=2)
-    ints1, ints2, ints3, ints4 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3, 4))
-    scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
+    m, i32, lanes = real.scalars(2), ti.i32, ints(3)
+    near, marks = Near(ints(3), ints(2), ints(1)), mark_types(real)
+    kept, logged = Record(None, m, None, ints(2)), Record(None, None, ints(4), ints(2))
 
-    @ti.kernel
-    def begin(
-        step: ti.i32,
-        edge: real.scalar,
-        gravity: real.scalar,
-        m: reals,
-        plan: ints1,
-        link: ints1,
-        rest: ints2,
-        lanes: ints3,
-        event: ints2,
-        value: reals,
-        poses: scalars4,
-        strains: scalars3,
-        sizes: scalars4,
-    ):
-        """Events due at a step, ends and divergence; then this step's channels and rest lengths."""
-        t = ti.static(Shared(plan, link=link, rest=rest, edge=edge, gravity=gravity))
-        marks = ti.static(Marks(lanes, event, value, poses, strains, sizes))
-        for r in range(m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE and load(m, r, plan[MONITOR] + memory.DIVERGED) > 0.5:
-                lanes[0, r, STATE] = marking.DIVERGED
-                lanes[0, r, marking.STEP] = step
-            if lanes[0, r, STATE] == ACTIVE:
-                marking.meet_events(m, 0, 0, r, step, t, marks)
-                if lanes[0, r, marking.LENGTH] == step:
-                    lanes[0, r, STATE] = marking.ENDED
-                    lanes[0, r, marking.STEP] = step
-            if lanes[0, r, STATE] == ACTIVE:
-                group_stage(m, r, t)
+    def reading(*names: str) -> columns.Shared:
+        return shared_types(real, fluid, names)
 
-    @ti.kernel
-    def list_neighbours(
-        radius: real.scalar,
-        limit: real.scalar,
-        again: ti.i32,
-        m: reals,
-        plan: ints1,
-        surface: ints1,
-        excluded: ints2,
-        lanes: ints3,
-        partner: ints3,
-        count: ints2,
-        full: ints1,
-    ):
-        """Build the lists of robots that have moved too far; or all lists again, from where they were built last."""
-        t = ti.static(Shared(plan, surface=surface, excluded=excluded))
-        for s, r in ti.ndrange(plan[SURFACE], m.shape[1]):
-            if again != 0:
-                list_voxel(m, r, s, radius * radius, True, t, partner, count, full)
-            elif lanes[0, r, STATE] == ACTIVE and load(m, r, plan[MONITOR] + memory.MOVED) > limit * limit:
-                list_voxel(m, r, s, radius * radius, False, t, partner, count, full)
-                store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
+    def over(count: int, stage: Any, *names: str) -> Any:
+        return kernel_of(for_every(count, stage), m, reading(*names), lanes)
 
-    @ti.kernel
-    def keep(n: ti.i32, m: reals, plan: ints1, states: reals, logged: ints2):
-        """Copy the state to place n of a record."""
-        for slot, r in ti.ndrange(plan[STATE_SLOTS], m.shape[1]):
-            states[n * plan[STATE_SLOTS] + slot, r] = m[slot, r]
-            if slot == 0:
-                logged[n, r] = 0
-
-    @ti.kernel
-    def collide(
-        m: reals,
-        plan: ints1,
-        surface: ints1,
-        lanes: ints3,
-        partner: ints3,
-        count: ints2,
-        n: ti.i32,
-        log: ints4,
-        logged: ints2,
-    ):
-        """Contact forces; those of a recorded step (n >= 0) are logged."""
-        t = ti.static(Shared(plan, surface=surface))
-        for s, r in ti.ndrange(plan[SURFACE], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                force = gather_contacts(m, r, s, n, t, partner, count, log, logged)
-                store_all(m, r, consecutive(plan[memory.CONTACT] + 3 * s, 3), force)
-
-    @ti.kernel
-    def links(edge: real.scalar, m: reals, plan: ints1, link: ints1, voxel: ints1, lanes: ints3):
-        """Forces and moments of links."""
-        t = ti.static(Shared(plan, link, voxel, edge=edge, fluid=fluid))
-        for l, r in ti.ndrange(ti.max(plan[LINKS], 1), m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                if l == 0:
-                    store(m, r, plan[MONITOR] + memory.MOVED, 0.0)
-                if l < plan[LINKS]:
-                    ends = link_stage(m, r, l, t)
-                    slot, axes = plan[FORCE] + 12 * l, link_axes(l, t)
-                    store_all(m, r, end_slots(slot, axes) + end_slots(slot + 6, axes), ends)
-
-    @ti.kernel
-    def squares(m: reals, plan: ints1, square: ints1, voxel: ints1, lanes: ints3):
-        """Pressure on the squares of closed surfaces."""
-        t = ti.static(Shared(plan, square=square, voxel=voxel))
-        for q, r in ti.ndrange(plan[SQUARES], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                square_stage(m, r, q, t)
-
-    @ti.kernel
-    def voxels(
-        dt: real.scalar,
-        edge: real.scalar,
-        m: reals,
-        plan: ints1,
-        link: ints1,
-        voxel: ints1,
-        corner: ints1,
-        start: reals,
-        lanes: ints3,
-    ):
-        """Integration of voxels; strains for the next step; how far surface voxels have moved."""
-        t = ti.static(Shared(plan, link, voxel, corner=corner, start=start, time_step=dt, edge=edge))
-        for v, r in ti.ndrange(plan[memory.VOXELS], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                fx, fy, fz, mx, my, mz = gather_links(m, r, v, t)
-                fx, fy, fz = add_pressure(m, r, v, fx, fy, fz, t)
-                s = voxel[v * columns.VOXEL_COLUMNS + columns.SURFACE_SLOT]
-                zero = 0.0 * load(m, r, plan[memory.CURRENT] + memory.MEAN_SIZE)
-                cx, cy, cz = zero, zero, zero
-                if s >= 0 and plan[CONTACT_ON] != 0:
-                    cx, cy, cz = load_all(m, r, consecutive(plan[memory.CONTACT] + 3 * s, 3))
-                x, y, z = voxel_stage(m, r, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t)
-                if voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
-                    gauge_stage(m, r, v, t)
-                if s >= 0 and plan[CONTACT_ON] != 0:
-                    ti.atomic_max(m[plan[MONITOR] + memory.MOVED, r], squared_move(m, r, s, x, y, z, t))
-
-    return SteppedKernels(begin, list_neighbours, keep, collide, links, squares, voxels)
+    listing = (real.scalar, real.scalar, i32, m, reading("surface", "excluded"), lanes, near)
+    return SteppedKernels(
+        kernel_of(begin, i32, m, reading("link", "rest", "edge", "gravity"), marks),
+        kernel_of(list_neighbours, *listing),
+        kernel_of(keep, i32, m, reading(), kept),
+        kernel_of(collide, i32, m, reading("surface"), lanes, near._replace(full=None), logged),
+        over(LINKS, link_forces, "link", "voxel", "edge"),
+        over(SQUARES, square_stage, "square", "voxel"),
+        over(memory.VOXELS, move_voxel, "link", "voxel", "corner", "start", "time_step", "edge"),
+    )

@@ -8,17 +8,87 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from taichi_sim.autodiff.lanes import Real
-from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, Marks, meet_events_back
+from taichi_sim.autodiff.lanes import Real, ints
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types, meet_events_back
+from taichi_sim.lattice.drivers.stepped_kernels import Record
 from taichi_sim.lattice.stages import columns
-from taichi_sim.lattice.stages.columns import Shared, Undo
+from taichi_sim.lattice.stages.columns import Shared, Undo, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import LINKS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.voxel_adjoint import gauge_adjoint, voxel_adjoint
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import element, emit, kernel_of, ti
+
+
+@primitive
+def step_of(memories: Undo, n: Any, r: Any, t: Shared) -> Undo:
+    """The memories with the keys to robot r and to the step from record n to the next."""
+    slots = element(t.plan, STATE_SLOTS)
+    old = emit(n * slots)
+    return memories._replace(k=r, r=r, old=old, new=emit(old + slots))
+
+
+@ti.func
+def undo_voxel(u: ti.template(), v, t: ti.template()):
+    """Reverse a voxel's gauges and integration."""
+    if t.voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
+        gauge_adjoint(u, v, t)
+    voxel_adjoint(u, v, t)
+
+
+def for_every(count: int, adjoint: Any) -> Any:
+    """The reverse of a stage, of all items of active robots; ``count`` is the place of their number in the plan."""
+
+    @ti.func
+    def undo(n: ti.template(), memories: ti.template(), t: ti.template(), lanes: ti.template()):
+        for i, r in ti.ndrange(t.plan[count], memories.m.shape[1]):
+            if lanes[0, r, STATE] == ACTIVE:
+                adjoint(ti.static(step_of(memories, n, r, t)), i, t)
+
+    return undo
+
+
+@ti.func
+def recall(n: ti.template(), memories: ti.template(), t: ti.template()):
+    """Parameters of the step that led to record n."""
+    for r in range(memories.m.shape[1]):
+        recall_groups(memories.m, r, memories.record, r, n * t.plan[STATE_SLOTS], t)
+
+
+@ti.func
+def contacts(n: ti.template(), memories: ti.template(), t: ti.template(), lanes: ti.template(), record: ti.template()):
+    """Contacts between voxels."""
+    for q, r in ti.ndrange(record.log.shape[1], memories.m.shape[1]):
+        if q < record.logged[n, r] and lanes[0, r, STATE] == ACTIVE:
+            u = ti.static(step_of(memories, n, r, t))
+            contact_adjoint(u, record.log[n, q, r, 0], record.log[n, q, r, 1], True, t)
+
+
+@ti.func
+def groups(n: ti.template(), memories: ti.template(), t: ti.template(), lanes: ti.template()):
+    """Rest lengths, groups and channels."""
+    for r in range(memories.m.shape[1]):
+        if lanes[0, r, STATE] == ACTIVE:
+            group_adjoint(ti.static(step_of(memories, n, r, t)), t)
+
+
+@ti.func
+def meet(
+    n: ti.template(),
+    step: ti.template(),
+    slots: ti.template(),
+    memories: ti.template(),
+    t: ti.template(),
+    marks: ti.template(),
+):
+    """Ends of runs, events and recordings of a step, n being its place in the record."""
+    for r in range(memories.m.shape[1]):
+        here = n * t.plan[STATE_SLOTS]
+        u = ti.static(memories._replace(k=0, r=0, old=here, new=here))
+        meet_events_back(u, 0, r, step, slots, t, marks)
 
 
 @dataclass(frozen=True)
@@ -37,141 +107,22 @@ class ReverseKernels:
 @lru_cache
 def reverse_kernels(real: Real, fluid: bool) -> ReverseKernels:
     """Kernels for one precision, on the ground or in a fluid; n is the place in the record before the step."""
-    reals = ti.types.ndarray(dtype=real.scalar, ndim=2)
-    ints1, ints2, ints3, ints4 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2, 3, 4))
-    scalars3, scalars4 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (3, 4))
+    i32, lanes, memory = ti.i32, ints(3), real.scalars(2)
+    memories = Undo(memory, None, memory, None, memory, None, None)
 
-    @ti.kernel
-    def recall(n: ti.i32, edge: real.scalar, gravity: real.scalar, m: reals, record: reals, plan: ints1, rest: ints2):
-        """Parameters of the step that led to record n."""
-        t = ti.static(Shared(plan, rest=rest, edge=edge, gravity=gravity))
-        for r in range(m.shape[1]):
-            recall_groups(m, r, record, r, n * plan[STATE_SLOTS], t)
+    def reading(*names: str) -> Shared:
+        return shared_types(real, fluid, names)
 
-    @ti.kernel
-    def voxels(
-        n: ti.i32,
-        dt: real.scalar,
-        edge: real.scalar,
-        m: reals,
-        record: reals,
-        a: reals,
-        plan: ints1,
-        link: ints1,
-        voxel: ints1,
-        lanes: ints3,
-    ):
-        """Gauges and integration."""
-        t = ti.static(Shared(plan, link, voxel, time_step=dt, edge=edge))
-        for v, r in ti.ndrange(plan[VOXELS], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                old = n * plan[STATE_SLOTS]
-                new = old + plan[STATE_SLOTS]
-                u = ti.static(Undo(m, r, record, r, a, old, new))
-                if voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
-                    gauge_adjoint(u, v, t)
-                voxel_adjoint(u, v, t)
+    def over(count: int, adjoint: Any, *names: str) -> Any:
+        return kernel_of(for_every(count, adjoint), i32, memories, reading(*names), lanes)
 
-    @ti.kernel
-    def links(
-        n: ti.i32,
-        edge: real.scalar,
-        m: reals,
-        record: reals,
-        a: reals,
-        plan: ints1,
-        link: ints1,
-        voxel: ints1,
-        lanes: ints3,
-    ):
-        """Beams."""
-        t = ti.static(Shared(plan, link, voxel, edge=edge, fluid=fluid))
-        for l, r in ti.ndrange(plan[LINKS], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                old = n * plan[STATE_SLOTS]
-                new = old + plan[STATE_SLOTS]
-                u = ti.static(Undo(m, r, record, r, a, old, new))
-                link_adjoint(u, l, t)
-
-    @ti.kernel
-    def squares(n: ti.i32, m: reals, record: reals, a: reals, plan: ints1, square: ints1, voxel: ints1, lanes: ints3):
-        """Pressure on the squares of closed surfaces."""
-        t = ti.static(Shared(plan, square=square, voxel=voxel))
-        for q, r in ti.ndrange(plan[SQUARES], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                old = n * plan[STATE_SLOTS]
-                new = old + plan[STATE_SLOTS]
-                u = ti.static(Undo(m, r, record, r, a, old, new))
-                square_adjoint(u, q, t)
-
-    @ti.kernel
-    def contacts(
-        n: ti.i32,
-        m: reals,
-        record: reals,
-        a: reals,
-        plan: ints1,
-        surface: ints1,
-        lanes: ints3,
-        log: ints4,
-        logged: ints2,
-    ):
-        """Contacts between voxels."""
-        t = ti.static(Shared(plan, surface=surface))
-        for q, r in ti.ndrange(log.shape[1], m.shape[1]):
-            if q < logged[n, r] and lanes[0, r, STATE] == ACTIVE:
-                old = n * plan[STATE_SLOTS]
-                new = old + plan[STATE_SLOTS]
-                u = ti.static(Undo(m, r, record, r, a, old, new))
-                contact_adjoint(u, log[n, q, r, 0], log[n, q, r, 1], True, t)
-
-    @ti.kernel
-    def groups(
-        n: ti.i32,
-        edge: real.scalar,
-        gravity: real.scalar,
-        m: reals,
-        record: reals,
-        a: reals,
-        plan: ints1,
-        rest: ints2,
-        lanes: ints3,
-    ):
-        """Rest lengths, groups and channels."""
-        t = ti.static(Shared(plan, rest=rest, edge=edge, gravity=gravity))
-        for r in range(m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
-                old = n * plan[STATE_SLOTS]
-                new = old + plan[STATE_SLOTS]
-                u = ti.static(Undo(m, r, record, r, a, old, new))
-                group_adjoint(u, t)
-
-    @ti.kernel
-    def marks(
-        n: ti.i32,
-        step: ti.i32,
-        slots: ti.i32,
-        edge: real.scalar,
-        m: reals,
-        record: reals,
-        a: reals,
-        plan: ints1,
-        link: ints1,
-        lanes: ints3,
-        event: ints2,
-        value: reals,
-        poses: scalars4,
-        strains: scalars3,
-        sizes: scalars4,
-        finals: scalars3,
-        by_value: reals,
-    ):
-        """Ends of runs, events and recordings of a step, n being its place in the record."""
-        t = ti.static(Shared(plan, link, edge=edge))
-        met = ti.static(Marks(lanes, event, value, poses, strains, sizes, finals, by_value))
-        for r in range(m.shape[1]):
-            here = n * plan[STATE_SLOTS]
-            u = ti.static(Undo(m, 0, record, 0, a, here, here))
-            meet_events_back(u, 0, r, step, slots, t, met)
-
-    return ReverseKernels(recall, voxels, links, squares, contacts, groups, marks)
+    grouped = reading("rest", "edge", "gravity")
+    return ReverseKernels(
+        kernel_of(recall, i32, memories._replace(a=None), grouped),
+        over(VOXELS, undo_voxel, "link", "voxel", "time_step", "edge"),
+        over(LINKS, link_adjoint, "link", "voxel", "edge"),
+        over(SQUARES, square_adjoint, "square", "voxel"),
+        kernel_of(contacts, i32, memories, reading("surface"), lanes, Record(None, None, ints(4), ints(2))),
+        kernel_of(groups, i32, memories, grouped, lanes),
+        kernel_of(meet, i32, i32, i32, memories, reading("link", "edge"), mark_types(real, back=True)),
+    )

@@ -1,9 +1,13 @@
 """What the robots of a batch share in a kernel: integer tables and their columns, channels as plain numbers."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from taichi_sim.autodiff.lanes import Real, ints
+from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 from taichi_sim.lattice.stages.memory import CHANNEL_WIDTH
+from taichi_sim.runtime import emit
 
 # Columns of the table of links: slots of the two voxels in VOXEL, of the beam in BEAM and of the rest length in REST;
 # the components along and across the link's axis; whether both ends are damped alike; numbers of the two voxels.
@@ -70,6 +74,19 @@ class Shared(NamedTuple):
     edge: Any = None
     gravity: Any = None
     fluid: bool = False
+
+
+def shared_types(real: Real, fluid: bool = False, reads: Sequence[str] = Shared._fields[:-1]) -> Shared:
+    """Types of what a kernel is given of these fields and the plan, which is all that its stages may read."""
+    flat, table, scalar = ints(1), ints(2), real.scalar
+    every = Shared(flat, flat, flat, table, flat, flat, flat, table, real.scalars(2), scalar, scalar, scalar)
+    return Shared(**{name: getattr(every, name) for name in ("plan", *reads)}, fluid=fluid)
+
+
+@primitive
+def in_variables(shared: Shared) -> Shared:
+    """Its numbers as variables of a kernel: what a kernel is given is read again after every store."""
+    return shared._replace(**{name: emit(getattr(shared, name)) for name in ("time_step", "edge", "gravity")})
 
 
 class Undo(NamedTuple):

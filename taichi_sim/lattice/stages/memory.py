@@ -109,6 +109,10 @@ class Memory:
         count, width = self.rows[section]
         return slice(self.starts[section], self.starts[section] + count * width)
 
+    def section(self, memory: np.ndarray, section: int) -> np.ndarray:
+        """A view of a section of a memory of shape (blocks, slots, lanes), shape (blocks, items, components, lanes)."""
+        return memory[:, self.span(section)].reshape(len(memory), *self.rows[section], -1)
+
     @property
     def state_slots(self) -> int:
         """Slots of the state, which come first."""

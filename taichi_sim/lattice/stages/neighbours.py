@@ -7,7 +7,7 @@ share one sorted list, the union of theirs, with a bit per robot; so neither nei
 
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import any_lane
+from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real, any_lane, ints
 from taichi_sim.lattice.stages.contact import listed_slots, place_slots
 from taichi_sim.lattice.stages.memory import PAIRS, SURFACE
 from taichi_sim.runtime import ti
@@ -44,6 +44,26 @@ class Lists(NamedTuple):
     near: Any
     near_scalar: Any
     bunch: int
+
+
+def list_types(real: Real) -> Lists:
+    """Types of lists in kernels."""
+    bunch = NATIVE_WIDTH[real.precision]
+    bunches = ti.types.ndarray(dtype=ti.types.vector(bunch, real.scalar), ndim=3)
+    flags = ints(1, bunch), ints(2)
+    return Lists(
+        ints(3),
+        ints(3),
+        ints(3),
+        ints(2),
+        ints(1, real.width),
+        ints(2),
+        ints(2),
+        bunches,
+        real.scalars(4),
+        *flags,
+        bunch,
+    )
 
 
 @ti.func

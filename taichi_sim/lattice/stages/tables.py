@@ -72,11 +72,13 @@ class Tables:
     fluid: bool
     ring: int
 
-    def shared(self, plan: np.ndarray, dtype: type, put: Callable[[np.ndarray], Any] = lambda a: a) -> columns.Shared:
-        """The tables as kernels take them; ``put`` brings an array to where they run."""
+    def shared(
+        self, plan: np.ndarray, constants: tuple[float, float, float], dtype: type, put: Callable[[np.ndarray], Any]
+    ) -> columns.Shared:
+        """What kernels get; ``put`` brings it to where they run; the constants are time step, edge and gravity."""
         names = ("link", "voxel", "rest", "square", "corner", "surface", "excluded")
-        arrays = {name: put(getattr(self, name)) for name in names}
-        return columns.Shared(put(plan), **arrays, start=put(self.start.astype(dtype)))
+        tables = [put(getattr(self, name)) for name in names]
+        return columns.Shared(put(plan), *tables, put(self.start.astype(dtype)), *constants)
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""

@@ -1,0 +1,235 @@
+"""What every driver has in common: the memory of a batch, a run of a program, and the way back through it.
+
+Memories are laid out [block, slot, lane]. A driver says how many lanes a block has, and how the stages of a step run.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from taichi_sim.autodiff.lanes import Real
+from taichi_sim.lattice.drivers import marks as marking
+from taichi_sim.lattice.drivers.marks import Marks, Recordings
+from taichi_sim.lattice.stages import memory
+from taichi_sim.lattice.stages.tables import PackedProgram, Tables
+from taichi_sim.runtime import aligned
+
+CONTACTS_PER_STEP = 256  # room for touching pairs of a block or robot in a record at first; it grows when needed
+
+Checkpoint = tuple[np.ndarray, ...]
+
+
+class Driver(ABC):
+    """State of a batch, in NumPy between runs."""
+
+    run_type: type["Run"]
+
+    def __init__(
+        self, tables: Tables, batch: int, real: Real, lanes: int, forces: tuple[int, int], switches: tuple[bool, bool]
+    ) -> None:
+        """Allocate the memory and fill in the constants.
+
+        Args:
+            tables: of the batch.
+            batch: number of robots B.
+            real: what kernels compute with.
+            lanes: robots a block.
+            forces: items and width of the section FORCE.
+            switches: those of floor and self-contact.
+        """
+        self.tables, self.batch, self.real = tables, batch, real
+        self.blocks = -(-batch // lanes)
+        places = np.arange(self.blocks * lanes).reshape(self.blocks, lanes)
+        self.robot = np.minimum(places, batch - 1)  # lanes without a robot repeat the last one
+        self.has_robot = places < batch
+        self.layout = tables.layout(forces)
+        self.plan = tables.plan(self.layout, *switches)
+        self.memory = self.zeros(self.layout.slots)
+        for section, values in tables.initial_sections():
+            self.write(section, values)
+        self.forget_neighbours()
+
+    def zeros(self, slots: int) -> np.ndarray:
+        """Memory of so many slots a robot, shape (blocks, slots, lanes)."""
+        return aligned((self.blocks, slots, self.robot.shape[1]), self.real.numpy)
+
+    def section(self, section: int) -> np.ndarray:
+        """A view of a section of the memory, shape (blocks, items, components, lanes)."""
+        return self.layout.section(self.memory, section)
+
+    def write(self, section: int, values: np.ndarray) -> None:
+        """Set a section from values of shape (B, items, components)."""
+        self.section(section)[:, : values.shape[1]] = np.moveaxis(values[self.robot], 1, -1)
+
+    def read(self, section: int) -> np.ndarray:
+        """A copy of a section, shape (B, items, components)."""
+        return self.robots_first(self.section(section)).copy()
+
+    def robots_first(self, lanes_last: np.ndarray) -> np.ndarray:
+        """Values of shape (blocks, items, components, lanes), as shape (B, items, components)."""
+        return np.moveaxis(lanes_last, -1, 1).reshape(-1, *lanes_last.shape[1:3])[: self.batch]
+
+    def forget_neighbours(self) -> None:
+        """Have the neighbour lists built anew before the next step."""
+        self.section(memory.MONITOR)[:, 0, memory.MOVED] = np.inf
+        self.section(memory.LISTED)[...] = np.nan
+
+    def put(self, array: np.ndarray) -> Any:
+        """The array where the kernels run."""
+        return array
+
+    def put_memory(self, array: np.ndarray) -> Any:
+        """A memory where the kernels run, as scalars [slot of any block, lane]."""
+        return self.put(array.reshape(-1, array.shape[-1]))
+
+    def host(self, array: Any) -> np.ndarray:
+        """An array from where the kernels run, in NumPy."""
+        found: np.ndarray = array
+        return found
+
+    def host_memory(self, array: Any) -> np.ndarray:
+        """A memory from where the kernels run, in NumPy, shape (blocks, slots, lanes)."""
+        return self.host(array).reshape(self.blocks, -1, self.robot.shape[1])
+
+    @property
+    @abstractmethod
+    def bytes_per_robot(self) -> int:
+        """Memory that grows with the batch [B]."""
+
+    @abstractmethod
+    def save(self) -> Checkpoint:
+        """Copies of all that lasts from run to run."""
+
+    @abstractmethod
+    def restore(self, saved: Checkpoint) -> None:
+        """Go back to what was saved."""
+
+    def begin(self, program: PackedProgram, alive: np.ndarray, dt: float, edge: float, gravity: float) -> "Run":
+        """Start a program at its step 0; robots that are not alive do nothing."""
+        return self.run_type(self, program, alive, (dt, edge, gravity))
+
+
+class Run(ABC):
+    """A program on its way: the robots' places in it, and what they have recorded so far."""
+
+    reverse_type: type["Reverse"]
+
+    def __init__(
+        self, driver: Any, program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
+    ) -> None:
+        """Put every robot at the start of the program; the constants are time step, edge and gravity."""
+        self.driver, self.program, self.edge = driver, program, constants[1]
+        tables, dtype, put = driver.tables, driver.real.numpy, driver.put
+        runs = alive[driver.robot] & driver.has_robot
+        lanes = marking.lane_table(program, driver.robot, np.where(runs, marking.ACTIVE, marking.DIVERGED))
+        recorded = marking.unrecorded(program, driver.batch, tables, dtype)
+        self.marks = Marks(*map(put, (lanes, program.marks, program.values.astype(dtype), *recorded)))
+        self.memory = driver.put_memory(driver.memory)
+        self.shared = tables.shared(driver.plan, constants, dtype, put)
+        self.total = max(int(program.lengths.max()), 1)
+
+    @abstractmethod
+    def advance(
+        self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Any = None
+    ) -> None:
+        """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
+
+    def finish(self) -> tuple[np.ndarray, np.ndarray, Recordings]:
+        """After the last step: (steps done, diverged, (poses, strains, rest sizes of groups)), robots first."""
+        lanes = self.driver.host(self.marks.lanes).reshape(-1, marking.LANE_COLUMNS)[: self.driver.batch]
+        poses, strains, sizes = (self.driver.host(a)[:, : self.program.slots] for a in self.marks[3:6])
+        diverged = lanes[:, marking.STATE] == marking.DIVERGED
+        return lanes[:, marking.STEP].copy(), diverged, (poses, strains, sizes)
+
+    @abstractmethod
+    def checkpoint(self) -> Checkpoint:
+        """Copies of all that changes from step to step."""
+
+    @abstractmethod
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to a checkpoint."""
+
+    @abstractmethod
+    def new_record(self, first: int, room: int, contacts: int) -> Any:
+        """Memory for so many states from step ``first`` on, and so many contacts of each."""
+
+    @abstractmethod
+    def fits(self, record: Any) -> bool:
+        """Whether all contacts found room in a record."""
+
+    @property
+    @abstractmethod
+    def state_bytes(self) -> int:
+        """Bytes of a recorded step of all robots."""
+
+    @property
+    def most_states(self) -> int:
+        """Steps of all robots that a record can hold."""
+        layout, real = self.driver.layout, self.driver.real
+        reals = self.driver.memory.size // (layout.slots * real.width)  # of a slot
+        return memory.MOST_SLOTS // (reals * layout.state_slots)
+
+    @property
+    def reverse_bytes(self) -> int:
+        """Bytes that reversing takes besides."""
+        return 3 * int(self.driver.memory.nbytes)
+
+    def reverse(self, recorded: Recordings, finals: np.ndarray) -> "Reverse":
+        """Cotangents at the end of the run, ready to go back.
+
+        Args:
+            recorded: cotangents of poses (B, S, V, 7), strains (B, S, L) and rest sizes of groups (B, S, G, 3).
+            finals: cotangents of last states (B, V, 13).
+        """
+        return self.reverse_type(self, recorded, finals)
+
+
+class Reverse(ABC):
+    """Cotangents of a batch on their way back through a run.
+
+    Cotangents and parameters lie as the memory does, but for forces: here every voxel has its own.
+    """
+
+    def __init__(self, run: Any, recorded: Recordings, finals: np.ndarray) -> None:
+        """Start at the end of a run; the arguments are those of :meth:`Run.reverse`."""
+        self.run, self.driver = run, run.driver
+        driver, program, dtype = run.driver, run.program, run.driver.real.numpy
+        self.layout = driver.tables.layout(forces=(len(driver.tables.group), 6))
+        values, shared = driver.zeros(self.layout.slots), self.layout.starts[memory.FORCE]
+        values[:, :shared] = driver.host_memory(run.memory)[:, :shared]
+        self.values, self.cotangents = map(driver.put_memory, (values, driver.zeros(self.layout.slots)))
+        seeds = {name: driver.put(marking.filled(x, dtype)) for name, x in marking.named(recorded, finals)}
+        lanes = driver.put(marking.lanes_back(driver.host(run.marks.lanes)))
+        by_value: np.ndarray = np.zeros(program.values.shape, dtype)
+        self.marks = run.marks._replace(lanes=lanes, by_value=driver.put(by_value), **seeds)
+        self._contacts = CONTACTS_PER_STEP
+
+    @abstractmethod
+    def undo(self, low: int, high: int) -> None:
+        """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
+
+    def record(self, low: int, high: int) -> Any:
+        """Run forward and keep every state."""
+        start = self.run.checkpoint()
+        while True:
+            record = self.run.new_record(low, high - low + 1, self._contacts)
+            self.run.advance(high, record=record)
+            if self.run.fits(record):
+                return record
+            del record  # before the larger one is made
+            self._contacts *= 2
+            self.run.restore(start)
+
+    @property
+    def events(self) -> np.ndarray:
+        """Cotangents of (base, rate) of each of the program's marks."""
+        found: np.ndarray = self.driver.host(self.marks.by_value)
+        return found
+
+    def read(self, section: int) -> np.ndarray:
+        """Cotangents of a section of the memory, shape (B, items, components)."""
+        whole = self.driver.host_memory(self.cotangents)
+        found: np.ndarray = self.driver.robots_first(self.layout.section(whole, section)).astype(float)
+        return found
