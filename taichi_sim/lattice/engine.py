@@ -10,8 +10,9 @@ import numpy as np
 from taichi_sim import runtime
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice.body import LatticeBody
-from taichi_sim.lattice.drivers.fused import FusedDriver, FusedRun
-from taichi_sim.lattice.drivers.stepped import SteppedDriver, SteppedRun
+from taichi_sim.lattice.drivers.driver import Driver, Run
+from taichi_sim.lattice.drivers.fused import FusedDriver
+from taichi_sim.lattice.drivers.stepped import SteppedDriver
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
 from taichi_sim.lattice.stages import memory
@@ -149,7 +150,7 @@ class LatticeEngine:
         self.order = self.body.topology.order
         self.tables = build_tables(bodies, self.time_step, bool(fluid))
         switches = (bool(floor), bool(self_contact))
-        self._driver: FusedDriver | SteppedDriver
+        self._driver: Driver
         if driver == "stepped" or not on_cpu:
             self._driver = SteppedDriver(self.tables, self.batch, precision, switches, on_cpu)
         else:
@@ -279,7 +280,7 @@ class LatticeEngine:
         return record(self, program, memory, progress)
 
     @runtime.exclusive
-    def begin(self, program: LatticeProgram) -> FusedRun | SteppedRun:
+    def begin(self, program: LatticeProgram) -> Run:
         """Start a program at its step 0; for :meth:`run` and for gradients."""
         if program.robot_count != self.batch:
             raise ValueError(f"program: made for {program.robot_count} robots, the engine has {self.batch}")
@@ -288,7 +289,7 @@ class LatticeEngine:
         return self._driver.begin(packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity)
 
     @runtime.exclusive
-    def finish(self, run: FusedRun | SteppedRun) -> LatticeResult:
+    def finish(self, run: Run) -> LatticeResult:
         """What a run came to, in the body's voxel order."""
         steps, diverged, (poses, strains, sizes) = run.finish()
         self._note_events(run.program, steps)

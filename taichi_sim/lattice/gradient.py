@@ -19,8 +19,7 @@ from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
 from taichi_sim.lattice.stages import memory as places
 
 if TYPE_CHECKING:
-    from taichi_sim.lattice.drivers.fused import FusedReverse, FusedRun
-    from taichi_sim.lattice.drivers.stepped import SteppedReverse, SteppedRun
+    from taichi_sim.lattice.drivers.driver import Reverse, Run
     from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 
 
@@ -79,7 +78,7 @@ class Tape:
         self,
         engine: "LatticeEngine",
         program: LatticeProgram,
-        run: "FusedRun | SteppedRun",
+        run: "Run",
         plan: Plan,
         checkpoints: dict[int, tuple[np.ndarray, ...]],
         initial: np.ndarray,
@@ -135,7 +134,7 @@ class Tape:
             self._run.restore(now)
         return self._gradient(reverse, finals)
 
-    def _undo(self, reverse: "FusedReverse | SteppedReverse", progress: Callable[[float], None] | None) -> None:
+    def _undo(self, reverse: "Reverse", progress: Callable[[float], None] | None) -> None:
         """Go through the plan from the last piece to the first."""
         checkpoints = dict(self._checkpoints)
         steps = int(self._program.lengths.max())
@@ -195,7 +194,7 @@ class Tape:
         seeds[:, :, places.ANGULAR_MOMENTUM :] *= inverse[..., 1:]
         return seeds
 
-    def _gradient(self, reverse: "FusedReverse | SteppedReverse", finals: np.ndarray) -> LatticeGradient:
+    def _gradient(self, reverse: "Reverse", finals: np.ndarray) -> LatticeGradient:
         engine, source = self._engine, self._run.program.source
         events = np.zeros((len(self._program.events), 2))
         np.add.at(events, source[source >= 0], reverse.events[source >= 0].astype(float))

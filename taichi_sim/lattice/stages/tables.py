@@ -77,8 +77,9 @@ class Tables:
     ) -> columns.Shared:
         """What kernels get; ``put`` brings it to where they run; the constants are time step, edge and gravity."""
         names = ("link", "voxel", "rest", "square", "corner", "surface", "excluded")
-        tables = [put(getattr(self, name)) for name in names]
-        return columns.Shared(put(plan), *tables, put(self.start.astype(dtype)), *constants)
+        tables = {name: put(getattr(self, name)) for name in names}
+        numbers = dict(zip(("time_step", "edge", "gravity"), constants, strict=True))
+        return columns.Shared(put(plan), **tables, start=put(self.start.astype(dtype)), **numbers)
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
