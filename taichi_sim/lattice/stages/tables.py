@@ -78,8 +78,9 @@ class Tables:
         """What kernels get; ``put`` brings it to where they run; the constants are time step, edge and gravity."""
         names = ("link", "voxel", "rest", "square", "corner", "surface", "excluded")
         tables = {name: put(getattr(self, name)) for name in names}
-        numbers = dict(zip(("time_step", "edge", "gravity"), constants, strict=True))
-        return columns.Shared(put(plan), **tables, start=put(self.start.astype(dtype)), **numbers)
+        step, edge, gravity = constants
+        start = put(self.start.astype(dtype))
+        return columns.Shared(put(plan), **tables, start=start, time_step=step, edge=edge, gravity=gravity)
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
