@@ -10,20 +10,19 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 
 from robots.view.colouring import STRAINS
-from robots.view.drawing import Stretch
 from robots.view.lattice_states import LatticeStates
-from robots.view.scene import SHADOW, Camera, fallen
+from robots.view.scene import SHADOW, Camera, Colour, shadow
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ARROW: tuple[float, float, float] = (0.13, 0.45, 0.25)
+ARROW: Colour = (0.13, 0.45, 0.25)
 LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
 
 
 def draw_beams(
-    axes: "Axes", states: LatticeStates, frame: int, stretch: Stretch, limit: float, zorder: float = 1.0
+    axes: "Axes", states: LatticeStates, frame: int, camera: Camera, level: float | None, limit: float
 ) -> None:
     """Draw the links of a lattice as beams between voxel centres, and pressure forces as arrows.
 
@@ -33,21 +32,20 @@ def draw_beams(
         axes: to draw on, in metres on paper.
         states: frames of the lattice.
         frame: number of the frame to draw.
-        stretch: the ground and the camera.
+        camera: that looks at them.
+        level: z of the ground [m]; None where there is none that a shadow could fall on.
         limit: strain at the end of the colour scale.
-        zorder: drawing order on the axes, as in matplotlib.
     """
-    camera = stretch.camera
-    now = states.part(np.array([frame]))
+    now = states.part([frame])
     ends, strains = now.positions[0][states.body.topology.links], now.strains()[0]
     order = np.argsort(ends.mean(axis=1) @ camera.toward, kind="stable")
     ends, strains = ends[order], strains[order]
-    if stretch.solid:
-        shadow = camera.project(fallen(ends, camera, stretch.level))
-        axes.add_collection(LineCollection(list(shadow), colors=[SHADOW], linewidths=0.8, zorder=zorder))
+    if level is not None:
+        fallen = shadow(ends, camera, level)
+        axes.add_collection(LineCollection(list(fallen), colors=[SHADOW], linewidths=0.8, zorder=1.0))
     lines, colours = camera.project(ends), STRAINS(0.5 + 0.5 * strains / limit)
-    axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.9, zorder=zorder + 1.5))
-    _draw_arrows(axes, now, camera, zorder + 1)
+    axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.9, zorder=2.5))
+    _draw_arrows(axes, now, camera)
 
 
 def arrows(states: LatticeStates, frame: int) -> tuple[Floats, Floats]:
@@ -59,7 +57,7 @@ def arrows(states: LatticeStates, frame: int) -> tuple[Floats, Floats]:
     return starts, starts + forces * LONGEST * states.body.voxel_size / largest
 
 
-def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float) -> None:
+def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera) -> None:
     """Draw pressure arrows from the middles of faces; those that point away from the viewer are pale."""
     starts, tips = arrows(now, 0)
     if not len(starts):
@@ -69,8 +67,8 @@ def _draw_arrows(axes: "Axes", now: LatticeStates, camera: Camera, zorder: float
         which = ((tips - starts) @ camera.toward > 0) == front
         shafts, heads = _flat_arrows(camera.project(starts[which]), camera.project(tips[which]), width)
         colour = [ARROW] if front else [[0.4 + 0.6 * c for c in ARROW]]
-        axes.add_collection(LineCollection(list(shafts), colors=colour, linewidths=0.6, zorder=zorder + front))
-        axes.add_collection(PolyCollection(list(heads), facecolors=colour, edgecolors="none", zorder=zorder + front))
+        axes.add_collection(LineCollection(list(shafts), colors=colour, linewidths=0.6, zorder=2.0 + front))
+        axes.add_collection(PolyCollection(list(heads), facecolors=colour, edgecolors="none", zorder=2.0 + front))
 
 
 def _flat_arrows(starts: Floats, tips: Floats, width: float) -> tuple[Floats, Floats]:

@@ -2,16 +2,16 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
-from robots.view.motion import Channel, Colour, Motion
-from robots.view.scene import pale
+from robots.view.motion import Motion
+from robots.view.scene import Colour, pale
 from taichi_sim.base.arrays import Floats
 
-COLOURINGS = ("material", "strain", "contact", "friction")
+COLOURINGS = ("material", "strain", "contact", "friction", "beams")
 STRAINS = LinearSegmentedColormap.from_list("strains", ["#08519c", "#4f9bd0", "#d3cec4", "#e2703a", "#a50f15"])
 PERCENTILE = 99  # of the sizes of strains that the colours tell apart
 PLAIN: Colour = (0.84, 0.82, 0.78)
@@ -34,45 +34,51 @@ class Colouring:
     key: tuple[tuple[str, Colour], ...] = ()
     limit: float = 0.0
 
+    @property
+    def has_key(self) -> bool:
+        """Whether there is a legend or a colour scale to draw."""
+        return bool(self.key or self.limit)
+
 
 def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()) -> Colouring:
     """Choose the colours of a motion's nodes.
 
     Material: the nodes' own, pale where the channel that they show is low. Strain: the mean of the strains of the
     links of each voxel. Contact: which voxels touch the floor, and which others of the same robot. Friction: which
-    feet are told to grip and which to slide.
+    feet are told to grip and which to slide. Beams: material, with the scale of the strains of the links.
 
     Args:
         motion: to colour.
-        name: "material", "strain", "contact" or "friction".
+        name: "material", "strain", "contact", "friction" or "beams".
         frames: that have one scale of strains; all by default.
 
     Raises:
         ValueError: for other names, and colours that need what this robot does not have.
     """
     if name not in COLOURINGS:
-        raise ValueError(f"colour: {name!r} is not allowed; give {', '.join(COLOURINGS)} or beams")
+        *names, last = COLOURINGS
+        raise ValueError(f"colour: {name!r} is not allowed; give {', '.join(names)} or {last}")
+    lattice = motion.lattice
     if name == "material":
         return _material(motion)
-    if motion.lattice is None:
+    if lattice is None:
         raise ValueError(f"colour: {name} is not allowed for {motion.name}, which has no lattice; give material")
     if name == "friction":
         return _friction(motion)
-    lattice = motion.lattice
     if name == "contact":
         colours = np.array([PLAIN, FLOOR, ITSELF, BOTH])
 
         def contact(frame: int) -> Floats:
-            now = lattice.part(np.array([frame]))
-            return colours[now.on_floor()[0] + 2 * now.on_itself()[0]]
+            return colours[lattice.part([frame]).contacts()[0]]
 
         return Colouring(contact, (("touches the floor", FLOOR), ("touches itself", ITSELF), ("both", BOTH)))
-    part = lattice if not len(frames) else lattice.part(np.array(frames))
+    part = lattice.part(frames) if len(frames) else lattice
+    if name == "beams":
+        return replace(_material(motion), limit=strain_limit(part.strains()))
     limit = strain_limit(part.voxel_strains())
 
     def strain(frame: int) -> Floats:
-        strains = lattice.part(np.array([frame])).voxel_strains()[0]
-        return STRAINS(0.5 + 0.5 * strains / limit)[:, :3]
+        return STRAINS(0.5 + 0.5 * lattice.part([frame]).voxel_strains()[0] / limit)[:, :3]
 
     return Colouring(strain, limit=limit)
 
@@ -82,39 +88,31 @@ def strain_limit(strains: Floats) -> float:
     return max(float(f"{np.percentile(np.abs(strains), PERCENTILE):.1e}"), 1e-4)
 
 
-def level(channel: Channel, times: Floats) -> Floats:
-    """Values of a channel at some times [s], scaled so that its smallest value is 0 and its largest is 1."""
-    values = np.log(channel.values) if channel.logarithmic else channel.values
-    low, high = (0.0, 1.0) if channel.switch else (values.min(), values.max())
-    if channel.switch:
-        now = values[np.clip(np.searchsorted(channel.times, times, side="right") - 1, 0, len(values) - 1)]
-    else:
-        now = np.interp(times, channel.times, values)
-    return (now - low) / (high - low) if high > low else np.ones_like(now)
-
-
 def _material(motion: Motion) -> Colouring:
     full = np.array([node.colour for node in motion.nodes])
-    faint = np.array([pale(colour) for colour in full])
-    shown = np.array([-1 if node.channel is None else node.channel for node in motion.nodes])
+    faint = pale(full)
 
     def material(frame: int) -> Floats:
-        levels = [float(level(channel, motion.times[[frame]])[0]) for channel in motion.channels]
-        weight = np.array([*levels, 1.0])[shown][:, None]
+        weight = _shown(motion, frame)[:, None]
         return weight * full + (1 - weight) * faint
 
     return Colouring(material)
 
 
 def _friction(motion: Motion) -> Colouring:
-    feet = [n for n, channel in enumerate(motion.channels) if FOOT.fullmatch(channel.name)]
+    feet = {n for n, channel in enumerate(motion.channels) if FOOT.fullmatch(channel.name)}
     if not feet:
         raise ValueError(f"colour: friction is not allowed for {motion.name}, which has no feet that grip and slide")
-    shown = np.array([-1 if node.channel not in feet else node.channel for node in motion.nodes])
-    colours = np.array([SLIDES, GRIPS])
+    of_feet = np.array([node.channel in feet for node in motion.nodes])
 
     def friction(frame: int) -> Floats:
-        grips = np.array([level(channel, motion.times[[frame]])[0] > 0.5 for channel in motion.channels], int)
-        return np.where(shown[:, None] >= 0, colours[grips[shown]], PLAIN)
+        grips = _shown(motion, frame)[:, None] > 0.5
+        return np.where(of_feet[:, None], np.where(grips, GRIPS, SLIDES), PLAIN)
 
     return Colouring(friction, (("foot grips", GRIPS), ("foot slides", SLIDES)))
+
+
+def _shown(motion: Motion, frame: int) -> Floats:
+    """Levels of the channels that nodes show in a frame, from 0 to 1, shape (N,); 1 for nodes that show none."""
+    levels = [*(channel.levels(motion.times[frame]) for channel in motion.channels), 1.0]
+    return np.array([levels[-1 if node.channel is None else node.channel] for node in motion.nodes])

@@ -1,48 +1,22 @@
-"""Poses, grounds and gait charts on matplotlib axes."""
+"""Polygons, paths, scale bars and gait charts on matplotlib axes."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from robots.inflatable.schedule import GaitSchedule
-from robots.view.scene import BLADDERS, FEET, GROUND, GROUND_LINE, INK, PAPER, SHADOW, Camera, Polygons
+from robots.view.scene import BLADDERS, FEET, GROUND, INK, PAPER, SHADOW, Polygons
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LINES = 0.05  # between the lines on the ground [m]
+SCALE_BARS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # [m]
 NO_SHIFT = np.zeros(2)
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """A rectangle of ground, and the camera that looks at it.
-
-    Attributes:
-        camera: how it is projected on paper.
-        travel: first and last place along the way [m], shape (2,).
-        across: first and last place to the left of the way [m], shape (2,).
-        level: z of the ground [m].
-        spacing: distance between the lines across the way [m].
-        solid: whether there is any ground; in a fluid only its extent matters.
-    """
-
-    camera: Camera
-    travel: Floats
-    across: Floats
-    level: float
-    spacing: float = LINES
-    solid: bool = True
-
-    @property
-    def rim(self) -> Floats:
-        """Corners of the ground on paper [m], shape (4, 2); the first two are on the near edge."""
-        return self.camera.on_ground(self.travel[[0, 1, 1, 0]], self.across[[0, 0, 1, 1]], self.level)
 
 
 def draw_polygons(
@@ -61,24 +35,28 @@ def draw_polygons(
         axes.add_collection(collection)
 
 
-def draw_ground(axes: "Axes", stretch: Stretch, shift: Floats = NO_SHIFT, zorder: float = 1.0) -> None:
-    """Draw a stretch of ground, shifted by ``shift`` on paper [m]; in a fluid this draws nothing."""
-    if not stretch.solid:
-        return
-    rim, (first, last) = stretch.rim + shift, stretch.travel / stretch.spacing
-    axes.add_collection(PolyCollection([rim], facecolors=[GROUND], edgecolors="none", zorder=zorder))
-    marks = np.arange(np.ceil(first), np.floor(last) + 1) * stretch.spacing
-    place = stretch.camera.on_ground
-    lines = np.stack([place(marks, np.full_like(marks, side), stretch.level) + shift for side in stretch.across], 1)
-    axes.add_collection(LineCollection(list(lines), colors=[GROUND_LINE], linewidths=0.6, zorder=zorder))
-    axes.add_collection(LineCollection([rim[:2]], colors=[INK], linewidths=0.9, zorder=zorder))
+def draw_path(axes: "Axes", path: Floats, zorder: float) -> None:
+    """Draw the path of a robot's middle, given on paper [m], shape (F, 2), with a dot at its end."""
+    halo = [withStroke(linewidth=2.4, foreground="white", alpha=0.9)]
+    axes.plot(*path.T, color=INK, lw=1.0, zorder=zorder, path_effects=halo, solid_capstyle="round")
+    axes.plot(*path[-1], "o", color=INK, ms=3.2, mec="white", mew=0.7, zorder=1000.0)
 
 
-def covered(points: Floats, camera: Camera) -> Floats:
-    """Smallest and largest place of points, shape (N, 3) [m], along and across the way, shape (2, 2) [m]."""
-    h = np.deg2rad(camera.heading)
-    places = points[:, :2] @ np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
-    return np.stack([places.min(axis=0), places.max(axis=0)], axis=1)
+def draw_scale_bar(axes: "Axes", edge: Floats) -> float:
+    """Draw a bar at the right end of a line along the way, shape (2, 2) [m], and return its lowest y."""
+    stretch = float(np.hypot(*(edge[1] - edge[0])))
+    bar = SCALE_BARS[max(int(np.searchsorted(SCALE_BARS, stretch / 4)) - 1, 0)]
+    ends = edge[1] + np.array([[bar], [0.0]]) * (edge[0] - edge[1]) / stretch
+    axes.plot(*ends.T, color=INK, lw=2.2, solid_capstyle="butt")
+    lowest = float(ends[:, 1].min())
+    write_below(axes, f"{100 * bar:.0f} cm" if bar < 1 else f"{bar:.0f} m", (float(ends[:, 0].mean()), lowest))
+    return lowest
+
+
+def write_below(axes: "Axes", text: str, place: tuple[float, float], centred: bool = True) -> None:
+    """Write a text below a place on paper [m], which is above its middle or its left end."""
+    side: Literal["center", "left"] = "center" if centred else "left"
+    axes.annotate(text, place, (0, -3), textcoords="offset points", ha=side, va="top", fontsize=8, color=INK)
 
 
 def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None = None) -> None:

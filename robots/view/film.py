@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,23 +15,24 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from robots.view.drawing import draw_path, draw_polygons, draw_scale_bar, write_below
 from robots.view.motion import Motion
-from robots.view.scene import INK
-from robots.view.still import Setting, draw_key, draw_motion, limits, save_figure, setting
-from robots.view.strip import draw_robots
-from taichi_sim.base.arrays import Bytes
+from robots.view.scene import INK, Polygons
+from robots.view.still import Setting, arrange, draw_ground, draw_key, draw_motion, limits, save_figure, setting
+from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.checks import install_extra, number, whole_number
 from taichi_sim.base.files import new_path, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, TITLE_HEIGHT, KEY_HEIGHT = 8.0, 0.4, 0.5  # of a strip [inches]
+WIDTH = 8.0  # of a strip [inches]
+GAP = 0.06  # between pictures of a strip, in lengths of the robot
+TEXT = 0.026  # height of a line of text, in widths of the strip
+ASPECT = 2.0  # width per height of a strip that would be best
 CAPTION, KEY = 14, 48  # heights of a line above each robot of a film, and of the key of its colours below [pixels]
 SAMPLES = 6  # pictures that a GIF's colours are chosen from
 ALMOST_WHITE = 249  # of 255: paper has no tint
-
-Picture = Bytes
 
 
 def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") -> Figure:
@@ -44,21 +46,27 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
     Raises:
         ValueError: for values that are not allowed.
     """
-    figure = Figure(figsize=(WIDTH, WIDTH), facecolor="white")
-    axes = figure.add_axes((0.02, 0, 0.96, 1))
+    figure = Figure(facecolor="white")
+    axes = figure.add_axes((0, 0, 1, 1))
     given = draw_strip(axes, motion, poses_of(motion, frames), colour)
-    drawn = 0.96 * WIDTH * float(np.ptp(axes.get_ylim()) / np.ptp(axes.get_xlim()))
-    keyed = KEY_HEIGHT if given.colouring.key or given.colouring.limit else 0.0
-    total = TITLE_HEIGHT + drawn + keyed + 0.05
-    figure.set_size_inches(WIDTH, total)
-    axes.set_position((0.02, (keyed + 0.05) / total, 0.96, drawn / total))
-    figure.text(0.02, 1 - 0.5 * TITLE_HEIGHT / total, motion.name, va="center", fontsize=11, color=INK)
-    draw_key(figure, given.colouring, (0.02, 0.05 / total, 0.96, 0.8 * keyed / total))
+    arrange(axes, motion.name, WIDTH, colours=given.colouring)
     return figure
 
 
-def draw_strip(axes: "Axes", motion: Motion, poses: list[int], colour: str = "material") -> Setting:
-    """Draw poses of a motion, with its path, times and a scale bar; return the setting that they share.
+def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str = "material") -> Setting:
+    """Draw poses of a motion, with its path, times and a scale bar; axes in metres on paper.
+
+    Poses that are clear of each other share one ground. Else each is a picture of its own, with the same
+    stretch of ground, so that its place there shows how far the robot has come; they read like lines of text.
+
+    Args:
+        axes: to draw on; this sets their limits.
+        motion: to show.
+        poses: numbers of its frames.
+        colour: "material", "strain", "contact" or "friction".
+
+    Returns:
+        Camera, ground and colours that the poses share.
 
     Raises:
         ValueError: for a colour that a strip does not have.
@@ -66,10 +74,54 @@ def draw_strip(axes: "Axes", motion: Motion, poses: list[int], colour: str = "ma
     if colour == "beams":
         raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
     given = setting(motion, poses, colour=colour, reach=math.inf)
-    robots = [given.polygons(frame) for frame in poses]
-    path, length = given.camera.project(motion.path), float(np.ptp(given.stretch.travel)) / 4
-    draw_robots(axes, robots, given.stretch, path, poses, motion.times[poses], length, motion.skin is not None)
+    robots, path, rim = [given.polygons(frame) for frame in poses], given.camera.project(motion.path), given.rim
+    together = _apart(robots)
+    shifts = np.zeros((len(poses), 2)) if together else _places(robots, rim, GAP * float(np.ptp(given.area[0])) / 4)
+    for k, (frame, shift) in enumerate(zip(poses, shifts, strict=True)):
+        if k == 0 or not together:
+            draw_ground(axes, given, shift, 10.0 * k)
+        draw_polygons(axes, robots[k], shift, 10.0 * k + 1, outlined=motion.skin is not None)
+        passed = path[poses[k - 1] if k and together else 0 : frame + 1]
+        draw_path(axes, passed + shift, 10.0 * k + 5)
+        at = path[frame, 0] if together else rim[0, 0]
+        foot = np.interp(at, rim[:2, 0], rim[:2, 1])
+        write_below(axes, f"{motion.times[frame]:.1f} s", (at + shift[0], foot + shift[1]), centred=together)
+    line = TEXT * (np.ptp(shifts[:, 0]) + np.ptp(rim[:, 0]))
+    lowest = draw_scale_bar(axes, rim[:2] + shifts[-1] - (0.0, (1.6 if together else 0.4) * line))
+    drawn = [np.concatenate([rim, robot.corners.reshape(-1, 2)]) for robot in robots]
+    corners = np.concatenate([each + shift for each, shift in zip(drawn, shifts, strict=True)])
+    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    axes.set(xlim=(left, right), ylim=(min(bottom, lowest) - 1.5 * line, top + 0.3 * line))
+    axes.set_aspect("equal")
+    axes.axis("off")
     return given
+
+
+def _apart(robots: list[Polygons]) -> bool:
+    """Whether no two poses overlap on paper from left to right."""
+    ranges = sorted((r.corners[..., 0].min(), r.corners[..., 0].max()) for r in robots)
+    return all(before[1] < after[0] for before, after in pairwise(ranges))
+
+
+def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
+    """Shifts on paper that arrange the pictures in lines, shape (N, 2) [m]."""
+    count = len(robots)
+    right, climb = np.ptp(rim[:, 0]) + gap, rim[1, 1] - rim[0, 1]
+    # Heights are over the near edge of the ground, as the grounds of a column are parallel.
+    rise = climb / (rim[1, 0] - rim[0, 0])
+    corners = np.concatenate([r.corners.reshape(-1, 2) for r in robots]) - rim[0]
+    high = (corners[:, 1] - rise * corners[:, 0]).max()
+
+    def down(columns: int) -> float:
+        return float(high + gap + TEXT * columns * right)
+
+    def misfit(columns: int) -> float:
+        tall = -(-count // columns) * down(columns) + abs(climb)
+        return abs(float(np.log(columns * right / tall / ASPECT)))
+
+    columns = min(range(1, count + 1), key=misfit)
+    row, column = np.divmod(np.arange(count), columns)
+    return np.stack([column * right, -row * down(columns)], axis=1)
 
 
 def poses_of(motion: Motion, frames: int) -> list[int]:
@@ -88,14 +140,14 @@ def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int
 
 
 def pictures(
-    motions: Sequence[Motion],
+    motions: Motion | Sequence[Motion],
     *,
     seconds: float | None = None,
     rate: float = 15.0,
     width: int = 640,
     colour: str = "material",
     one_scale: bool = True,
-) -> Iterator[Picture]:
+) -> Iterator[Bytes]:
     """Draw the pictures of a film, which shows one motion above the other, each on its own ground.
 
     Motions play together, all at the same pace; one that ends before the others stays as it is.
@@ -114,6 +166,7 @@ def pictures(
     Raises:
         ValueError: for values that are not allowed.
     """
+    motions = [motions] if isinstance(motions, Motion) else list(motions)
     if not motions:
         raise ValueError("motions: there are none; give at least one")
     width = whole_number("width", width, 64) // 2 * 2
@@ -126,11 +179,10 @@ def pictures(
         setting(m, sorted(set(plan)), colour=colour, reach=math.inf) for m, plan in zip(motions, plans, strict=True)
     ]
     if one_scale:
-        longest_way = max(float(np.ptp(given.stretch.travel)) for given in settings)
+        longest_way = max(float(np.ptp(given.area[0])) for given in settings)
         settings = [_lengthened(given, longest_way) for given in settings]
-    figure, panels = _panels(settings, plans, width, longest / seconds)
-    canvas = FigureCanvasAgg(figure)
-    return (_drawn(canvas, panels, settings, moment) for moment in zip(*plans, strict=True))
+    panels = _panels(settings, plans, width, longest / seconds)
+    return (_drawn(panels, settings, moment) for moment in zip(*plans, strict=True))
 
 
 def save_gif(
@@ -158,7 +210,7 @@ def save_gif(
     """
     new_path(path)
     colours = int(number("colours", colours, 4, 256))
-    frames = [Image.fromarray(p) for p in pictures(_several(motions), rate=rate, **options)]
+    frames = [Image.fromarray(p) for p in pictures(motions, rate=rate, **options)]
     palette = _palette(frames[:: max(len(frames) // SAMPLES, 1)], colours)
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     pause = 10 * max(round(100 / rate), 1)  # [ms]
@@ -183,7 +235,7 @@ def save_mp4(
     need_video()
     from imageio_ffmpeg import write_frames
 
-    film = pictures(_several(motions), rate=rate, **options)
+    film = pictures(motions, rate=rate, **options)
     first = next(film)
     size = first.shape[1], first.shape[0]
     writer = write_frames(str(path), size, fps=rate, codec="libx264", quality=8, macro_block_size=2)
@@ -216,42 +268,41 @@ def need_video() -> None:
         raise ValueError(f"mp4: imageio-ffmpeg is missing; {install_extra('video')}")
 
 
-def _several(motions: Motion | Sequence[Motion]) -> list[Motion]:
-    return [motions] if isinstance(motions, Motion) else list(motions)
-
-
 def _lengthened(given: Setting, length: float) -> Setting:
     """Copy of a setting whose ground has a given length along the way [m]."""
-    travel = given.stretch.travel[0] + np.array([0.0, length])
-    return replace(given, stretch=replace(given.stretch, travel=travel))
+    (first, _), across = given.area
+    return replace(given, area=np.array([[first, first + length], across]))
 
 
-def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> tuple[Figure, list[Any]]:
-    """Make a figure ``width`` pixels wide, with axes for each robot below its name and the speed of playback."""
+def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> list["Axes"]:
+    """Axes for each robot below its name and the speed of playback, in one figure, ``width`` pixels wide."""
     told = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
-    ranges = [
-        limits(given, sorted(set(plan))[:: max(len(set(plan)) // 40, 1)])
-        for given, plan in zip(settings, plans, strict=True)
-    ]
+    frames = [sorted(set(plan)) for plan in plans]
+    ranges = [limits(given, some[:: max(len(some) // 40, 1)]) for given, some in zip(settings, frames, strict=True)]
     drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
-    keyed = [KEY if given.colouring.key or given.colouring.limit else 0 for given in settings]
+    keyed = [KEY if given.colouring.has_key else 0 for given in settings]
     total = math.ceil(sum(drawn) + sum(keyed) + CAPTION * len(drawn)) // 2 * 2 + 2
     figure = Figure(figsize=(width / 100, total / 100), dpi=100, facecolor="white")
+    FigureCanvasAgg(figure)
     top, panels = float(total), []
     for given, height, key, (across, up) in zip(settings, drawn, keyed, ranges, strict=True):
         caption = (top - 0.6 * CAPTION) / total
         figure.text(0.012, caption, given.motion.name + told, va="center", fontsize=8, color=INK)
         top -= CAPTION + height
-        panels.append((figure.add_axes((0, top / total, 1, height / total)), across, up))
+        panels.append(figure.add_axes((0, top / total, 1, height / total), xlim=across, ylim=up))
         top -= key
         draw_key(figure, given.colouring, (0.02, (top + 0.1 * key) / total, 0.96, 0.85 * key / total))
-    return figure, panels
+    return panels
 
 
-def _drawn(canvas: FigureCanvasAgg, panels: list[Any], settings: list[Setting], moment: tuple[int, ...]) -> Picture:
-    for (axes, across, up), given, frame in zip(panels, settings, moment, strict=True):
+def _drawn(panels: list["Axes"], settings: list[Setting], moment: tuple[int, ...]) -> Bytes:
+    """Draw one picture of a film: red, green, blue, shape (H, W, 3)."""
+    for axes, given, frame in zip(panels, settings, moment, strict=True):
+        across, up = axes.get_xlim(), axes.get_ylim()
         axes.clear()
         draw_motion(axes, given, frame, outlined=False)
         axes.set(xlim=across, ylim=up)
+    canvas = panels[0].figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()  # type: ignore[no-untyped-call]
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]

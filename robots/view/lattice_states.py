@@ -3,7 +3,8 @@
 Source: Hiller & Lipson, "Dynamic Simulation of Soft Multimaterial 3D-Printed Objects", Soft Robotics 1(1), 2014.
 """
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -35,9 +36,9 @@ class LatticeStates:
     sizes: Floats
     pressure: float | Floats = 0.0
 
-    def part(self, frames: Ints) -> Self:
+    def part(self, frames: Ints | Sequence[int]) -> Self:
         """Copy with only some of the frames."""
-        several = [f.name for f in fields(self) if f.name not in ("body", "pressure")]
+        several = ("positions", "orientations", "extents", "sizes")
         return replace(self, **{name: getattr(self, name)[frames] for name in several})
 
     def strains(self) -> Floats:
@@ -79,6 +80,10 @@ class LatticeStates:
             hit = (apart < radius[first] + radius[second]) & ~topology.excluded[first, second]
             touching[f, topology.surface[np.concatenate([first[hit], second[hit]])]] = True
         return touching
+
+    def contacts(self) -> Ints:
+        """What voxels touch, shape (F, V): 0 nothing, 1 the floor, 2 others of the same robot, 3 both."""
+        return self.on_floor() + 2 * self.on_itself()
 
     def pressure_forces(self, frame: int) -> tuple[Floats, Floats]:
         """Pressure forces in a frame: middles of the faces [m] and forces on them [N], shape (N, 3) each.

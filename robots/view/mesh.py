@@ -3,10 +3,12 @@
 from functools import lru_cache
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from robots.view.motion import BALL, Motion
-from robots.view.shape import joined_surface
 from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, rotate
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 
@@ -27,8 +29,7 @@ def faces(motion: Motion, frame: int = -1) -> tuple[Floats, Ints]:
         shape (N,).
     """
     if motion.skin is not None:
-        seen = joined_surface(boxes(motion, frame), motion.skin.knots, motion.skin.faces)
-        return seen.quads, seen.voxels
+        return joined_faces(boxes(motion, frame), motion.skin.knots, motion.skin.faces)
     places, turns, scales = motion.translation[frame], motion.rotation[frame], motion.scale[frame]
     forms = [_form(node.solid) for node in motion.nodes]
     owners = np.repeat(np.arange(len(forms)), [len(form) for form in forms])
@@ -79,3 +80,43 @@ def boxes(motion: Motion, frame: int) -> Floats:
 def ball_at(place: Floats, radius: float) -> Floats:
     """Faces of a ball, shape (N, 4, 3) [m]."""
     return place + 2 * radius * _form(BALL)
+
+
+def joined_faces(loose: Floats, knot: Ints, seen: Ints) -> tuple[Floats, Ints]:
+    """Faces of boxes that are joined at their corners, and the box that each belongs to, as :func:`faces`.
+
+    Args:
+        loose: corners of the boxes [m], shape (V, 8, 3), ordered as in ``taichi_sim.lattice.faces.corners``.
+        knot: which corners are one point, in the middle of them, shape (V, 8).
+        seen: faces to return: box and side, shape (N, 2).
+    """
+    boxes, sides = seen.T
+    return joined_corners(loose, knot)[knot[boxes[:, None], FACE_CORNERS[sides]]], boxes
+
+
+def joined_corners(loose: Floats, knot: Ints) -> Floats:
+    """Points that joined corners of boxes share, their means [m], shape (K, 3).
+
+    Args:
+        loose: corners of the boxes [m], shape (V, 8, 3).
+        knot: number of the point that each corner belongs to, shape (V, 8).
+    """
+    size = np.bincount(knot.ravel())
+    return np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
+
+
+@lru_cache(maxsize=16)
+def knots(body: LatticeBody) -> Ints:
+    """Number the corners of voxels, shape (V, 8): corners that links join have the same number.
+
+    Corners are ordered as in ``taichi_sim.lattice.faces.corners``.
+    """
+    corner = np.arange(8 * body.voxel_count).reshape(-1, 8)
+    minus, plus = body.topology.links.T
+    bit = 4 >> body.topology.link_axes  # of a corner's number that says on which side of the axis it is
+    across = np.array([[c for c in range(8) if not c & b] for b in (4, 2, 1)])[body.topology.link_axes]
+    # The corners on side + of the one voxel meet those on side - of the other.
+    first = corner[minus[:, None], across + bit[:, None]].ravel()
+    second = corner[plus[:, None], across].ravel()
+    joints = sparse.coo_array((np.ones(first.size, bool), (first, second)), shape=(corner.size, corner.size))
+    return csgraph.connected_components(joints, directed=False)[1].reshape(corner.shape)

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.view.lattice_states import LatticeStates
+from robots.view.scene import INK, Colour
 from taichi_sim.autodiff import rotations
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.checks import whole_number
-from taichi_sim.rigid import Box, Sphere
+from taichi_sim.base.checks import numbers, whole_number
+from taichi_sim.rigid import Box, Capsule, Sphere
 from taichi_sim.rigid.model.shapes import Solid
-
-Colour = tuple[float, float, float]
 
 CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size, given their sizes by scale
 LIGHT_COLOUR: Colour = (1.0, 0.8, 0.3)
+Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 WINDOW = 1 / 40  # of a motion's time over which its speed is taken
 
 
@@ -47,15 +47,24 @@ class Channel:
     logarithmic: bool = False
 
     def __post_init__(self) -> None:
-        times, values = (_finite(f"{self.name}: {field}", getattr(self, field)) for field in ("times", "values"))
-        if times.ndim != 1 or values.shape != times.shape or not len(times):
-            raise ValueError(f"{self.name}: values of shape {values.shape} are not allowed; give one for each time")
+        times = numbers(f"{self.name}: times", self.times, "K")
+        values = numbers(f"{self.name}: values", self.values, len(times))
         if (np.diff(times) < 0).any():
             raise ValueError(f"{self.name}: times that go back are not allowed; give them in order")
         if self.logarithmic and (values <= 0).any():
             raise ValueError(f"{self.name}: {values.min()} has no logarithm; give positive values")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
+
+    def levels(self, times: Floats) -> Floats:
+        """Values at some times [s], scaled so that the smallest value of the channel is 0 and its largest is 1."""
+        values = np.log(self.values) if self.logarithmic else self.values
+        if self.switch:
+            at = np.searchsorted(self.times, times, side="right") - 1
+            return values[np.clip(at, 0, len(values) - 1)]
+        low, high = values.min(), values.max()
+        now = np.interp(times, self.times, values)
+        return (now - low) / (high - low) if high > low else np.ones_like(now)
 
 
 @dataclass(frozen=True)
@@ -97,6 +106,11 @@ class Ground:
         """Rotation (w, x, y, z) from the frame of the motion to a frame in which gravity points along -z."""
         half, heading = np.deg2rad([self.slope / 2, self.heading])
         return np.array([np.cos(half), np.sin(half) * np.sin(heading), -np.sin(half) * np.cos(heading), 0.0])
+
+    @property
+    def y_up(self) -> Floats:
+        """Rotation (x, y, z, w) to a frame in which gravity points along -y, as browsers and glTF want it."""
+        return np.roll(product(Z_UP_TO_Y_UP, self.upright), -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,27 +166,25 @@ class Motion:
     lattice: LatticeStates | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "nodes", tuple(self.nodes))
-        object.__setattr__(self, "channels", tuple(self.channels))
-        times = _finite("times", self.times)
-        if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
-            raise ValueError(f"times: shape {times.shape} is not allowed; give at least one frame, times increasing")
+        for field in ("nodes", "channels"):
+            object.__setattr__(self, field, tuple(getattr(self, field)))
         if not self.nodes:
             raise ValueError("nodes: there are none; give at least one")
-        frames, count = len(times), len(self.nodes)
-        object.__setattr__(self, "times", times)
-        for field, shape in (
-            ("translation", (frames, count, 3)),
-            ("rotation", (frames, count, 4)),
-            ("scale", (frames, count, 3)),
-            ("path", (frames, 3)),
-        ):
-            values = _finite(field, getattr(self, field))
-            if values.shape != shape:
-                raise ValueError(f"{field}: shape {values.shape} is not allowed; give {shape}")
+        times, count = numbers("times", self.times, "F"), len(self.nodes)
+        if (np.diff(times) <= 0).any():
+            raise ValueError("times: those that go back or stay are not allowed; give increasing times")
+        frames = len(times)
+        lights = numbers("lights", self.lights, "L", 3) if len(self.lights) else np.empty((0, 3))
+        arrays = {
+            "times": times,
+            "translation": numbers("translation", self.translation, frames, count, 3),
+            "rotation": _continuous(numbers("rotation", self.rotation, frames, count, 4)),
+            "scale": numbers("scale", self.scale, frames, count, 3),
+            "path": numbers("path", self.path, frames, 3),
+            "lights": lights,
+        }
+        for field, values in arrays.items():
             object.__setattr__(self, field, values)
-        object.__setattr__(self, "rotation", _continuous(self.rotation))
-        object.__setattr__(self, "lights", _finite("lights", self.lights).reshape(-1, 3))
         if self.skin is not None and self.skin.knots.shape != (count, 8):
             raise ValueError(f"skin: knots of shape {self.skin.knots.shape} are not allowed; give ({count}, 8)")
         if self.lattice is not None and self.lattice.positions.shape != (frames, count, 3):
@@ -208,13 +220,26 @@ def whole_frames(*arrays: NDArray[np.floating]) -> int:
     return count
 
 
-def speed_channels(times: Floats, way: Floats, colour: Colour = (0.2, 0.2, 0.2)) -> tuple[Channel, Channel]:
+def check_place(field: str, given: int, count: int, whose: str) -> None:
+    """Raise a ValueError for a number that is not among the first ``count``; ``whose`` is such as "the batch has"."""
+    if not 0 <= given < count:
+        raise ValueError(f"{field}: {given} is not allowed; {whose} {count}")
+
+
+def speed_channels(times: Floats, way: Floats) -> tuple[Channel, Channel]:
     """Timeline rows of a robot's distance, from ``way`` [m] of shape (F,), and of its speed over a short while."""
     half = max((times[-1] - times[0]) * WINDOW / 2, 1e-9)
     before, after = np.maximum(times - half, times[0]), np.minimum(times + half, times[-1])
     gone = np.interp(after, times, way) - np.interp(before, times, way)
     speed = gone / np.maximum(after - before, 1e-9)
-    return Channel("distance", "m", times, way - way[0], colour), Channel("speed", "m/s", times, speed, colour)
+    return Channel("distance", "m", times, way - way[0], INK), Channel("speed", "m/s", times, speed, INK)
+
+
+def diameter(solid: Solid) -> float:
+    """Diameter of the smallest ball around a solid [m]."""
+    if isinstance(solid, Box):
+        return float(np.linalg.norm(np.asarray(solid.size, float)))
+    return 2 * solid.radius + (solid.length if isinstance(solid, Capsule) else 0.0)
 
 
 def unit_quaternion(from_z_to: ArrayLike) -> Floats:
@@ -229,16 +254,6 @@ def unit_quaternion(from_z_to: ArrayLike) -> Floats:
 def product(a: Floats, b: Floats) -> Floats:
     """Products of quaternions, shapes (..., 4)."""
     return np.stack(np.broadcast_arrays(*rotations.multiply(*np.moveaxis(a, -1, 0), *np.moveaxis(b, -1, 0))), -1)
-
-
-def _finite(field: str, values: ArrayLike) -> Floats:
-    try:
-        found = np.array(values, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{field}: these are not allowed; give an array of numbers") from None
-    if not np.isfinite(found).all():
-        raise ValueError(f"{field}: numbers that are not finite are not allowed")
-    return found
 
 
 def _continuous(rotation: Floats) -> Floats:

@@ -17,15 +17,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.view.colouring import colouring
-from robots.view.mesh import boxes, faces
+from robots.view.mesh import boxes, faces, joined_corners
 from robots.view.motion import Motion
-from robots.view.shape import joined_corners
 from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.files import write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
 # The corners of a box, 4 i + 2 j + k at the signs (i, j, k), in VTK's order: around the bottom, around the top.
 VTK_ORDER = np.array([0, 4, 6, 2, 1, 5, 7, 3])
+INDEX = """\
+<?xml version="1.0"?>
+<VTKFile type="Collection" version="1.0">
+<Collection>
+{}</Collection>
+</VTKFile>
+"""
+FILE = """\
+<?xml version="1.0"?>
+<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32" compressor="vtkZLibDataCompressor">
+<{kind}><Piece {counts}>
+<Points>
+{points}
+</Points>
+<{place}>
+{cells}
+</{place}>
+<CellData>
+{data}
+</CellData>
+</Piece></{kind}>
+</VTKFile>
+"""
 TYPES = {"f4": "Float32", "i4": "Int32", "u1": "UInt8"}
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -57,34 +79,25 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
     colours, total, entries = colouring(motion), 0, []
     for frame, time in enumerate(motion.times):
         colour = np.round(255 * colours.of(frame)).astype("u1")
-        name, content = _grid(motion, frame, colour) if motion.lattice is not None else _faces(motion, frame, colour)
+        suffix, content = (_grid if motion.lattice is not None else _faces)(motion, frame, colour)
+        name = f"frames/{frame:05d}.{suffix}"
         write_bytes(folder / name, content)
-        entries.append(f'<DataSet timestep="{time:.9g}" file="{name}"/>')
+        entries.append(f'<DataSet timestep="{time:.9g}" file="{name}"/>\n')
         total += len(content)
-    index = "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="1.0">',
-            "<Collection>",
-            *entries,
-            "</Collection>",
-            "</VTKFile>",
-            "",
-        ]
-    )
+    index = INDEX.format("".join(entries))
     write_text(folder / "motion.pvd", index)
     return total + len(index)
 
 
 def _grid(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
-    """Name and content of the file for one frame of a lattice."""
+    """Suffix and content of the file for one frame of a lattice."""
     assert motion.lattice is not None and motion.skin is not None and motion.lattice.body.regions is not None
-    now, knots = motion.lattice.part(np.array([frame])), motion.skin.knots
+    now, knots = motion.lattice.part([frame]), motion.skin.knots
     points, count = joined_corners(boxes(motion, frame), knots), len(knots)
     data = {
         "region": motion.lattice.body.regions.astype("i4"),
         "strain": now.voxel_strains()[0].astype("f4"),
-        "contact": (now.on_floor()[0] + 2 * now.on_itself()[0]).astype("u1"),
+        "contact": now.contacts()[0].astype("u1"),
         "colour": colour,
     }
     cells = {
@@ -92,44 +105,31 @@ def _grid(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
         "offsets": np.arange(8, 8 * count + 1, 8, dtype="i4"),
         "types": np.full(count, HEXAHEDRON, "u1"),
     }
-    counts = f'NumberOfPoints="{len(points)}" NumberOfCells="{count}"'
-    return f"frames/{frame:05d}.vtu", _file("UnstructuredGrid", counts, points, "Cells", cells, data)
+    return "vtu", _file("UnstructuredGrid", "Cells", count, points, cells, data)
 
 
 def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
-    """Name and content of the file for one frame of a robot that is no lattice."""
+    """Suffix and content of the file for one frame of a robot that is no lattice."""
     quads, owners = faces(motion, frame)
-    count = len(quads)
+    points, count = quads.reshape(-1, 3), len(quads)
     cells = {
         "connectivity": np.arange(4 * count, dtype="i4"),
         "offsets": np.arange(4, 4 * count + 1, 4, dtype="i4"),
     }
-    counts = f'NumberOfPoints="{4 * count}" NumberOfPolys="{count}"'
     data = {"part": owners.astype("i4"), "colour": colour[owners]}
-    return f"frames/{frame:05d}.vtp", _file("PolyData", counts, quads.reshape(-1, 3), "Polys", cells, data)
+    return "vtp", _file("PolyData", "Polys", count, points, cells, data)
 
 
-def _file(kind: str, counts: str, points: Floats, place: str, cells: Arrays, data: Arrays) -> bytes:
-    """Content of a VTK XML file with one piece."""
-    text = [
-        '<?xml version="1.0"?>',
-        f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32" '
-        'compressor="vtkZLibDataCompressor">',
-        f"<{kind}><Piece {counts}>",
-        "<Points>",
-        _array("points", points.astype("f4")),
-        "</Points>",
-        f"<{place}>",
-        *(_array(name, values) for name, values in cells.items()),
-        f"</{place}>",
-        "<CellData>",
-        *(_array(name, values) for name, values in data.items()),
-        "</CellData>",
-        f"</Piece></{kind}>",
-        "</VTKFile>",
-        "",
-    ]
-    return "\n".join(text).encode()
+def _file(kind: str, place: str, count: int, points: Floats, cells: Arrays, data: Arrays) -> bytes:
+    """Content of a VTK XML file with one piece, whose ``count`` cells are in the element ``place``."""
+    return FILE.format(
+        kind=kind,
+        place=place,
+        counts=f'NumberOfPoints="{len(points)}" NumberOf{place}="{count}"',
+        points=_array("points", points.astype("f4")),
+        cells="\n".join(_array(name, values) for name, values in cells.items()),
+        data="\n".join(_array(name, values) for name, values in data.items()),
+    ).encode()
 
 
 def _array(name: str, values: NDArray[Any]) -> str:

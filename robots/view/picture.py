@@ -22,9 +22,8 @@ from robots.view.film import draw_strip, poses_of
 from robots.view.motion import Channel, Motion
 from robots.view.scene import INK
 from robots.view.soft_motion import inflatable_motion
-from robots.view.still import figure_content
+from robots.view.still import arrange, figure_content
 from robots.world import Terrain
-from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_bytes
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PATH_POINTS = 8  # poses recorded for each pose drawn, so that the path of the middle is a curve
-WIDTH, ROW_HEIGHT, TITLE_HEIGHT, AXIS_HEIGHT = 8.0, 0.145, 0.45, 0.45  # [inches]
+WIDTH, ROW_HEIGHT, AXIS_HEIGHT = 8.0, 0.145, 0.45  # [inches]
 DOTS_PER_INCH = 160
 LINE_ROWS = 2.2  # height of a curve in the chart, in rows of a switch
 
@@ -50,14 +49,14 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
         ValueError: for fewer than 2 frames.
     """
     poses = poses_of(motion, frames)
-    figure = Figure(figsize=(WIDTH, TITLE_HEIGHT), facecolor="white")
+    figure = Figure(facecolor="white")
     strip, chart = (figure.add_axes((0, 0, 1, 1), label=name) for name in ("strip", "chart"))
-    figure.text(0, 0, motion.name if title is None else title, va="top", fontsize=11, color=INK)
     draw_strip(strip, motion, poses)
-    rows = draw_channels(chart, motion.channels)
+    height = ROW_HEIGHT * draw_channels(chart, motion.channels)
     chart.vlines(motion.times[poses], *chart.get_ylim(), color=INK, lw=0.8, ls=(0, (2, 2)))
     chart.set_xlabel("time [s]", fontsize=8, color=INK)
-    _arrange(figure, rows * ROW_HEIGHT)
+    total = arrange(strip, motion.name if title is None else title, WIDTH, below=AXIS_HEIGHT + height)
+    chart.set_position((0.125, AXIS_HEIGHT / total, 0.855, (height - 0.12) / total))
     return figure
 
 
@@ -95,9 +94,7 @@ def save_motion_picture(
     )
     if counted_steps is not None:
         result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
-    figure = inflatable_picture(result, design, terrain, actuation=actuation, frames=frames)
-    form = Path(path).suffix[1:].lower() or "png"
-    write_bytes(path, figure_content(figure, form, DOTS_PER_INCH))
+    _write(inflatable_picture(result, design, terrain, actuation=actuation, frames=frames), Path(path))
     return result
 
 
@@ -107,8 +104,11 @@ def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
         robot.save_picture(world, path)
         return
     replay = robot.replay((), world, frames=PATH_POINTS * 6, compute=Compute(precision="f32"))
-    form = path.suffix[1:].lower() or "png"
-    write_bytes(path, figure_content(motion_picture(replay.motion, title=replay.title or None), form, DOTS_PER_INCH))
+    _write(motion_picture(replay.motion, title=replay.title or None), path)
+
+
+def _write(figure: Figure, path: Path) -> None:
+    write_bytes(path, figure_content(figure, path.suffix[1:].lower() or "png", DOTS_PER_INCH))
 
 
 def inflatable_picture(
@@ -126,7 +126,7 @@ def inflatable_picture(
     """
     title = inflatable_title(result, design, terrain, robot)
     if result.frames is not None and not np.isfinite(result.frames.positions[0, robot]).all():
-        figure = Figure(figsize=(WIDTH, TITLE_HEIGHT), facecolor="white")
+        figure = Figure(figsize=(WIDTH, 0.45), facecolor="white")
         figure.text(0.02, 0.7, title, va="top", fontsize=11, color=INK)
         return figure
     motion = inflatable_motion(result, design, terrain, actuation=actuation, robot=robot)
@@ -148,21 +148,19 @@ def draw_channels(axes: "Axes", channels: tuple[Channel, ...]) -> float:
     Returns:
         The height of the chart, in rows of a switch.
     """
-    switches = [channel for channel in channels if channel.switch]
-    curves = [channel for channel in channels if not channel.switch and np.ptp(channel.values) > 0]
-    if switches:
+    if switches := [channel for channel in channels if channel.switch]:
         _draw_switches(axes, switches)
-        curves = []  # a gait's chart says what the actuators are told
-    top = 0.0
-    for channel in curves:
-        _draw_curve(axes, channel, top)
-        top += LINE_ROWS
+        return len(switches) + 0.5  # what the actuators are told says enough
+    curves = [channel for channel in channels if np.ptp(channel.values) > 0]
+    for number, channel in enumerate(curves):
+        heights = 0.92 - 0.84 * channel.levels(channel.times)
+        axes.plot(channel.times, LINE_ROWS * (number + heights), color=channel.colour, lw=1.1)
     if curves:
-        axes.set_ylim(top, 0.0)
+        axes.set_ylim(LINE_ROWS * len(curves), 0.0)
         axes.set_xlim(min(c.times[0] for c in curves), max(c.times[-1] for c in curves))
-        places = np.array([(k + 0.5) * LINE_ROWS for k in range(len(curves))])
+        places = LINE_ROWS * np.arange(0.5, len(curves))
         label_rows(axes, places, [f"{c.name} [{c.unit}]" if c.unit else c.name for c in curves])
-    return max(len(switches) + 0.5, top)
+    return max(0.5, LINE_ROWS * len(curves))
 
 
 def _draw_switches(axes: "Axes", switches: list[Channel]) -> None:
@@ -176,22 +174,3 @@ def _draw_switches(axes: "Axes", switches: list[Channel]) -> None:
     levels = np.array([channel.values[:-1] for channel in switches])
     colours = np.array([channel.colour for channel in switches])
     draw_levels(axes, levels, switches[0].times, colours, names, apart=new.index(True, 1) if any(new[1:]) else 0)
-
-
-def _draw_curve(axes: "Axes", channel: Channel, top: float) -> None:
-    values: Floats = np.log(channel.values) if channel.logarithmic else channel.values
-    low, high = float(values.min()), float(values.max())
-    axes.plot(
-        channel.times, top + LINE_ROWS * (0.92 - 0.84 * (values - low) / (high - low)), color=channel.colour, lw=1.1
-    )
-
-
-def _arrange(figure: Figure, chart_height: float) -> None:
-    """Place title, strip and chart below each other; the strip takes the full width, and its height follows."""
-    strip, chart = figure.axes
-    strip_height = 0.96 * WIDTH * float(np.ptp(strip.get_ylim()) / np.ptp(strip.get_xlim()))
-    total = TITLE_HEIGHT + strip_height + chart_height + AXIS_HEIGHT
-    figure.set_size_inches(WIDTH, total)
-    strip.set_position((0.02, (AXIS_HEIGHT + chart_height) / total, 0.96, strip_height / total))
-    chart.set_position((0.125, AXIS_HEIGHT / total, 0.855, (chart_height - 0.12) / total))
-    figure.texts[0].set_position((0.02, 1 - 0.14 / total))

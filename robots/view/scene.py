@@ -1,6 +1,6 @@
 """Camera and light: project faces in space to coloured polygons on paper. Needs no matplotlib."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,9 +9,12 @@ from numpy.typing import ArrayLike
 from robots.inflatable.body import BLADDER_COUNT
 from taichi_sim.base.arrays import Floats
 
+Colour = tuple[float, float, float]  # red, green, blue from 0 to 1
 
-def _rgb(text: str) -> Floats:
-    return np.array([int(text[i : i + 2], 16) for i in (0, 2, 4)]) / 255
+
+def _rgb(text: str) -> Colour:
+    red, green, blue = (int(text[i : i + 2], 16) / 255 for i in (0, 2, 4))
+    return red, green, blue
 
 
 PAPER, INK = _rgb("ffffff"), _rgb("33302b")
@@ -21,6 +24,7 @@ FEET = (_rgb("7b3f8c"), _rgb("b0639f"))
 # A bladder and the one on the other side of the pouch have one hue (Okabe & Ito's, told apart by all eyes).
 PAIRS = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))
 BLADDERS = tuple(PAIRS[min(i, BLADDER_COUNT - 1 - i)] for i in range(BLADDER_COUNT))
+STEEL, SLATE, SUN = (0.72, 0.73, 0.75), (0.36, 0.41, 0.47), (0.95, 0.69, 0.12)
 # Of charts: Okabe & Ito, Color Universal Design, 2008.
 CHART_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#F0E442", "#000000")
 # Where the light comes from (along the way, to its left, up); the brightness of what it does not reach.
@@ -73,6 +77,11 @@ class Camera:
         y = np.sin(h) * np.asarray(travel) + np.cos(h) * np.asarray(across)
         return self.project(np.stack([x, y, np.full_like(x, z)], axis=-1))
 
+    def by_the_way(self, points: Floats) -> Floats:
+        """Places along the way and to its left, shape (N, 2) [m], of points in space, shape (N, 3) [m]."""
+        h = np.deg2rad(self.heading)
+        return points[:, :2] @ np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
+
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
@@ -88,20 +97,15 @@ class Polygons:
     colours: Floats
     shadow: Floats
 
-    @property
-    def floating(self) -> "Polygons":
-        """Copy without a shadow, for robots in a fluid."""
-        return replace(self, shadow=self.shadow[:0])
 
-
-def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polygons:
+def paint(quads: Floats, colours: Floats, camera: Camera, level: float | None) -> Polygons:
     """Project and light faces in space, and project their shadow.
 
     Args:
         quads: corners of faces, counter-clockwise seen from outside [m], shape (N, 4, 3); two corners may be one.
         colours: colours of the faces, shape (N, 3).
         camera: that looks at them.
-        level: z of the ground [m].
+        level: z of the ground [m]; None where there is none that a shadow could fall on.
     """
     normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
@@ -110,17 +114,17 @@ def paint(quads: Floats, colours: Floats, camera: Camera, level: float) -> Polyg
     visible = visible[np.argsort(quads[visible].mean(axis=1) @ camera.toward, kind="stable")]
     light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
     brightness = AMBIENT + (1.05 - AMBIENT) * np.clip(normals @ light, 0, None)
-    lit = quads[normals @ camera.frame[2] > 0]
     shown = np.clip(colours * brightness[:, None], 0, 1)[visible]
-    return Polygons(camera.project(quads[visible]), shown, camera.project(fallen(lit, camera, level)))
+    lit = quads[normals @ camera.frame[2] > 0] if level is not None else quads[:0]
+    return Polygons(camera.project(quads[visible]), shown, shadow(lit, camera, level or 0.0))
 
 
-def fallen(points: Floats, camera: Camera, level: float) -> Floats:
-    """Move points straight down to the ground, shape (..., 3) [m]."""
+def shadow(points: Floats, camera: Camera, level: float) -> Floats:
+    """Project the places on the ground straight below points in space, shape (..., 3) [m], on paper, shape (..., 2)."""
     up = camera.frame[2]
-    return points - (points[..., 2:] - level) / up[2] * up
+    return camera.project(points - (points[..., 2:] - level) / up[2] * up)
 
 
-def pale(colour: Floats) -> Floats:
-    """Pale version of a colour, for something that is off."""
-    return 0.32 * colour + 0.68 * np.array([0.97, 0.96, 0.94])
+def pale(colours: Floats) -> Floats:
+    """Pale versions of colours, shape (..., 3), for something that is off."""
+    return 0.32 * colours + 0.68 * np.array([0.97, 0.96, 0.94])

@@ -1,65 +1,24 @@
-"""Surfaces of recorded poses of the inflatable robot, and numbers: width, height, curvature, path."""
-
-from dataclasses import dataclass
-from functools import lru_cache
+"""Surfaces of recorded poses of the inflatable robot, and numbers: width, height, curvature."""
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from robots.frames import Frames
 from robots.inflatable.body import FIRST_BLADDER, kinds_of
 from robots.inflatable.simulation import InflatableResult
-from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.lattice import LatticeBody
-from taichi_sim.lattice.faces import FACE_CORNERS, corners, mean_of_face_corners, rotate
+from robots.view.mesh import joined_faces, knots
+from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.lattice.faces import corners, rotate
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Outer faces of a pose, in the world frame.
-
-    Attributes:
-        quads: corners of every face [m], shape (N, 4, 3), counter-clockwise seen from outside.
-        voxels: voxel that each face belongs to, shape (N,).
-    """
-
-    quads: Floats
-    voxels: Ints
-
-
-def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> Surface:
-    """Surface of a recorded pose, without gaps where links join voxels.
+def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> tuple[Floats, Ints]:
+    """Surface of a recorded pose, without gaps where links join voxels, as :func:`robots.view.mesh.joined_faces`.
 
     Raises:
         ValueError: if nothing was recorded.
     """
     frames, body = recorded(result), result.body
     pose = (a[frame, robot] for a in (frames.positions, frames.orientations, frames.extents))
-    return joined_surface(corners(*pose), knots(body), body.topology.faces)
-
-
-def joined_surface(loose: Floats, knot: Ints, faces: Ints) -> Surface:
-    """Surface of boxes that are joined at their corners.
-
-    Args:
-        loose: corners of the boxes [m], shape (V, 8, 3), ordered as in ``taichi_sim.lattice.faces.corners``.
-        knot: which corners are one point, in the middle of them, shape (V, 8).
-        faces: that are seen: box and side, shape (N, 2).
-    """
-    voxels, sides = faces.T
-    return Surface(joined_corners(loose, knot)[knot[voxels[:, None], FACE_CORNERS[sides]]], voxels)
-
-
-def joined_corners(loose: Floats, knot: Ints) -> Floats:
-    """Points that joined corners of boxes share, their means [m], shape (K, 3).
-
-    Args:
-        loose: corners of the boxes [m], shape (V, 8, 3).
-        knot: number of the point that each corner belongs to, shape (V, 8).
-    """
-    size = np.bincount(knot.ravel())
-    return np.stack([np.bincount(knot.ravel(), along) / size for along in loose.reshape(-1, 3).T], axis=-1)
+    return joined_faces(corners(*pose), knots(body), body.topology.faces)
 
 
 def width(result: InflatableResult, robot: int = 0, frame: int = 0) -> float:
@@ -89,7 +48,7 @@ def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float
     So flat skins have 0, whatever their distance, and a round pouch whose skins have the radius R has 1 / R.
     """
     body, frames = result.body, recorded(result)
-    skin = kinds(body) < FIRST_BLADDER
+    skin = _is_skin(result)
     layers = np.unique(body.voxels[skin, 2])
     found = []
     for layer, outward in zip(layers, (-1.0, 1.0), strict=True):
@@ -115,13 +74,6 @@ def menger_curvature(points: Floats, axis: Floats) -> Floats:
     return 2 * turn / (lengths[0] * lengths[1] * lengths[2])
 
 
-def path(result: InflatableResult, robot: int = 0) -> Floats:
-    """Path of the robot's middle, which is the mean of the corners of its faces [m], shape (F, 3)."""
-    frames = recorded(result)
-    poses = (a[:, robot] for a in (frames.positions, frames.orientations, frames.extents))
-    return mean_of_face_corners(result.body, *poses)
-
-
 def recorded(result: InflatableResult) -> Frames:
     """Return the recorded frames of a result.
 
@@ -133,29 +85,11 @@ def recorded(result: InflatableResult) -> Frames:
     return result.frames
 
 
-def kinds(body: LatticeBody) -> Ints:
-    """Region of every voxel, shape (V,), numbered as in ``robots.inflatable.body``; all cores count as one."""
-    return kinds_of(np.asarray(body.regions))
-
-
 def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Floats:
-    seen = surface(result, robot, frame)
-    skin = seen.quads[kinds(result.body)[seen.voxels] < FIRST_BLADDER]
-    return np.ptp(skin.reshape(-1, 3), axis=0)
+    quads, voxels = surface(result, robot, frame)
+    return np.ptp(quads[_is_skin(result)[voxels]].reshape(-1, 3), axis=0)
 
 
-@lru_cache(maxsize=16)
-def knots(body: LatticeBody) -> Ints:
-    """Number the corners of voxels, shape (V, 8): corners that links join have the same number.
-
-    Corners are ordered as in ``taichi_sim.lattice.faces.corners``.
-    """
-    corner = np.arange(8 * body.voxel_count).reshape(-1, 8)
-    minus, plus = body.topology.links.T
-    bit = 4 >> body.topology.link_axes  # of a corner's number that says on which side of the axis it is
-    across = np.array([[c for c in range(8) if not c & b] for b in (4, 2, 1)])[body.topology.link_axes]
-    # The corners on side + of the one voxel meet those on side - of the other.
-    first = corner[minus[:, None], across + bit[:, None]].ravel()
-    second = corner[plus[:, None], across].ravel()
-    joints = sparse.coo_array((np.ones(first.size, bool), (first, second)), shape=(corner.size, corner.size))
-    return csgraph.connected_components(joints, directed=False)[1].reshape(corner.shape)
+def _is_skin(result: InflatableResult) -> Bools:
+    """Which voxels are skin, seams and feet included, shape (V,)."""
+    return kinds_of(np.asarray(result.body.regions)) < FIRST_BLADDER

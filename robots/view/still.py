@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
 from robots.view.beams import arrows, draw_beams
-from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring, strain_limit
-from robots.view.drawing import Stretch, covered, draw_ground, draw_polygons
+from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring
+from robots.view.drawing import NO_SHIFT, draw_path, draw_polygons, draw_scale_bar
 from robots.view.mesh import ball_at, faces
 from robots.view.motion import LIGHT_COLOUR, Motion
-from robots.view.scene import INK, Camera, Polygons, paint
-from robots.view.strip import draw_path, draw_scale_bar
-from taichi_sim.base.arrays import Floats
+from robots.view.scene import GROUND, GROUND_LINE, INK, Camera, Polygons, paint
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
 
@@ -43,30 +42,54 @@ class Setting:
 
     Attributes:
         motion: to show.
+        camera: that looks at it.
+        area: ground that is seen: first and last place along the way, and to the left of it [m], shape (2, 2).
         colour: "material", "strain", "contact", "friction", or "beams": links and pressure.
         colouring: colouring of the nodes; for beams with the scale of the strains.
-        stretch: the ground.
     """
 
     motion: Motion
+    camera: Camera
+    area: Floats
     colour: str
     colouring: Colouring
-    stretch: Stretch
 
     @property
-    def camera(self) -> Camera:
-        """The camera of the pictures."""
-        return self.stretch.camera
+    def rim(self) -> Floats:
+        """Corners of the ground on paper [m], shape (4, 2); the first two are on the near edge."""
+        (first, last), (right, left) = self.area
+        return self.camera.on_ground([first, last, last, first], [right, right, left, left], self.motion.ground.level)
+
+    @property
+    def level(self) -> float | None:
+        """Height of the ground, z [m]; None in a fluid, where there is none."""
+        return self.motion.ground.level if self.motion.ground.solid else None
+
+    @property
+    def lights(self) -> Floats:
+        """The lights that stand on the ground that is seen, shape (L, 3) [m]."""
+        return self.motion.lights[self.shows(self.motion.lights)]
+
+    def shows(self, points: Floats) -> Bools:
+        """Whether points in space, shape (N, 3) [m], are above the ground that is seen, shape (N,)."""
+        places = self.camera.by_the_way(points)
+        inside = (places >= self.area[:, 0]) & (places <= self.area[:, 1])
+        return np.asarray(inside.all(axis=1))
 
     def polygons(self, frame: int) -> Polygons:
-        """Polygons of a frame on paper, with the lights that stand on the stretch of ground."""
+        """Polygons of a frame on paper, with the lights."""
         quads, owners = faces(self.motion, frame)
         colours = self.colouring.of(frame)[owners]
-        for light in self.motion.lights[_within(self.stretch, self.motion.lights)]:
+        for light in self.lights:
             ball = ball_at(light, self.motion.light_radius)
             quads, colours = np.concatenate([quads, ball]), np.concatenate([colours, [LIGHT_COLOUR] * len(ball)])
-        robot = paint(quads, colours, self.camera, self.stretch.level)
-        return robot if self.stretch.solid else robot.floating
+        return paint(quads, colours, self.camera, self.level)
+
+    def way(self, frame: int) -> Floats:
+        """Way up to a frame on paper, shape (K, 2) [m]; it starts where it last enters the ground that is seen."""
+        passed = self.motion.path[: frame + 1]
+        outside = np.flatnonzero(~self.shows(passed))
+        return self.camera.project(passed[outside[-1] + 1 if len(outside) else 0 :])
 
 
 def setting(
@@ -91,9 +114,9 @@ def setting(
         ValueError: for colours that are not known or that the robot does not have.
     """
     camera = camera or default_camera(motion)
-    colours = _beam_colouring(motion, frames) if colour == "beams" else colouring(motion, colour, frames)
+    colours = colouring(motion, colour, frames)
     reach = number("reach", reach, 1.0) if reach != math.inf else reach
-    return Setting(motion, colour, colours, _stretch(motion, frames, camera, reach))
+    return Setting(motion, camera, _area(motion, frames, camera, reach), colour, colours)
 
 
 def default_camera(motion: Motion) -> Camera:
@@ -114,25 +137,43 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
         frame: number of the frame.
         outlined: whether voxels have outlines.
     """
-    motion, stretch = given.motion, given.stretch
-    draw_ground(axes, stretch)
+    motion = given.motion
+    draw_ground(axes, given)
     if given.colour == "beams":
         assert motion.lattice is not None
-        draw_beams(axes, motion.lattice, frame, stretch, given.colouring.limit)
+        draw_beams(axes, motion.lattice, frame, given.camera, given.level, given.colouring.limit)
     else:
         draw_polygons(axes, given.polygons(frame), outlined=outlined and motion.skin is not None)
         if given.colour == "contact":
             _draw_seen_through(axes, given, frame)
-    draw_path(axes, _way(given, frame), 5.0)
-    rim = stretch.rim
+    draw_path(axes, given.way(frame), 5.0)
+    rim = given.rim
     draw_scale_bar(axes, rim[:2] - (0.0, 0.025 * np.ptp(rim[:, 0])))
     axes.set_aspect("equal")
     axes.axis("off")
 
 
+def draw_ground(axes: "Axes", given: Setting, shift: Floats = NO_SHIFT, zorder: float = 1.0) -> None:
+    """Draw the ground with lines across the way, shifted by ``shift`` on paper [m]; in a fluid this draws nothing."""
+    if given.level is None:
+        return
+    rim, (travel, across) = given.rim + shift, given.area
+    apart = LINES_APART[np.abs(np.log(LINES_APART / (np.ptp(travel) / 12))).argmin()]
+    marks = np.arange(np.ceil(travel[0] / apart), np.floor(travel[1] / apart) + 1) * apart
+    sides = [given.camera.on_ground(marks, np.full_like(marks, side), given.level) + shift for side in across]
+    axes.add_collection(PolyCollection([rim], facecolors=[GROUND], edgecolors="none", zorder=zorder))
+    lines = list(np.stack(sides, axis=1))
+    axes.add_collection(LineCollection(lines, colors=[GROUND_LINE], linewidths=0.6, zorder=zorder))
+    axes.add_collection(LineCollection([rim[:2]], colors=[INK], linewidths=0.9, zorder=zorder))
+
+
 def draw_pose(axes: "Axes", motion: Motion, frame: int = -1, *, camera: Camera | None = None) -> None:
     """Draw one frame of a motion on given axes, which get equal scales; ``camera`` is that of :func:`setting`."""
-    given = setting(motion, [frame], camera=camera)
+    frame %= len(motion.times)
+    _draw_alone(axes, setting(motion, [frame], camera=camera), frame)
+
+
+def _draw_alone(axes: "Axes", given: Setting, frame: int) -> None:
     draw_motion(axes, given, frame)
     across, up = limits(given, [frame])
     axes.set(xlim=across, ylim=up)
@@ -140,15 +181,12 @@ def draw_pose(axes: "Axes", motion: Motion, frame: int = -1, *, camera: Camera |
 
 def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Limits of pictures of some frames on paper [m]: (left, right) and (lowest, highest)."""
-    points = [given.stretch.rim]
+    motion, camera = given.motion, given.camera
+    points = [given.rim, given.way(max(frames)), camera.project(given.lights) + motion.light_radius]
     for frame in frames:
-        corners = given.camera.project(faces(given.motion, frame)[0]).reshape(-1, 2)
-        points.append(np.stack([corners.min(axis=0), corners.max(axis=0)]))
-        if given.colour == "beams" and given.motion.lattice is not None:
-            points.append(given.camera.project(arrows(given.motion.lattice, frame)[1]))
-    points.append(_way(given, max(frame % len(given.motion.times) for frame in frames)))
-    lights = given.motion.lights[_within(given.stretch, given.motion.lights)]
-    points.append(given.camera.project(lights) + given.motion.light_radius)
+        points.append(camera.project(faces(motion, frame)[0]).reshape(-1, 2))
+        if given.colour == "beams" and motion.lattice is not None:
+            points.append(camera.project(arrows(motion.lattice, frame)[1]))
     (left, bottom), (right, top) = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
     wide = right - left
     return (left - 0.01 * wide, right + 0.01 * wide), (bottom - 0.085 * wide, top + 0.02 * wide)
@@ -176,21 +214,37 @@ def still_picture(
     """
     frame = frame_at(motion, at)
     given = setting(motion, [frame], colour=colour, camera=camera, reach=reach)
-    figure = Figure(figsize=(WIDTH, WIDTH), facecolor="white")
+    figure = Figure(facecolor="white")
     axes = figure.add_axes((0, 0, 1, 1))
-    draw_motion(axes, given, frame)
-    across, up = limits(given, [frame])
-    axes.set(xlim=across, ylim=up)
-    keyed = KEY_HEIGHT if given.colouring.key or given.colouring.limit else 0.0
-    inner = WIDTH - 2 * EDGE
-    drawn = inner * (up[1] - up[0]) / (across[1] - across[0])
-    total = TITLE_HEIGHT + drawn + keyed + EDGE
-    figure.set_size_inches(WIDTH, total)
-    axes.set_position((EDGE / WIDTH, (EDGE + keyed) / total, inner / WIDTH, drawn / total))
-    title = f"{motion.name}, {motion.times[frame]:.2f} s"
-    figure.text(EDGE / WIDTH, 1 - 0.5 * TITLE_HEIGHT / total, title, va="center", fontsize=10, color=INK)
-    draw_key(figure, given.colouring, (EDGE / WIDTH, EDGE / total, inner / WIDTH, 0.8 * keyed / total))
+    _draw_alone(axes, given, frame)
+    arrange(axes, f"{motion.name}, {motion.times[frame]:.2f} s", WIDTH, colours=given.colouring)
     return figure
+
+
+def arrange(axes: "Axes", title: str, width: float, below: float = 0.0, colours: Colouring | None = None) -> float:
+    """Lay out a figure: a title, a drawing as high as its limits make it, and what comes below.
+
+    Args:
+        axes: of the drawing, which have their limits.
+        title: above the drawing.
+        width: of the figure [inches].
+        below: height left free below the drawing [inches].
+        colours: whose key is drawn there, if they have one.
+
+    Returns:
+        Height of the figure [inches].
+    """
+    figure, inner = axes.get_figure(root=True), width - 2 * EDGE
+    assert figure is not None
+    keyed = KEY_HEIGHT if colours and colours.has_key else 0.0
+    drawn = inner * float(np.ptp(axes.get_ylim()) / np.ptp(axes.get_xlim()))
+    total = TITLE_HEIGHT + drawn + below + keyed + EDGE
+    figure.set_size_inches(width, total)
+    axes.set_position((EDGE / width, (EDGE + below + keyed) / total, inner / width, drawn / total))
+    figure.text(EDGE / width, 1 - 0.5 * TITLE_HEIGHT / total, title, va="center", fontsize=11, color=INK)
+    if colours:
+        draw_key(figure, colours, (EDGE / width, (EDGE + below) / total, inner / width, 0.8 * keyed / total))
+    return total
 
 
 def save_still(motion: Motion, path: str | PathLike[str], **options: Any) -> int:
@@ -249,15 +303,14 @@ def draw_key(figure: Figure, colours: Colouring, place: tuple[float, float, floa
         bar.set_xlabel("strain of links [%]", fontsize=8, color=INK, labelpad=1)
         bar.tick_params(labelsize=7, labelcolor=INK, length=2)
     elif colours.key:
-        spots = [Line2D([], [], marker="s", ls="", ms=8, color=colour, label=name) for name, colour in colours.key]
         figure.legend(
-            handles=spots,
+            handles=[Line2D([], [], marker="s", ls="", ms=8, color=colour, label=name) for name, colour in colours.key],
             loc="center",
-            ncols=len(spots),
+            ncols=len(colours.key),
             frameon=False,
             fontsize=8,
-            labelcolor=[*INK],
-            bbox_to_anchor=(left, bottom, width, height),
+            labelcolor=INK,
+            bbox_to_anchor=place,
             handletextpad=0.3,
         )
 
@@ -271,48 +324,23 @@ def _draw_seen_through(axes: "Axes", given: Setting, frame: int) -> None:
     axes.add_collection(PolyCollection(list(corners), facecolors=colours[touching], edgecolors="none", alpha=0.4))
 
 
-def _beam_colouring(motion: Motion, frames: Sequence[int]) -> Colouring:
-    if motion.lattice is None:
-        raise ValueError(f"colour: beams is not allowed for {motion.name}, which has no lattice; give material")
-    strains = motion.lattice.part(np.array(frames)).strains()
-    return Colouring(colouring(motion).of, limit=strain_limit(strains))
-
-
-def _stretch(motion: Motion, frames: Sequence[int], camera: Camera, reach: float) -> Stretch:
-    """Choose the ground below some frames, with the way to the last of them and the lights."""
-    quads = [faces(motion, frame)[0].reshape(-1, 3) for frame in frames]
-    length = max(float(np.ptp(covered(q, camera), axis=1).max()) for q in quads)
-    robot = covered(np.concatenate(quads), camera)
+def _area(motion: Motion, frames: Sequence[int], camera: Camera, reach: float) -> Floats:
+    """Choose the ground below some frames, with the way to the last of them and the lights, as ``Setting.area``."""
+    poses = [camera.by_the_way(faces(motion, frame)[0].reshape(-1, 3)) for frame in frames]
+    length = max(float(np.ptp(pose, axis=0).max()) for pose in poses)
+    robot = _around(*poses)
     most = max(reach * length, float(np.ptp(robot, axis=1).max()))
     spare = (most - np.ptp(robot, axis=1))[:, None] * [-1.0, 1.0]
-    passed = covered(motion.path[: max(f % len(motion.times) for f in frames) + 1], camera)
-    whole = np.clip(_both(robot, passed), *(robot + spare).T[:, :, None])
+    passed = camera.by_the_way(motion.path[: max(frames) + 1])
+    whole = np.clip(_around(robot.T, passed), *(robot + spare).T[:, :, None])
     most = max(REACH * length, float(np.ptp(whole, axis=1).max()))
-    for light in motion.lights:
-        wider = _both(whole, covered(light[None], camera))
+    for light in camera.by_the_way(motion.lights):
+        wider = _around(whole.T, light[None])
         whole = wider if np.ptp(wider, axis=1).max() <= most else whole
-    room = MARGIN * length * np.array([-1, 1])
-    travel, across = whole + room
-    apart = LINES_APART[np.abs(np.log(LINES_APART / (np.ptp(travel) / 12))).argmin()]
-    return Stretch(camera, travel, across, motion.ground.level, float(apart), motion.ground.solid)
+    return whole + MARGIN * length * np.array([-1, 1])
 
 
-def _way(given: Setting, frame: int) -> Floats:
-    """Way up to a frame, projected on paper, shape (K, 2) [m]; it starts where it last enters the stretch."""
-    passed = given.motion.path[: frame % len(given.motion.times) + 1]
-    outside = np.flatnonzero(~_within(given.stretch, passed))
-    return given.camera.project(passed[outside[-1] + 1 if len(outside) else 0 :])
-
-
-def _both(first: Floats, second: Floats) -> Floats:
-    """Smallest ranges that contain both given ones, shape (2, 2)."""
-    return np.stack([np.minimum(first, second)[:, 0], np.maximum(first, second)[:, 1]], axis=1)
-
-
-def _within(stretch: Stretch, points: Floats) -> Any:
-    """Whether points are above a stretch of ground, shape (N,)."""
-    h = np.deg2rad(stretch.camera.heading)
-    turn = np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
-    places = points[:, :2] @ turn
-    low, high = np.stack([stretch.travel, stretch.across]).T
-    return ((places >= low) & (places <= high)).all(axis=1)
+def _around(*places: Floats) -> Floats:
+    """Smallest and largest place along the way and to its left, of places of shape (N, 2) each, shape (2, 2) [m]."""
+    every = np.concatenate(places)
+    return np.stack([every.min(axis=0), every.max(axis=0)], axis=1)

@@ -4,8 +4,8 @@ import numpy as np
 
 from robots.braitenberg import PUBLISHED, Traces, VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
-from robots.view.motion import BALL, CUBE, Channel, Colour, Motion, Node, speed_channels, whole_frames
-from robots.view.rigid_motion import DARK, HUES, SLATE, STEEL, SUN
+from robots.view.motion import BALL, CUBE, Channel, Motion, Node, check_place, speed_channels, whole_frames
+from robots.view.scene import INK, PAIRS, SLATE, STEEL, SUN
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import rotate
 
@@ -13,6 +13,7 @@ HEIGHT, WHEEL = 0.1, 0.25  # m, of the body's box, and radius of its wheels
 SENSOR = 0.06  # m, radius
 LIGHT_HEIGHT = 0.3  # m
 BOX_MIDDLE = WHEEL + HEIGHT / 2
+HUES = [PAIRS[n] for n in (0, 3, 2, 1)]  # of sensors
 
 
 def vehicle_motion(
@@ -44,13 +45,11 @@ def vehicle_motion(
     """
     places = {"which": which, "controller": controller, "environment": environment}
     for (field, given), count in zip(places.items(), traces.poses.shape[:3], strict=True):
-        if not 0 <= given < count:
-            raise ValueError(f"{field}: {given} is not allowed; the traces have {count}")
+        check_place(field, given, count, "the traces have")
     poses, readings = traces.poses[which, controller, environment], traces.readings[which, controller, environment]
     if len(readings) != len(body.sensors):
         raise ValueError(f"traces: they have {len(readings)} sensors, the body {len(body.sensors)}; give its own")
-    if environment >= len(task.lights):
-        raise ValueError(f"environment: {environment} is not allowed; the task has {len(task.lights)}")
+    check_place("environment", environment, len(task.lights), "the task has")
     light = task.lights[environment]
     away = np.hypot(*(poses[:, :2] - light).T)
     last = whole_frames(poses, readings.T)
@@ -58,7 +57,7 @@ def vehicle_motion(
     last = int(reached[0]) + 1 if len(reached) else last
     times, poses, away = traces.times[:last], poses[:last], away[:last]
     rows = [
-        Channel(f"sensor {n + 1}", "1/m²", times, values[:last], _hue(n), logarithmic=True)
+        Channel(f"sensor {n + 1}", "1/m²", times, values[:last], HUES[n % len(HUES)], logarithmic=True)
         for n, values in enumerate(readings)
     ]
     rows.append(Channel("from light", "m", times, away, SUN))
@@ -71,40 +70,32 @@ def vehicle_motion(
     turns = np.repeat(turn[:, None], len(nodes), axis=1)
     centres = rotate(turns, np.broadcast_to(offsets, (last, *offsets.shape)))
     centres[..., :2] += poses[:, None, :2]
-    scale = np.broadcast_to(sizes, (last, *sizes.shape))
-    path = np.column_stack([poses[:, :2], np.full(last, BOX_MIDDLE)])
     return Motion(
         name,
         times,
-        tuple(nodes),
+        nodes,
         centres,
         turns,
-        scale,
-        path,
-        (*rows, *speed_channels(times, way, DARK)),
+        np.broadcast_to(sizes, (last, *sizes.shape)),
+        np.column_stack([poses[:, :2], np.full(last, BOX_MIDDLE)]),
+        (*rows, *speed_channels(times, way)),
         np.array([[*light, LIGHT_HEIGHT]]),
         0.15,
     )
 
 
-def _solids(body: VehicleBody) -> tuple[list[Node], Floats, Floats]:
+def _solids(body: VehicleBody) -> tuple[tuple[Node, ...], Floats, Floats]:
     """Nodes of a vehicle, their places in its frame (x ahead) and their sizes [m], shape (N, 3) each."""
-    wide = 2 * HALF_SIDE
+    wide, aside, ball = 2 * HALF_SIDE, HALF_SIDE + 0.08, 2 * SENSOR
+    wheel = (2 * WHEEL, 0.16, 2 * WHEEL)
     parts = [
         (Node("body", CUBE, STEEL), (0.0, 0.0, BOX_MIDDLE), (wide, wide, HEIGHT)),
-        (Node("bumper", CUBE, DARK), (HALF_SIDE, 0.0, BOX_MIDDLE), (0.06, 0.7 * wide, 0.6 * HEIGHT)),
-        *(
-            (Node(f"{side} wheel", BALL, SLATE), (0.0, y, WHEEL), (2 * WHEEL, 0.16, 2 * WHEEL))
-            for side, y in (("left", HALF_SIDE + 0.08), ("right", -HALF_SIDE - 0.08))
-        ),
-        *(
-            (Node(f"sensor {n + 1}", BALL, _hue(n), n), (x, y, WHEEL + HEIGHT + SENSOR), (2 * SENSOR,) * 3)
-            for n, (x, y) in enumerate(body.sensors)
-        ),
+        (Node("bumper", CUBE, INK), (HALF_SIDE, 0.0, BOX_MIDDLE), (0.06, 0.7 * wide, 0.6 * HEIGHT)),
+        (Node("left wheel", BALL, SLATE), (0.0, aside, WHEEL), wheel),
+        (Node("right wheel", BALL, SLATE), (0.0, -aside, WHEEL), wheel),
     ]
+    for n, (x, y) in enumerate(body.sensors):
+        node = Node(f"sensor {n + 1}", BALL, HUES[n % len(HUES)], n)
+        parts.append((node, (x, y, WHEEL + HEIGHT + SENSOR), (ball, ball, ball)))
     nodes, offsets, sizes = zip(*parts, strict=True)
-    return list(nodes), np.array(offsets), np.array(sizes)
-
-
-def _hue(sensor: int) -> Colour:
-    return (HUES[0], HUES[3], HUES[2], HUES[1])[sensor % len(HUES)]
+    return nodes, np.array(offsets), np.array(sizes)

@@ -8,12 +8,11 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 
 from robots.view.motion import Motion
 from robots.view.player.page import MOST_MOTIONS, page
 from taichi_sim.base.checks import whole_number
-from taichi_sim.base.files import write_text
+from taichi_sim.base.files import new_path, write_text
 
 __all__ = ["MOST_MOTIONS", "Player", "embedded", "page", "save_player", "show"]
 
@@ -32,8 +31,7 @@ def save_player(motions: Motion | Sequence[Motion], path: str | PathLike[str], *
     Raises:
         ValueError: for a file that exists, no motions or too many of them.
     """
-    if Path(path).exists():
-        raise ValueError(f"path: {path} exists; name a new file")
+    new_path(path)
     text = page(motions, title)
     write_text(path, text)
     return len(text.encode())

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.view.motion import Motion
+from robots.view.motion import Motion, diameter
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 TOLERANCE = 1e-4  # m
 NUMBERS = 10  # of a node's pose: translation 3, rotation 4, scale 3
@@ -81,16 +80,6 @@ def _steps(motion: Motion) -> tuple[float, float, float]:
     Errors of half a step in each number move a centre by sqrt(3)/2 steps; they turn by at most 2 |dq|, two steps, and
     move what is r away by 2 r steps; they move a corner of a solid with the half diagonal d by d/2 steps, at scale 1.
     """
-    largest, reach = 0.0, 0.0
-    for solid in {node.solid for node in motion.nodes}:
-        mine = [n for n, node in enumerate(motion.nodes) if node.solid == solid]
-        half = _half_diagonal(solid)
-        largest = max(largest, half)
-        reach = max(reach, half * float(np.abs(motion.scale[:, mine]).max()))
-    return TOLERANCE / math.sqrt(3), 0.3 * TOLERANCE / (2 * reach), 0.2 * TOLERANCE / (largest / 2)
-
-
-def _half_diagonal(solid: Solid) -> float:
-    if isinstance(solid, Box):
-        return float(np.linalg.norm(np.asarray(solid.size, float))) / 2
-    return solid.radius + (solid.length / 2 if isinstance(solid, Capsule) else 0.0)
+    halves = np.array([diameter(node.solid) for node in motion.nodes]) / 2
+    reach = float((halves * np.abs(motion.scale).max(axis=(0, 2))).max())
+    return TOLERANCE / math.sqrt(3), 0.3 * TOLERANCE / (2 * reach), 0.2 * TOLERANCE / (float(halves.max()) / 2)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.view.motion import Channel, Motion, Skin, product
+from robots.view.motion import Channel, Motion, Skin, diameter
 from robots.view.player.packing import Packed, pack
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import FACE_CORNERS
@@ -19,7 +19,6 @@ from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 MOST_MOTIONS = 4
 PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "stage.js", "timeline.js", "player.js")
-Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 FAR = 5.0  # lengths of a robot: those that go farther are followed
 READOUTS = ("core pressure", "distance", "speed")  # how names of channels begin that are shown as numbers
 MOST_VALUES = 2000  # of a channel in the chart
@@ -71,7 +70,6 @@ def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
     """Describe a motion, apart from its poses, as a dictionary that fits JSON."""
     solids = list(dict.fromkeys(node.solid for node in motion.nodes))
     colours = list(dict.fromkeys(node.colour for node in motion.nodes))
-    upright = product(Z_UP_TO_Y_UP, motion.ground.upright)
     return {
         "name": motion.name,
         "frames": packed.frames,
@@ -79,7 +77,7 @@ def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
         "steps": packed.steps,
         "planes": packed.planes,
         "times": _list(motion.times - motion.times[0], 6),
-        "upright": np.roll(upright, -1).tolist(),
+        "upright": motion.ground.y_up.tolist(),
         "solids": [_solid(solid) for solid in solids],
         "colours": [_list(np.array(colour), 4) for colour in colours],
         "solid_of": [solids.index(node.solid) for node in motion.nodes],
@@ -102,7 +100,7 @@ def _view(motion: Motion) -> dict[str, Any]:
     gone = (motion.path[-1] - motion.path[0])[:2]
     if not motion.ground.slope and not motion.ground.heading and np.linalg.norm(gone) > 1e-3:
         along = gone / np.linalg.norm(gone)
-    reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [_diameter(node.solid) for node in motion.nodes]
+    reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [diameter(node.solid) for node in motion.nodes]
     size = 2 * float((np.linalg.norm(motion.translation[0] - motion.path[0], axis=1) + reach[:, 0]).max())
     places = np.concatenate([motion.path, motion.lights])
     frame = np.stack([along, [-along[1], along[0]]])
@@ -130,13 +128,6 @@ def _grid(length: float) -> float:
     """Nearest length of the form 1, 2 or 5 times a power of ten [m], for the spacing of grid lines."""
     power = 10 ** np.floor(np.log10(length))
     return float(power * min((1, 2, 5, 10), key=lambda digit: abs(np.log(digit * power / length))))
-
-
-def _diameter(solid: Solid) -> float:
-    """Diameter of the smallest ball around a solid [m]."""
-    if isinstance(solid, Box):
-        return float(np.linalg.norm(np.asarray(solid.size, float)))
-    return 2 * solid.radius + (solid.length if isinstance(solid, Capsule) else 0.0)
 
 
 def _skin(skin: Skin) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def test_soft_robots_in_their_colours(morpholab, tmp_path):
 
 
 def test_all_colours_can_be_asked_for():
-    assert (*COLOURINGS, "beams") == COLOURS
+    assert COLOURINGS == COLOURS
 
 
 def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):

@@ -101,6 +101,6 @@ def test_pressure_acts_on_every_voxel_of_the_skin_and_cancels_out():
 @pytest.mark.kernels
 def test_a_part_has_its_own_frames():
     lattice = motions.inflatable().lattice
-    part = lattice.part(np.array([3, 7]))
+    part = lattice.part([3, 7])
     assert np.array_equal(part.strains(), lattice.strains()[[3, 7]])
     assert np.array_equal(motions.inflatable().every(4).lattice.positions[1], lattice.positions[4])

@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring, level
+from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring
 from robots.view.film import pictures, save_gif, save_mp4, save_strip, strip_picture
 from robots.view.mesh import BOX_CELLS, faces
 from robots.view.motion import BALL, Channel, Motion, Node
@@ -117,7 +117,7 @@ def test_beams_are_links_and_arrows_are_pressure():
 def test_strains_have_one_scale_and_two_hues():
     motion = motions.inflatable()
     colours = colouring(motion, "strain", [0, 5])
-    strains = motion.lattice.part(np.array([0, 5])).voxel_strains()
+    strains = motion.lattice.part([0, 5]).voxel_strains()
     assert colours.limit == pytest.approx(np.percentile(np.abs(strains), 99), rel=0.06)
     of = colours.of(5)
     most, least = strains[1].argmax(), strains[1].argmin()
@@ -127,7 +127,7 @@ def test_strains_have_one_scale_and_two_hues():
 def test_colours_of_contact_and_friction():
     motion = motions.inflatable()
     contact = colouring(motion, "contact").of(0)
-    floor = motion.lattice.part(np.array([0])).on_floor()[0]
+    floor = motion.lattice.part([0]).on_floor()[0]
     assert floor.any() and np.allclose(contact[floor], FLOOR) and np.allclose(contact[~floor], PLAIN)
     channels = {channel.name: n for n, channel in enumerate(motion.channels)}
     friction = colouring(motion, "friction")
@@ -141,11 +141,11 @@ def test_colours_of_contact_and_friction():
 def test_levels_of_channels():
     times = np.array([0.0, 0.5, 1.0, 1.5])
     switch = Channel("s", "", [0.0, 1.0, 2.0], [0.0, 1.0, 1.0], switch=True)
-    assert level(switch, times).tolist() == [0, 0, 1, 1]
-    assert level(Channel("l", "", [0.0, 2.0], [5.0, 7.0]), times) == pytest.approx([0, 0.25, 0.5, 0.75])
+    assert switch.levels(times).tolist() == [0, 0, 1, 1]
+    assert Channel("l", "", [0.0, 2.0], [5.0, 7.0]).levels(times) == pytest.approx([0, 0.25, 0.5, 0.75])
     logarithmic = Channel("g", "", [0.0, 2.0], [1.0, 100.0], logarithmic=True)
-    assert level(logarithmic, times) == pytest.approx([0, 0.25, 0.5, 0.75])
-    assert level(Channel("c", "", [0.0], [3.0]), times).tolist() == [1, 1, 1, 1]
+    assert logarithmic.levels(times) == pytest.approx([0, 0.25, 0.5, 0.75])
+    assert Channel("c", "", [0.0], [3.0]).levels(times).tolist() == [1, 1, 1, 1]
 
 
 def test_what_is_nearer_is_painted_later():
@@ -174,7 +174,7 @@ def test_far_ways_are_cut_and_near_ones_are_not():
         path=[[-50.0, 0, 2], [0, 0, 2]],
         **{field: np.repeat(getattr(motion, field), 2, axis=0) for field in ("translation", "rotation", "scale")},
     )
-    near, far = (setting(motion, [1], reach=reach).stretch.travel for reach in (6.0, np.inf))
+    near, far = (setting(motion, [1], reach=reach).area[0] for reach in (6.0, np.inf))
     assert np.ptp(near) == pytest.approx(6.5) and np.ptp(far) == pytest.approx(51.0)
 
 
@@ -210,7 +210,7 @@ def test_poses_of_another_body_are_refused():
     with pytest.raises(
         ValueError, match=r"^lattice: poses of shape \(2, 236, 3\) are not allowed; give \(24, 236, 3\)$"
     ):
-        replace(motion, lattice=motion.lattice.part(np.array([0, 1])))
+        replace(motion, lattice=motion.lattice.part([0, 1]))
 
 
 def test_a_gif_moves_in_few_colours(tmp_path):
