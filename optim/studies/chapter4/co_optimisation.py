@@ -18,10 +18,13 @@ from numpy.typing import NDArray
 
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
-from optim.experiments.results import Budget, Progress, cached, check_counts, part_of, write_json
+from optim.experiments.parts import Part, computed, computed_trials
+from optim.experiments.records import Record, column, where
+from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.settings import Count, Settings, Several, Whole
 from optim.experiments.study import Study
-from optim.experiments.tables import read_table, write_table
-from optim.experiments.trials import NOTHING, Trials, cached_trials, first_time
+from optim.experiments.tables import write_records, write_table
+from optim.experiments.trials import NOTHING, Trials, first_time, record_trials
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
@@ -41,7 +44,7 @@ AT_LEAST = 5  # solved trials for a mean over them
 
 
 @dataclass(frozen=True)
-class CoOptimisation:
+class CoOptimisation(Settings):
     """Settings.
 
     Attributes:
@@ -52,14 +55,11 @@ class CoOptimisation:
         threads: CPU threads, all available if None; changes no result.
     """
 
-    runs: int = 30
-    budget: int = 500
-    seed: int = 1
+    runs: Several = 30
+    budget: Count = 500
+    seed: Whole = 1
     task: VehicleTask = PUBLISHED
     threads: int | None = None
-
-    def __post_init__(self) -> None:
-        check_counts(self, runs=2, budget=1, seed=0)
 
     @property
     def seeds(self) -> range:
@@ -76,52 +76,40 @@ class CoOptimisation:
         return {**numbers, "problem": self.problem().describe()}
 
 
-SCALES: Mapping[Budget, CoOptimisation] = {"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()}
-
-
-def co_optimise(settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None) -> dict[str, Trials]:
-    """Run all arms, or those that the folder does not have yet."""
-    found = {}
-    for n, (arm, (_, given)) in enumerate(ARMS.items()):
-        searches = settings.problem(**given), "borg", BORG, settings.seeds, settings.budget
-        found[arm] = cached_trials(folder, arm, *searches, progress=part_of(progress, n, len(ARMS)))
-    return found
-
-
 def environments_solved(trials: Trials) -> NDArray[np.int8]:
     """Environments solved by what each trial would report after each evaluation, shape (R, B)."""
     return trials.of_points(trials.solved, trials.reported(BORG["epsilons"]), 0)
 
 
-def report(settings: CoOptimisation, found: dict[str, Trials], out: Path) -> dict[str, Any]:
-    """Write curves and raw times as CSV, and return the numbers of this study."""
-    environments, times, curves, raw = len(settings.task.starts), {}, [], []
+def report(settings: CoOptimisation, found: Mapping[str, Trials], out: Path) -> tuple[dict[str, Any], list[Record]]:
+    """Write curves and raw times as CSV, and return the numbers of this study, and the curves."""
+    environments, times, curves, raw = len(settings.task.starts), {}, list[Record](), []
     summary: dict[str, Any] = {"evaluations_until_all_solved": {}, "environments_solved_at_the_end": {}}
     for arm, trials in found.items():
         solved = environments_solved(trials)
         any_point, reported = trials.first(environments), first_time(solved == environments)
         times[arm] = ranked(any_point, settings.budget)
-        low, high = mean_band(solved)
-        course = np.stack([solved.mean(axis=0), low, high], axis=1).tolist()
-        curves += [(arm, n, *values) for n, values in enumerate(course, 1)]
+        course = np.stack([solved.mean(axis=0), *mean_band(solved)], axis=1).tolist()
+        for n, (mean, low, high) in enumerate(course, 1):
+            curves.append({"arm": arm, "evaluations": n, "mean": mean, "low": low, "high": high})
         raw += [(arm, *row) for row in zip(settings.seeds, any_point, reported, solved[:, -1], strict=True)]
         summary["evaluations_until_all_solved"][arm] = {
             "any_point": describe_times(any_point, settings.budget),
             "reported_point": describe_times(reported, settings.budget),
         }
         summary["environments_solved_at_the_end"][arm] = {
-            "mean": float(solved[:, -1].mean()),
-            "interval": [float(low[-1]), float(high[-1])],
+            "mean": course[-1][0],
+            "interval": course[-1][1:],
             "trials_with_each": np.bincount(solved[:, -1], minlength=environments + 1).tolist(),
         }
     summary["tests_of_evaluations_until_all_solved"] = compare(times, PAIRS, "less")
-    write_table(out / "environments-solved.csv", ("arm", "evaluations", "mean", "low", "high"), curves)
+    write_records(out / "environments-solved.csv", curves)
     header = ("arm", "seed", "first_point_solving_all", "reported_solves_all_from", "solved_at_the_end")
     write_table(out / "evaluations-until-all-solved.csv", header, raw)
-    return summary
+    return summary, curves
 
 
-def distances_of_reported(settings: CoOptimisation, given: Mapping[str, Any], trials: Trials, reported: Ints) -> Arrays:
+def distances_of_reported(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
     """Distances, from decimated signals, of everything that trials reported: ``raw``, ``normalised``, shape (R, B).
 
     They are those of points, NaN for all that were never reported.
@@ -129,56 +117,60 @@ def distances_of_reported(settings: CoOptimisation, given: Mapping[str, Any], tr
     shown = np.zeros(trials.solved.shape, bool)
     rows, columns = np.nonzero(reported != NOTHING)
     shown[rows, reported[rows, columns]] = True
-    return distances_of(settings.problem(**given), trials.points, shown, decimation(settings.task))
+    return distances_of(problem, trials.points, shown, decimation(problem.task))
 
 
-def distances_at_the_end(settings: CoOptimisation, given: Mapping[str, Any], trials: Trials, reported: Ints) -> Arrays:
+def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
     rows, last = np.arange(trials.runs), reported[:, -1]
-    chosen = (last != NOTHING) & (trials.solved[rows, last] == len(settings.task.starts))
-    return distances_of(settings.problem(**given), trials.points[rows, last], chosen)
+    chosen = (last != NOTHING) & (trials.solved[rows, last] == len(problem.task.starts))
+    return distances_of(problem, trials.points[rows, last], chosen)
 
 
 def follow_homeostasis(
-    settings: CoOptimisation, found: Mapping[str, Trials], folder: ResultsFolder | None, out: Path, progress: Progress
-) -> dict[str, Any]:
-    """Write the course of the distances as CSV, and return their numbers."""
-    environments = len(settings.task.starts)
-    curves, ends = list[tuple[Any, ...]](), dict[str, Floats]()
-    every = decimation(settings.task)
+    settings: CoOptimisation, found: Mapping[str, Trials], folder: ResultsFolder, progress: Progress
+) -> tuple[dict[str, Any], list[Record]]:
+    """Write the course of the distances as CSV, and return their numbers, and the course."""
+    reported = {arm: trials.reported(BORG["epsilons"]) for arm, trials in found.items()}
+    parts: dict[str, Part] = {}
+    for arm, trials in found.items():
+        given = settings.problem(**ARMS[arm][1]), trials, reported[arm]
+        parts[f"course_{arm}"] = partial(distances_of_reported, *given)
+        parts[f"end_{arm}"] = partial(distances_at_the_end, *given)
+    distances = computed(folder, parts, progress)
+    every, curves, ends = decimation(settings.task), list[Record](), dict[str, Floats]()
     summary: dict[str, Any] = {"steps_between_samples_in_the_course": every, "course": {}, "end": {}}
-    for n, (arm, trials) in enumerate(found.items()):
-        given, reported = ARMS[arm][1], trials.reported(BORG["epsilons"])
-        course = cached(folder, f"course_{arm}", partial(distances_of_reported, settings, given, trials, reported))
-        end = cached(folder, f"end_{arm}", partial(distances_at_the_end, settings, given, trials, reported))
-        solved = trials.of_points(trials.solved, reported, 0) == environments
-        shown = {name: trials.of_points(values, reported, np.nan) for name, values in course.items()}
-        for name, values in shown.items():
-            curves += _curve(arm, name, "all", values) + _curve(arm, name, "solved", np.where(solved, values, np.nan))
-            summary["course"].setdefault(arm, {})[name] = from_first_to_last(values, solved)
-        for name, values in end.items():
-            ends[f"{arm}/{name}"] = done = values[np.isfinite(values)]
-            summary["end"].setdefault(arm, {})[name] = quartiles(done)
-        if progress:
-            progress((n + 1) / len(found))
+    for arm, trials in found.items():
+        solved = trials.of_points(trials.solved, reported[arm], 0) == len(settings.task.starts)
+        summary["course"][arm], summary["end"][arm] = {}, {}
+        for name in MEASURES:
+            values = trials.of_points(distances[f"course_{arm}"][name], reported[arm], np.nan)
+            for solutions, shown in (("all", values), ("solved", np.where(solved, values, np.nan))):
+                about = {"arm": arm, "signals": name, "solutions": solutions}
+                curves += [{**about, **row} for row in _curve(shown)]
+            summary["course"][arm][name] = from_first_to_last(values, solved)
+            end = distances[f"end_{arm}"][name]
+            ends[f"{arm}/{name}"] = done = end[np.isfinite(end)]
+            summary["end"][arm][name] = quartiles(done)
     pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in MEASURES]
     if all(len(ends[name]) > 1 for pair in pairs for name in pair):
         summary["tests_of_the_end"] = compare(ends, pairs, "two-sided")
     header = ("arm", "signals", "solutions", "evaluations", "trials", "mean", "low", "high", "median")
-    write_table(out / "homeostasis.csv.gz", header, curves)
+    write_table(folder.path / "homeostasis.csv.gz", header, [tuple(row.values()) for row in curves])
     rows = [(name, value) for name, values in ends.items() for value in values.tolist()]
-    write_table(out / "homeostasis-at-the-end.csv", ("arm_and_signals", "distance"), rows)
-    return summary
+    write_table(folder.path / "homeostasis-at-the-end.csv", ("arm_and_signals", "distance"), rows)
+    return summary, curves
 
 
-def _curve(arm: str, signals: str, solutions: str, values: Floats) -> list[tuple[Any, ...]]:
+def _curve(values: Floats) -> list[dict[str, Any]]:
     """Mean over the trials that have a value, with its band, and their median, after each evaluation."""
-    rows: list[tuple[Any, ...]] = []
-    for n, column in enumerate(values.T):
-        there = column[np.isfinite(column)]
-        if len(there) >= min(AT_LEAST, len(column)):
-            numbers = (float(value) for value in (there.mean(), *mean_band(there), np.median(there)))
-            rows.append((arm, signals, solutions, n + 1, len(there), *numbers))
+    rows = []
+    for n, each in enumerate(values.T, 1):
+        there = each[np.isfinite(each)]
+        if len(there) >= min(AT_LEAST, len(each)):
+            mean, low, high, median = map(float, (there.mean(), *mean_band(there), np.median(there)))
+            row = {"evaluations": n, "trials": len(there), "mean": mean, "low": low, "high": high, "median": median}
+            rows.append(row)
     return rows
 
 
@@ -218,27 +210,28 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
     results = ResultsFolder(folder, "co-optimisation", {**settings.describe(), "borg": BORG})
-    found = co_optimise(settings, results, part_of(progress, 0, 2))
-    summary = report(settings, found, folder)
-    summary["homeostasis"] = follow_homeostasis(settings, found, results, folder, part_of(progress, 1, 2))
+    arms = {
+        arm: partial(record_trials, settings.problem(**given), "borg", BORG, settings.seeds, settings.budget)
+        for arm, (_, given) in ARMS.items()
+    }
+    found = computed_trials(results, arms, part_of(progress, 0, 2))
+    summary, solved = report(settings, found, folder)
+    summary["homeostasis"], course = follow_homeostasis(settings, found, results, part_of(progress, 1, 2))
     write_json(folder / "summary.json", summary)
-    draw(folder)
+    draw(solved, course, folder / "co-optimisation.png")
 
 
-def draw(folder: Path) -> None:
-    """Write ``co-optimisation.png`` beside the tables."""
-    _, solved = read_table(folder / "environments-solved.csv")
-    _, distances = read_table(folder / "homeostasis.csv.gz")
-    with figure(folder / "co-optimisation.png", PAGE, 2.8, ncols=3) as (drawn, panels):
-        for number, (arm, (label, _)) in enumerate(ARMS.items()):
-            colour = COLOURS[number]
-            rows = np.array([row[1:] for row in solved if row[0] == arm], float)
-            draw_band(panels[0, 0], *rows[:, :4].T, colour=colour, label=label)
+def draw(solved: list[Record], course: list[Record], path: Path) -> None:
+    """Draw environments solved, and distances of signals, over the evaluations."""
+    with figure(path, PAGE, 2.8, ncols=3) as (drawn, panels):
+        for (arm, (label, _)), colour in zip(ARMS.items(), COLOURS, strict=False):
+            rows = where(solved, arm=arm)
+            band = (column(rows, name) for name in ("evaluations", "mean", "low", "high"))
+            draw_band(panels[0, 0], *band, colour=colour, label=label)
             for axes, signals in zip(panels[0, 1:], MEASURES, strict=True):
                 for solutions, style in (("solved", "-"), ("all", ":")):
-                    chosen = [row[3:] for row in distances if row[:3] == [arm, signals, solutions]]
-                    values = np.array(chosen, float).reshape(-1, 6)
-                    axes.plot(values[:, 0], values[:, 5], style, color=colour)
+                    rows = where(course, arm=arm, signals=signals, solutions=solutions)
+                    axes.plot(column(rows, "evaluations"), column(rows, "median"), style, color=colour)
         panels[0, 0].set(ylabel="environments solved", xlabel="evaluations", ylim=(0, 4.05), yticks=range(5))
         for axes, unit in zip(panels[0, 1:], (" [1/m$^2$]", ", normalised"), strict=True):
             axes.set(xlabel="evaluations", ylabel=f"median DTW distance{unit}")
@@ -252,7 +245,7 @@ def draw(folder: Path) -> None:
 STUDY = Study(
     title="body and controller together beside the controller alone, and how homeostatic their solutions become",
     source="chapter 4, figure neurips_cooptimization",
-    scales=SCALES,
+    scales={"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()},
     run=study,
     writes=(
         *("summary.json", "environments-solved.csv", "evaluations-until-all-solved.csv"),

@@ -17,10 +17,12 @@ import numpy as np
 
 from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
-from optim.experiments.results import Budget, Progress, cached, check_counts, part_of, write_json
+from optim.experiments.parts import computed, computed_trials
+from optim.experiments.results import Progress, cached, part_of, write_json
+from optim.experiments.settings import Count, Settings, Several
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import NOTHING, Trials, cached_trials
+from optim.experiments.trials import NOTHING, Trials, record_trials
 from optim.measures import interference, learnability
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
@@ -43,7 +45,7 @@ OUTCOMES = {
 
 
 @dataclass(frozen=True)
-class HomeostasisObjective:
+class HomeostasisObjective(Settings):
     """Settings.
 
     Attributes:
@@ -54,12 +56,9 @@ class HomeostasisObjective:
     """
 
     searches: CoOptimisation = CoOptimisation()  # noqa: RUF009 (immutable)
-    samples: int = 1000
-    weights: int = 61
-    draws: int = 10
-
-    def __post_init__(self) -> None:
-        check_counts(self, samples=1, weights=2, draws=1)
+    samples: Count = 1000
+    weights: Several = 61
+    draws: Count = 10
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -67,51 +66,29 @@ class HomeostasisObjective:
         return {**self.searches.describe(), **numbers, "borg": BORG, "box": BOX}
 
 
-SCALES: Mapping[Budget, HomeostasisObjective] = {
-    "small": HomeostasisObjective(CoOptimisation(runs=3, budget=100), weights=15, draws=2),
-    "full": HomeostasisObjective(),
-}
-
-
-def search(settings: HomeostasisObjective, folder: ResultsFolder | None, progress: Progress) -> dict[str, Trials]:
-    """Trials of both searches."""
-    vehicle, own = settings.searches.problem(), settings.searches
-    sides = [BORG["epsilons"]] * len(vehicle.objective_names)
-    arms: dict[str, tuple[Any, Any]] = {
-        "without": (vehicle, BORG),
-        "with": (HomeostasisProblem(vehicle, settings.samples), {**BORG, "epsilons": [*sides, BOX]}),
-    }
-    return {
-        arm: cached_trials(folder, arm, problem, "borg", borg, own.seeds, own.budget, progress=part_of(progress, n, 2))
-        for n, (arm, (problem, borg)) in enumerate(arms.items())
-    }
-
-
-def reported(settings: HomeostasisObjective, found: dict[str, Trials], folder: ResultsFolder | None) -> dict[str, Any]:
+def reported(settings: HomeostasisObjective, found: Mapping[str, Trials], folder: ResultsFolder) -> dict[str, Floats]:
     """Points that each way reports, shape (R, D); NaN in the rows of trials that solved nothing.
 
     With the objective and with selection it is the most homeostatic solution that was evaluated, by decimated signals,
     without them the member of the archive with the largest sum.
     """
-    goal = len(settings.searches.task.starts)
-    without, with_it = found["without"], found["with"]
+    own, without, with_it = settings.searches, found["without"], found["with"]
+    solved, solved_with_it = (trials.solved == len(own.task.starts) for trials in (without, with_it))
     last = without.reported(BORG["epsilons"])[:, -1]
-    rows = np.arange(len(last))
-    last = np.where((last != NOTHING) & (without.solved[rows, last] == goal), last, NOTHING)
-    similar = cached(folder, "similarity_without", partial(_similarity, settings, without))["homeostasis"]
+    last = np.where((last != NOTHING) & solved[np.arange(len(last)), last], last, NOTHING)
+
+    def similarity() -> Arrays:
+        """The objective of every point that solves all environments; NaN elsewhere."""
+        every = decimation(own.task, settings.samples)
+        return {"homeostasis": -distances_of(own.problem(), without.points, solved, every)["raw"]}
+
+    similar = cached(folder, "similarity_without", similarity)["homeostasis"]
     chosen = {
-        "without": _points(without, last),
-        "selected": _points(without, _largest(similar, without.solved == goal)),
-        "with": _points(with_it, _largest(with_it.objectives[..., -1], with_it.solved == goal)),
+        "without": (without, last),
+        "selected": (without, _largest(similar, solved)),
+        "with": (with_it, _largest(with_it.objectives[..., -1], solved_with_it)),
     }
-    return {name: chosen[name] for name in LABELS}
-
-
-def _similarity(settings: HomeostasisObjective, trials: Trials) -> Arrays:
-    """The objective of every point that solves all environments; NaN elsewhere."""
-    problem, task = settings.searches.problem(), settings.searches.task
-    solved, every = trials.solved == len(task.starts), decimation(task, settings.samples)
-    return {"homeostasis": -distances_of(problem, trials.points, solved, every)["raw"]}
+    return {way: _points(*chosen[way]) for way in LABELS}
 
 
 def _largest(values: Floats, allowed: Bools) -> Ints:
@@ -125,7 +102,7 @@ def _points(trials: Trials, chosen: Ints) -> Floats:
     return np.where((chosen == NOTHING)[:, None], np.nan, points)
 
 
-def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | None) -> Arrays:
+def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | None, _: Progress) -> Arrays:
     """Measure reported points, by the names in ``OUTCOMES``, shape (R,); NaN where there is no point."""
     own, there = settings.searches, np.asarray(~np.isnan(points).any(axis=1))
     arrays = {name: np.full(len(points), np.nan) for name in OUTCOMES}
@@ -148,30 +125,34 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
-    results = ResultsFolder(folder, "homeostasis-objective", settings.describe())
-    found = search(settings, results, part_of(progress, 0, 2))
-    outcomes: dict[str, Arrays] = {}
-    for n, (way, points) in enumerate(reported(settings, found, results).items()):
-        arrays = cached(results, f"judged_{way}", partial(judge, settings, points, folder / "sweep"))
-        outcomes[way] = {**arrays, "points": points}
-        if progress:
-            progress(0.5 + 0.5 * (n + 1) / len(LABELS))
+    results, own = ResultsFolder(folder, "homeostasis-objective", settings.describe()), settings.searches
+    vehicle = own.problem()
+    boxes = [*[BORG["epsilons"]] * len(vehicle.objective_names), BOX]
+    homeostatic = HomeostasisProblem(vehicle, settings.samples), "borg", {**BORG, "epsilons": boxes}
+    arms = {
+        "without": partial(record_trials, vehicle, "borg", BORG, own.seeds, own.budget),
+        "with": partial(record_trials, *homeostatic, own.seeds, own.budget),
+    }
+    found = computed_trials(results, arms, part_of(progress, 0, 2))
+    points = reported(settings, found, results)
+    parts = {f"judged_{way}": partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
+    outcomes = dict(zip(points, computed(results, parts, part_of(progress, 1, 2)).values(), strict=True))
     write_json(folder / "summary.json", report(settings, found, outcomes))
-    names, seeds = settings.searches.problem().space.names, settings.searches.seeds
     rows = [
-        (way, seed, *(float(arrays[name][n]) for name in OUTCOMES), *arrays["points"][n].tolist())
+        (way, seed, *(float(arrays[name][n]) for name in OUTCOMES), *points[way][n].tolist())
         for way, arrays in outcomes.items()
-        for n, seed in enumerate(seeds)
+        for n, seed in enumerate(own.seeds)
     ]
-    write_table(folder / "reported.csv", ("way", "seed", *OUTCOMES, *names), rows)
+    write_table(folder / "reported.csv", ("way", "seed", *OUTCOMES, *vehicle.space.names), rows)
     draw(outcomes, folder / "homeostasis-objective.png")
 
 
-def report(settings: HomeostasisObjective, found: dict[str, Trials], outcomes: dict[str, Arrays]) -> dict[str, Any]:
+def report(
+    settings: HomeostasisObjective, found: Mapping[str, Trials], outcomes: Mapping[str, Arrays]
+) -> dict[str, Any]:
     """Evaluations until success, and quartiles and two-sided tests of every outcome."""
     own, goal = settings.searches, len(settings.searches.task.starts)
-    times = {arm: trials.first(goal) for arm, trials in found.items()}
-    needed = {arm: describe_times(t, own.budget) for arm, t in times.items()}
+    needed = {arm: describe_times(trials.first(goal), own.budget) for arm, trials in found.items()}
     summary: dict[str, Any] = {"evaluations_until_all_solved": needed, "outcomes": {}, "tests": {}}
     for name in OUTCOMES:
         samples = {way: arrays[name][np.isfinite(arrays[name])] for way, arrays in outcomes.items()}
@@ -181,7 +162,7 @@ def report(settings: HomeostasisObjective, found: dict[str, Trials], outcomes: d
     return summary
 
 
-def draw(outcomes: dict[str, Arrays], path: Path) -> None:
+def draw(outcomes: Mapping[str, Arrays], path: Path) -> None:
     """Every outcome of every trial, with medians, a panel each."""
     with figure(path, PAGE, 2.2, ncols=len(OUTCOMES)) as (drawn, panels):
         for axes, (name, label) in zip(panels.flat, OUTCOMES.items(), strict=True):
@@ -191,10 +172,9 @@ def draw(outcomes: dict[str, Arrays], path: Path) -> None:
                 axes.plot(place + spread, values, ".", color=colour, markersize=3, alpha=0.7, label=LABELS[way])
                 if len(values):
                     axes.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=colour)
+                    if name in MEASURES:
+                        logarithmic(axes, "y")
             axes.set(ylabel=label, xticks=[])
-        for axes, name in zip(panels.flat, MEASURES, strict=False):
-            if any(np.isfinite(arrays[name]).any() for arrays in outcomes.values()):
-                logarithmic(axes, "y")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
         letter(panels)
 
@@ -202,7 +182,10 @@ def draw(outcomes: dict[str, Arrays], path: Path) -> None:
 STUDY = Study(
     title="whether homeostasis as an objective helps",
     source="chapter 6",
-    scales=SCALES,
+    scales={
+        "small": HomeostasisObjective(CoOptimisation(runs=3, budget=100), weights=15, draws=2),
+        "full": HomeostasisObjective(),
+    },
     run=study,
     writes=("summary.json", "reported.csv", "homeostasis-objective.png"),
 )

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, check_counts, part_of
+from optim.experiments.results import Progress, part_of
+from optim.experiments.settings import Count, Settings, Whole
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
@@ -23,7 +24,8 @@ from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter4.training_table import TrainingTable
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder
 
 TRAINERS = tuple(BLACK_BOX_OPTIM)
@@ -32,7 +34,7 @@ _Outcome = tuple[Ints, Bools]  # of a body: evaluations and successes, shape (R,
 
 
 @dataclass(frozen=True)
-class Training:
+class Training(Settings):
     """Settings of the study.
 
     Attributes:
@@ -43,15 +45,11 @@ class Training:
         precision: ``"f64"`` or ``"f32"``.
     """
 
-    repetitions: int = 5
-    budget: int = 500
-    seed: int = 1
+    repetitions: Count = 5
+    budget: Count = 500
+    seed: Whole = 1
     task: VehicleTask = PUBLISHED
-    precision: str = "f64"
-
-    def __post_init__(self) -> None:
-        check_counts(self, repetitions=1, budget=1, seed=0)
-        checks.choice("precision", self.precision, ("f32", "f64"))
+    precision: Precision = "f64"
 
     def problem(self, threads: int | None = None) -> VehicleProblem:
         """The problem that judges controllers together with the places of their sensors."""
@@ -111,30 +109,32 @@ def train(
         if method not in TRAINERS:
             raise ValueError(f"methods: {method!r} is unknown; choose some of {', '.join(TRAINERS)}")
     folder = ResultsFolder(out, "training", settings.describe()) if out else None
-    known = {method: _load(folder, method) if folder else {} for method in methods}
-    missing = [(method, [design for design in bodies if design not in known[method]]) for method in methods]
-    chunks = [(m, todo[n : n + BODIES_PER_FILE]) for m, todo in missing for n in range(0, len(todo), BODIES_PER_FILE)]
+    known = {method: _load(folder, method) for method in methods}
+    chunks = []
+    for method in methods:
+        missing = [design for design in bodies if design not in known[method]]
+        chunks += [(method, missing[n : n + BODIES_PER_FILE]) for n in range(0, len(missing), BODIES_PER_FILE)]
     total = len(methods) * len(bodies)
     done = total - sum(len(chunk) for _, chunk in chunks)
     for method, chunk in chunks:
-        report = part_of(progress, done, total, len(chunk))
-        fresh = _run(method, {design: bodies[design] for design in chunk}, settings, threads, report)
-        known[method] |= fresh
+        share = part_of(progress, done, total, len(chunk))
+        evaluations, solved = _run(method, [bodies[design] for design in chunk], settings, threads, share)
+        fresh = {"designs": np.array(chunk), "evaluations": evaluations, "solved": solved}
+        known[method] |= _by_design(fresh)
         done += len(chunk)
         if folder:
-            _add(folder, method, fresh)
-    outcomes = [[known[method][design] for design in bodies] for method in methods]
-    evaluations, solved = (np.array([[pair[n] for pair in row] for row in outcomes]) for n in (0, 1))
-    return TrainingTable(methods, np.array(list(bodies)), evaluations, solved)
+            folder.add(f"runs-{method}", fresh["designs"].tobytes(), **fresh)
+    found = [np.array([[known[m][design][n] for design in bodies] for m in methods]) for n in (0, 1)]
+    return TrainingTable(methods, np.array(list(bodies)), *found)
 
 
 def _run(
-    method: str, bodies: dict[int, VehicleBody], settings: Training, threads: int | None, progress: Progress
-) -> dict[int, _Outcome]:
-    """All repetitions of a method in some bodies, side by side."""
+    method: str, bodies: Sequence[VehicleBody], settings: Training, threads: int | None, progress: Progress
+) -> tuple[Ints, Bools]:
+    """All repetitions of a method in D bodies, side by side: evaluations and successes, shape (D, R) each."""
     problem, weights = settings.problem(threads), VehicleProblem(body=BASELINE).space
-    runs = [(design, repetition) for design in bodies for repetition in range(settings.repetitions)]
-    places = np.array([np.ravel(bodies[design].sensors) for design, _ in runs])
+    runs = [(body, repetition) for body in bodies for repetition in range(settings.repetitions)]
+    places = np.array([np.ravel(body.sensors) for body, _ in runs])
     evaluations, solved = np.zeros(len(runs), np.int64), np.zeros(len(runs), bool)
 
     def judge(owners: Sequence[BudgetedSearch], request: Request) -> Evaluation:
@@ -146,11 +146,10 @@ def _run(
         evaluations[run] += successes[0] + 1 if successes.size else len(points)
         return bool(solved[run])
 
-    seeds = [_seed(settings.seed, *run) for run in runs]
+    seeds = [_seed(settings.seed, body.design or 0, repetition) for body, repetition in runs]
     methods = [build_method(method, weights, {**BLACK_BOX_OPTIM[method], "seed": seed}) for seed in seeds]
     run_with_budget(methods, settings.budget, judge, observe, progress)
-    shape = len(bodies), settings.repetitions
-    return dict(zip(bodies, zip(evaluations.reshape(shape), solved.reshape(shape), strict=True), strict=True))
+    return evaluations.reshape(len(bodies), -1), solved.reshape(len(bodies), -1)
 
 
 def _seed(*stream: int) -> int:
@@ -158,15 +157,13 @@ def _seed(*stream: int) -> int:
     return int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0]) >> 1  # seeds are below 2^63
 
 
-def _load(folder: ResultsFolder, method: str) -> dict[int, _Outcome]:
+def _load(folder: ResultsFolder | None, method: str) -> dict[int, _Outcome]:
     known: dict[int, _Outcome] = {}
-    for arrays in folder.load(f"runs-{method}"):
-        pairs = zip(arrays["evaluations"], arrays["solved"], strict=True)
-        known |= dict(zip(arrays["designs"].tolist(), pairs, strict=True))
+    for arrays in folder.load(f"runs-{method}") if folder else ():
+        known |= _by_design(arrays)
     return known
 
 
-def _add(folder: ResultsFolder, method: str, fresh: dict[int, _Outcome]) -> None:
-    designs = np.array(list(fresh))
-    evaluations, solved = (np.array(column) for column in zip(*fresh.values(), strict=True))
-    folder.add(f"runs-{method}", designs.tobytes(), designs=designs, evaluations=evaluations, solved=solved)
+def _by_design(arrays: Arrays) -> dict[int, _Outcome]:
+    pairs = zip(arrays["evaluations"], arrays["solved"], strict=True)
+    return dict(zip(arrays["designs"].tolist(), pairs, strict=True))

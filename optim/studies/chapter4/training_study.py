@@ -1,14 +1,13 @@
 """Whether the metrics of bodies predict how many evaluations trainers need in them (chapter 4)."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter, note
-from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.records import write_columns
+from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import write_table
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of, read_sweep_table
 from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
@@ -47,12 +46,6 @@ class TrainingInBodies:
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
         return {**self.training.describe(), "bodies": self.bodies, "weights": self.weights}
-
-
-SCALES: Mapping[Budget, TrainingInBodies] = {
-    "small": TrainingInBodies(20, 41, Training(repetitions=2)),
-    "full": TrainingInBodies(),
-}
 
 
 def study(
@@ -103,14 +96,14 @@ def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
         for axes, method in zip(panels[0], table.methods, strict=True):
             caption(axes, NAMES.get(method, method))
         letter(panels)
-    columns = (table.designs.tolist(), *(values.tolist() for values in part.metrics.values()), *means.tolist())
-    write_table(path.with_suffix(".csv"), ("design", *part.metrics, *table.methods), zip(*columns, strict=True))
+    columns = {"design": table.designs, **part.metrics, **dict(zip(table.methods, means, strict=True))}
+    write_columns(path.with_suffix(".csv"), columns)
 
 
 STUDY = Study(
     title="evaluations that four trainers need, against what a sweep says of the bodies",
     source="chapter 4, figure of sample efficiency",
-    scales=SCALES,
+    scales={"small": TrainingInBodies(20, 41, Training(repetitions=2)), "full": TrainingInBodies()},
     run=study,
     writes=("summary.json", "runs.csv", "training.png"),
 )

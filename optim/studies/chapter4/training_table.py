@@ -5,7 +5,6 @@ Source: dissertation, chapter 4, "Training" and figure "neurips_evolution_correl
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -36,12 +35,12 @@ class TrainingTable:
 
     def write(self, path: Path) -> None:
         """Write a row for each run as CSV, compressed if its name ends in ``.gz``."""
-        rows = (
-            (design, method, r + 1, int(self.evaluations[m, d, r]), int(self.solved[m, d, r]))
-            for m, method in enumerate(self.methods)
-            for d, design in enumerate(self.designs.tolist())
-            for r in range(self.evaluations.shape[2])
-        )
+        rows = [
+            (design, method, number, *map(int, run))
+            for method, *outcomes in zip(self.methods, self.evaluations, self.solved, strict=True)
+            for design, *runs in zip(self.designs.tolist(), *outcomes, strict=True)
+            for number, run in enumerate(zip(*runs, strict=True), 1)
+        ]
         write_table(path, COLUMNS, rows)
 
 
@@ -79,7 +78,7 @@ class MetricCorrelation:
 
     method: str
     metric: str
-    over: Literal["runs", "bodies"]
+    over: str
     found: Correlation
 
 
@@ -96,9 +95,7 @@ def metric_correlations(table: TrainingTable, sweep: SweepTable) -> list[MetricC
     found = []
     for method, evaluations in zip(table.methods, table.evaluations, strict=True):
         for metric, values in sweep.rows(table.designs).metrics.items():
-            every = np.repeat(values, evaluations.shape[1])
-            runs = pearson(every, evaluations.ravel(), "two-sided")
-            bodies = pearson(values, evaluations.mean(axis=1), "two-sided")
-            found.append(MetricCorrelation(method, metric, "runs", runs))
-            found.append(MetricCorrelation(method, metric, "bodies", bodies))
+            runs = np.repeat(values, evaluations.shape[1]), evaluations.ravel()
+            for over, pairs in (("runs", runs), ("bodies", (values, evaluations.mean(axis=1)))):
+                found.append(MetricCorrelation(method, metric, over, pearson(*pairs, "two-sided")))
     return found
