@@ -48,7 +48,7 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Train, then write tables of all that was asked for."""
-    from optim.studies.chapter2.champions import Alone, train_alone
+    from optim.studies.chapter2.champions import train_alone
     from optim.studies.chapter2.settings import FITNESS, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
     from optim.studies.chapter2.study import files_of, train
 
@@ -72,8 +72,8 @@ def run(args: argparse.Namespace) -> Report:
             )
             if args.alone:
                 update(0.0, "each light alone")
-                effort = Alone(args.runs, args.generations)
-                alone = train_alone(settings, robots, effort, args.out, args.threads, update)
+                effort = args.runs, args.generations
+                alone = train_alone(settings, robots, *effort, args.out, args.threads, update)
     except KeyboardInterrupt as interrupt:
         return interrupted(args.out, interrupt)
     files = [*files_of(settings, args.figures), *(("alone.csv",) if args.alone else ())]

@@ -2,15 +2,12 @@
 
 import json
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from numpy.typing import NDArray
-
 from optim.experiments.tables import write_records
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.files import (
     ASIDE,
@@ -18,7 +15,6 @@ from taichi_sim.base.files import (
     complete_lines,
     keep_lines,
     make_folder,
-    read_text,
     write_record,
     write_text,
 )
@@ -35,12 +31,6 @@ def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
         if name == budget:
             return settings
     raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
-
-
-def check_counts(settings: object, **least: int) -> None:
-    """Raise a ValueError if a named field of settings is no whole number, or below the least that is allowed."""
-    for name, low in least.items():
-        checks.integer(name, getattr(settings, name), low)
 
 
 def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
@@ -67,39 +57,6 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
         write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 
-def tables_alone(folder: Path, raw: str, tables: Collection[str]) -> bool:
-    """Tell whether a study's folder holds its tables without the raw results that they were made from.
-
-    Then summary, pages and figures are made from the tables again, and nothing is computed.
-
-    Args:
-        folder: the folder of the study.
-        raw: the name of the folder of raw results inside it.
-        tables: the names of the tables; all of them must be there.
-    """
-    return not (folder / raw).exists() and all((folder / name).is_file() for name in tables)
-
-
-def check_tables(folder: Path, settings: Mapping[str, Any]) -> None:
-    """Refuse tables whose summary tells of other settings than those asked for.
-
-    Args:
-        folder: the folder of the study, which holds its tables alone, see :func:`tables_alone`.
-        settings: the values asked for, by their names in ``summary.json``.
-
-    Raises:
-        ValueError: if the summary names another value.
-    """
-    path = folder / "summary.json"
-    known = json.loads(read_text(path)) if path.is_file() else {}
-    for name, value in settings.items():
-        if name in known and known[name] != value:
-            raise ValueError(
-                f"out: {folder} holds tables of another study ({name}: {known[name]!r}, not {value!r}) without its "
-                "runs; name another folder"
-            )
-
-
 def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
     """Load the arrays of a part of a study from the folder, or compute and keep them there.
 
@@ -114,25 +71,6 @@ def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays
     if folder:
         folder.add(name, name.encode(), **found)
     return found
-
-
-def cached_in_turn(
-    folder: ResultsFolder, key: str, parts: Iterable[tuple[str, Callable[[Progress], NDArray[Any]]]], progress: Progress
-) -> list[NDArray[Any]]:
-    """Load or compute one array for each part of a study, one after the other, as :func:`cached` does.
-
-    Args:
-        folder: keeps each as soon as it is computed.
-        key: name of the arrays in their files.
-        parts: names, and functions that compute the arrays and take a progress of their own.
-        progress: called with the fraction done.
-    """
-    parts = list(parts)
-
-    def one(number: int, name: str, compute: Callable[[Progress], NDArray[Any]]) -> NDArray[Any]:
-        return cached(folder, name, lambda: {key: compute(part_of(progress, number, len(parts)))})[key]
-
-    return [one(number, *part) for number, part in enumerate(parts)]
 
 
 def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:

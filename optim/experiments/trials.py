@@ -7,7 +7,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.experiments.results import cached
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation
 from optim.runs.requests import Request
@@ -15,7 +14,6 @@ from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
-from taichi_sim.base.results_folder import ResultsFolder
 
 NOTHING = -1  # where a trial has ended, or has found nothing yet
 
@@ -156,8 +154,3 @@ def record_trials(
     methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
     run_with_budget(methods, budget, evaluate, observe, progress)
     return Trials(points, objectives[0], solved, with_gradient)
-
-
-def cached_trials(folder: ResultsFolder | None, arm: str, *searches: Any, **options: Any) -> Trials:
-    """Load the trials of an arm of a study from the folder, or run them by :func:`record_trials` and keep them."""
-    return Trials.from_arrays(cached(folder, f"trials_{arm}", lambda: record_trials(*searches, **options).arrays))

@@ -9,15 +9,17 @@ moves, and beside that at random. The settings were chosen on other seeds.
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
-from optim.experiments.results import Budget, Progress, part_of, write_json
+from optim.experiments.parts import computed_trials
+from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, cached_trials
+from optim.experiments.trials import Trials, record_trials
 from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
@@ -38,8 +40,7 @@ PAIRS = (
     ("cma_random", "random"),
     ("borg", "random"),
 )
-
-SCALES: Mapping[Budget, CoOptimisation] = co_optimisation.SCALES
+Times = Mapping[tuple[str, str], Mapping[str, Ints]]  # by problem and method: counts of trials, by kind
 
 
 def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -54,54 +55,57 @@ def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
     }
 
 
-def search(
-    settings: CoOptimisation, folder: ResultsFolder | None, progress: Progress = None
-) -> dict[str, dict[str, Trials]]:
-    """Trials by problem and method, those that the folder has among them."""
-    found: dict[str, dict[str, Trials]] = {name: {} for name in PROBLEMS}
-    parts = [(*each, *search) for each in PROBLEMS.items() for search in searches(each[1][2]).items()]
-    for done, (name, (_, given, _), label, (method, own)) in enumerate(parts):
-        problem = settings.problem("environments" if method == "borg" else "total", **given)
-        trial, share = (problem, method, own, settings.seeds, settings.budget), part_of(progress, done, len(parts))
-        found[name][label] = cached_trials(folder, f"{name}_{label}", *trial, until_solved=True, progress=share)
-    return found
+def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
+    """Write ``summary.json``, raw data as CSV and a figure.
+
+    For the arguments see :class:`optim.experiments.study.Study`.
+    """
+    methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
+    results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})
+    arms = {}
+    for name, (_, given, _) in PROBLEMS.items():
+        for label, (method, own) in methods[name].items():
+            problem = settings.problem("environments" if method == "borg" else "total", **given)
+            trial = problem, method, own, settings.seeds, settings.budget
+            arms[f"{name}_{label}"] = partial(record_trials, *trial, until_solved=True)
+    found = computed_trials(results, arms, progress)
+    trials = {(name, label): found[f"{name}_{label}"] for name in PROBLEMS for label in methods[name]}
+    write_json(folder / "summary.json", report(settings, trials, folder))
 
 
-def report(settings: CoOptimisation, found: dict[str, dict[str, Trials]], out: Path) -> dict[str, Any]:
+def report(settings: CoOptimisation, found: Mapping[tuple[str, str], Trials], out: Path) -> dict[str, Any]:
     """Write raw times as CSV, draw them, and return their numbers."""
     environments = len(settings.task.starts)
+    times = {
+        each: {"evaluations": trials.first(environments), "cost": trials.cost(environments)}
+        for each, trials in found.items()
+    }
     summary: dict[str, Any] = {"evaluations": {}, "cost": {}, "tests": {}}
-    times: dict[str, dict[str, dict[str, Ints]]] = {"evaluations": {}, "cost": {}}
-    for name, methods in found.items():
-        for kind, counts in times.items():
-            counts[name] = {
-                method: trials.first(environments) if kind == "evaluations" else trials.cost(environments)
-                for method, trials in methods.items()
-            }
-            each = {m: describe_times(values, settings.budget) for m, values in counts[name].items()}
+    for name in PROBLEMS:
+        for kind in ("evaluations", "cost"):
+            each = {m: describe_times(times[name, m][kind], settings.budget) for m in LABELS}
             if kind == "cost":  # trials that failed cost more than the budget of evaluations
                 each = {m: {k: v for k, v in row.items() if not k.startswith("mean")} for m, row in each.items()}
             summary[kind][name] = each
-        ranks = {m: ranked(values, settings.budget) for m, values in times["evaluations"][name].items()}
+        ranks = {m: ranked(times[name, m]["evaluations"], settings.budget) for m in LABELS}
         summary["tests"][name] = compare(ranks, PAIRS, "less")
     rows = [
-        (name, method, seed, *(int(times[kind][name][method][n]) for kind in times))
-        for name, methods in found.items()
-        for method in methods
-        for n, seed in enumerate(settings.seeds)
+        (*each, seed, *counts)
+        for each, kinds in times.items()
+        for seed, *counts in zip(settings.seeds, *kinds.values(), strict=True)
     ]
     write_table(out / "evaluations-until-all-solved.csv", ("problem", "method", "seed", "evaluations", "cost"), rows)
     _draw(times, settings.budget, out / "search-comparison.png")
     return summary
 
 
-def _draw(times: dict[str, dict[str, dict[str, Ints]]], budget: int, path: Path) -> None:
+def _draw(times: Times, budget: int, path: Path) -> None:
     """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
     with figure(path, PAGE, 2.8, ncols=len(PROBLEMS), sharey=True) as (drawn, panels):
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
-                    values = times[kind][name][method]
+                    values = times[name, method][kind]
                     line: Any = {"ls": style, "color": colour, "label": label + ", by cost" * (kind == "cost")}
                     draw_share_solved(axes, values[values > 0], len(values), budget, **line)
             axes.set_title(title)
@@ -110,20 +114,10 @@ def _draw(times: dict[str, dict[str, dict[str, Ints]]], budget: int, path: Path)
         letter(panels)
 
 
-def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
-    """Write ``summary.json``, raw data as CSV and a figure.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
-    methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
-    results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})
-    write_json(folder / "summary.json", report(settings, search(settings, results, progress), folder))
-
-
 STUDY = Study(
     title="gradients beside gradient-free searches: evaluations until all environments are solved",
     source="beyond chapter 4",
-    scales=SCALES,
+    scales=co_optimisation.STUDY.scales,
     run=study,
     writes=("summary.json", "evaluations-until-all-solved.csv", "search-comparison.png"),
 )

@@ -89,23 +89,11 @@ def typical(seen: Champions) -> int:
 COLUMNS = ("robot", "x", "y", "run", "distance", "time_near", "time_near_at_the_end")
 
 
-@dataclass(frozen=True)
-class Alone:
-    """How much is trained on each light.
-
-    Attributes:
-        runs: of each robot.
-        generations: of each run.
-    """
-
-    runs: int
-    generations: int
-
-
 def train_alone(
     settings: Interference,
     robots: Sequence[str],
-    effort: Alone,
+    runs: int,
+    generations: int,
     out: Path,
     threads: int | None = None,
     progress: Progress = None,
@@ -115,7 +103,8 @@ def train_alone(
     Args:
         settings: whose lights are taken one by one; each has a folder of its own in ``out / "alone"``.
         robots: names.
-        effort: runs and generations.
+        runs: of each robot with each light.
+        generations: of each run.
         out: folder of the study.
         threads: CPU threads.
         progress: called with the fraction done.
@@ -129,12 +118,12 @@ def train_alone(
     for n, light in enumerate(settings.lights):
         single = replace(settings, lights=(light,))
         folder, share = out / "alone" / f"{light[0]:g},{light[1]:g}", part_of(progress, n, len(settings.lights))
-        found = evolve(single, chosen, effort.runs, effort.generations, folder, threads, share)
+        found = evolve(single, chosen, runs, generations, folder, threads, share)
         for treatment, seen in champions_of(single, found, threads).items():
             near, waiting = time_near(seen, single.lights)
             numbers = np.column_stack([seen.distance, near, waiting])
             rows += [(treatment.robot, *light, run, *values) for run, values in enumerate(numbers.tolist())]
             means = dict(zip(COLUMNS[4:], numbers.mean(axis=0).tolist(), strict=True))
-            summary.append({"robot": treatment.robot, "light": list(light), "runs": effort.runs, **means})
+            summary.append({"robot": treatment.robot, "light": list(light), "runs": runs, **means})
     write_table(out / "alone.csv", COLUMNS, rows)
     return summary

@@ -73,9 +73,6 @@ def all_mutations(
     found: Mapping[Run, Arrays], champions: Mapping[Run, RunMeasures] | None = None
 ) -> dict[Treatment, tuple[Floats, NDArray[np.int32]]]:
     """Beneficial mutations of all runs by treatment; of the lines of run champions only, if these are given."""
-    only = {run: None if champions is None else [champions[run].champion] for run in found}
-    each = {run: mutations(state, only[run]) for run, state in found.items()}
-    return {
-        treatment: (np.concatenate([changes for changes, _ in parts]), np.concatenate([born for _, born in parts]))
-        for treatment, parts in by_treatment(each).items()
-    }
+    each = {run: mutations(s, None if champions is None else [champions[run].champion]) for run, s in found.items()}
+    joined = {treatment: zip(*parts, strict=True) for treatment, parts in by_treatment(each).items()}
+    return {treatment: tuple(map(np.concatenate, parts)) for treatment, parts in joined.items()}  # type: ignore[misc]

@@ -1,7 +1,7 @@
 """Runs of climbers side by side, kept in a folder, where they go on after any interruption."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
@@ -31,14 +31,17 @@ class Climbers:
 
     Attributes:
         treatment: what is trained, and how.
+        run: its number.
         goal: generations to make, the first population among them.
         method: the climbers.
+        changed: whether they were told anything that is not written yet.
     """
 
     def __init__(self, settings: Interference, treatment: Treatment, run: int, goal: int) -> None:
         """Set up the climbers; see :attr:`Interference.method`."""
-        self.treatment, self.goal = treatment, goal
+        self.treatment, self.run, self.goal = treatment, run, goal
         self.method: Any = settings.method(treatment.trainer, run)
+        self.changed = False
         self._kept: list[Arrays] = []
         self._derivatives = 0
 
@@ -65,6 +68,7 @@ class Climbers:
         """Tell the method, and note what its climbers keep."""
         before, born = self.method.points, self.turns
         self.method.tell(request.points, evaluation)
+        self.changed = True
         if request.wants == "gradients":
             self._derivatives += len(request.points)
             return
@@ -155,37 +159,34 @@ def evolve(
     runtime.start(settings.device, settings.precision, threads)  # refuses what is not there before a folder is made
     folder = None if out is None else ResultsFolder(out, KIND, asdict(settings))
     goal = generations + 1
-    members = {(each, run): Climbers(settings, each, run, goal) for each in chosen for run in range(runs)}
-    for (treatment, run), climbers in members.items():
-        for state in folder.load(treatment.file(run)) if folder else ():
+    members = [Climbers(settings, each, run, goal) for each in chosen for run in range(runs)]
+    for climbers in members:
+        for state in folder.load(climbers.treatment.file(climbers.run)) if folder else ():
             if "climber" in state:
                 climbers.restore(state)
-    if (reached := max(each.turns for each in members.values())) > goal:
+    if (reached := max(each.turns for each in members)) > goal:
         raise ValueError(f"generations: {generations} is not allowed; {out} holds {reached - 1}")
-    changed: set[Run] = set()
     written = time.monotonic()
 
-    def judge(searches: Sequence[Climbers], requests: Sequence[Request]) -> Iterator[Evaluation]:
-        changed.update(key for key, each in members.items() if each in searches)
+    def evaluate(searches: Sequence[Climbers], requests: Sequence[Request]) -> Iterable[Evaluation]:
         return _judge(settings, searches, requests, threads)
 
     def after_round() -> None:
         nonlocal written
         if progress:
-            progress(sum(each.turns for each in members.values()) / (goal * len(members)))
-        whole = all(each.whole for each in members.values())
-        if whole and time.monotonic() - written > SECONDS_BETWEEN_FILES:
-            _write(folder, members, changed)
+            progress(sum(each.turns for each in members) / (goal * len(members)))
+        if all(each.whole for each in members) and time.monotonic() - written > SECONDS_BETWEEN_FILES:
+            _write(folder, members)
             written = time.monotonic()
 
-    run_side_by_side(members.values(), judge, after_round)
-    _write(folder, members, changed)
-    return {key: each.state() for key, each in members.items()}
+    run_side_by_side(members, evaluate, after_round)
+    _write(folder, members)
+    return {(each.treatment, each.run): each.state() for each in members}
 
 
 def _judge(
     settings: Interference, searches: Sequence[Climbers], requests: Sequence[Request], threads: int | None
-) -> Iterator[Evaluation]:
+) -> Iterable[Evaluation]:
     """Evaluate what climbers ask for: a simulation for each robot, and gradients treatment by treatment."""
 
     def together(owners: Sequence[Climbers], request: Request) -> Evaluation:
@@ -193,24 +194,21 @@ def _judge(
         if request.wants == "gradients":
             return settings.fitness_and_slopes(treatment, request.points, threads)
         seen = settings.simulate(treatment.robot, controllers(request.points), threads)
-        return Evaluation(np.zeros(len(owners)), details={"light": seen.light, "distance": seen.distance})
+        every = np.stack([combine(seen.light, axis=-1) for combine in FITNESS.values()])
+        own = [list(FITNESS).index(climbers.treatment.fitness) for climbers in owners]
+        details = {"light": seen.light, "distance": seen.distance}
+        return Evaluation(every[own, np.arange(len(owners))], details=details)
 
-    def kind(climbers: Climbers) -> tuple[str, ...]:
-        robot, fitness = climbers.treatment.robot, climbers.treatment.fitness
-        return (robot,) if climbers.whole else (robot, fitness)
+    def kind(climbers: Climbers) -> tuple[str, str]:
+        return climbers.treatment.robot, "" if climbers.whole else climbers.treatment.fitness
 
-    for climbers, request, seen in zip(
-        searches, requests, judge_together(searches, requests, together, kind), strict=True
-    ):
-        if request.wants == "gradients":
-            yield seen
-        else:
-            yield Evaluation(FITNESS[climbers.treatment.fitness](seen.details["light"], axis=-1), details=seen.details)
+    return judge_together(searches, requests, together, kind)
 
 
-def _write(folder: ResultsFolder | None, members: dict[Run, Climbers], changed: set[Run]) -> None:
-    """Write the files of all runs that moved since, and forget that they did."""
-    for treatment, run in sorted(changed, key=lambda key: key[0].file(key[1])) if folder else ():
-        name = treatment.file(run)
-        folder.add(name, name.encode(), **members[treatment, run].state())  # type: ignore[union-attr]
-    changed.clear()
+def _write(folder: ResultsFolder | None, members: Sequence[Climbers]) -> None:
+    """Write the files of all runs that changed since, and forget that they did."""
+    for climbers in members:
+        if folder and climbers.changed:
+            name = climbers.treatment.file(climbers.run)
+            folder.add(name, name.encode(), **climbers.state())
+        climbers.changed = False

@@ -17,9 +17,10 @@ from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.studies.chapter2.champions import Champions, typical
 from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_POINTS = 20_000  # of a panel; more are as dense
+PATHS = dict(zip(ROBOTS, ("#D55E00", "#009E73", "#0072B2"), strict=True))
 SHADES = ("#e8f3e8", "#f7ecec")  # better in both environments; better in one and worse in the other
 
 
@@ -59,16 +60,17 @@ def _grid_of_treatments(
 def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]], path: Path) -> None:
     """Beneficial mutations in two environments, a panel each treatment, coloured by generation; numbers as ``.npz``."""
     rows, columns = _layout(list(mutations))
-    every = np.concatenate([changes for changes, _ in mutations.values()])
-    reach = 1.05 * max(1.0, np.abs(every).max(initial=0.0))
+    reach = 1.05 * max(1.0, *(np.abs(changes).max(initial=0.0) for changes, _ in mutations.values()))
     latest = max(1, *(int(born.max(initial=0)) for _, born in mutations.values()))
     size = 0.9 + 1.75 * len(columns), 0.5 + 1.65 * len(rows)
     labels = "nearer to the light in the first environment [m]", "in the second [m]"
     marks: Any = {"s": 3, "lw": 0, "vmin": 0, "vmax": latest, "cmap": "viridis", "rasterized": True, "zorder": 2}
+    arrays: Arrays = {}
     with _grid_of_treatments(list(mutations), path, size, labels) as (drawn, panels):
         points: Any = None
         for treatment, (changes, born) in mutations.items():
-            axes = panels[treatment]
+            axes, name = panels[treatment], f"{treatment.robot}_{treatment.row}"
+            arrays |= {f"{name}_change": changes, f"{name}_generation": born}
             axes.fill_between([0, reach], 0, reach, color=SHADES[0], lw=0)
             axes.fill_between([-reach, 0], 0, reach, color=SHADES[1], lw=0)
             axes.fill_between([0, reach], -reach, 0, color=SHADES[1], lw=0)
@@ -77,10 +79,6 @@ def draw_changes(mutations: Mapping[Treatment, tuple[Floats, NDArray[np.int32]]]
             chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
             points = axes.scatter(*changes[chosen].T, c=born[chosen], **marks)
         drawn.colorbar(points, ax=list(drawn.axes), label="generation", fraction=0.03, aspect=40)
-    arrays: dict[str, np.ndarray[Any, Any]] = {}
-    for treatment, (changes, born) in mutations.items():
-        name = f"{treatment.robot}_{treatment.row}"
-        arrays |= {f"{name}_change": changes, f"{name}_generation": born}
     save_arrays(path.with_suffix(".npz"), arrays)
 
 
@@ -128,7 +126,6 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
 
     rows, columns = _layout(list(champions))
     data: list[tuple[Any, ...]] = []
-    colours = dict(zip(ROBOTS, ("#D55E00", "#009E73", "#0072B2"), strict=True))
     chosen = {treatment: typical(seen) for treatment, seen in champions.items()}
     every = np.concatenate([settings.lights, *(seen.paths[chosen[t]].reshape(-1, 2) for t, seen in champions.items())])
     low, high = np.nanmin(every, axis=0) - 1, np.nanmax(every, axis=0) + 1
@@ -136,11 +133,11 @@ def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference
     size = PAGE, 0.6 + (6.2 / len(columns) * height / width + 0.15) * len(rows)
     with _grid_of_treatments(list(champions), path, size, ("x [m]", "y [m]")) as (_, panels):
         for treatment, seen in champions.items():
-            axes, run = panels[treatment], chosen[treatment]
+            axes, run, colour = panels[treatment], chosen[treatment], PATHS[treatment.robot]
             for n, ((x, y), line) in enumerate(zip(settings.lights, seen.paths[run], strict=True)):
                 axes.plot(x, y, "*", color="#E69F00", ms=10, mec="0.3", mew=0.4, zorder=3)
-                axes.plot(*line.T, color=colours[treatment.robot], lw=0.8, ls=("-", "--", "-.", ":")[n % 4])
-                axes.plot(*line[-1], "o", color=colours[treatment.robot], ms=3)
+                axes.plot(*line.T, color=colour, lw=0.8, ls=("-", "--", "-.", ":")[n % 4])
+                axes.plot(*line[-1], "o", color=colour, ms=3)
                 moments = zip(seen.times.tolist(), *line.T.tolist(), seen.light[run, n].tolist(), strict=True)
                 data += [(treatment.row, treatment.robot, run, n, *moment) for moment in moments]
             axes.plot(0, 0, "s", color="black", ms=3, zorder=3)

@@ -10,13 +10,14 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from optim.experiments.comparison import compare
-from optim.experiments.tables import write_table
+from optim.experiments.pages import cell
+from optim.experiments.records import distinct
+from optim.experiments.tables import markdown, write_table
 from optim.measures.homeostasis import homeostasis
 from optim.search.method import generator
 from optim.studies.chapter2.champions import Champions, follow
@@ -30,14 +31,12 @@ from taichi_sim.signals import warping_distances
 EARLY = 10.0  # s
 APART = 0.3  # m, a body length
 RANDOM, CONTROLLERS = "random", 100  # beside champions, to tell what bodies do of themselves
-QUANTITIES: Mapping[str, str] = MappingProxyType(
-    {
-        "warping": "distance of light signals by dynamic time warping, each with mean 0 and deviation 1",
-        "warping_early": f"the same in the first {EARLY:g} s",
-        "asymmetry": "mean distance of paths once turned so that the lights coincide [m]",
-        "divergence": "when paths are a body length apart [s]",
-    }
-)
+QUANTITIES = {
+    "warping": "distance of light signals by dynamic time warping, each with mean 0 and deviation 1",
+    "warping_early": f"the same in the first {EARLY:g} s",
+    "asymmetry": "mean distance of paths once turned so that the lights coincide [m]",
+    "divergence": "when paths are a body length apart [s]",
+}
 
 Cells = dict[tuple[str, str], Floats]  # by row and robot
 
@@ -88,12 +87,12 @@ def likeness(
     for robot in dict.fromkeys(treatment.robot for treatment in champions):
         seen[RANDOM, robot] = follow(settings, robot, weights, threads)
     found: dict[str, Cells] = {name: {} for name in QUANTITIES}
-    for cell, each in seen.items():
+    for place, each in seen.items():
         early = each.times < EARLY
         signals = warping(each.light, threads), warping(each.light[:, :, early], threads)
         numbers = (*signals, asymmetry(each.paths, settings.lights), divergence(each.paths, each.times))
         for name, values in zip(QUANTITIES, numbers, strict=True):
-            found[name][cell] = values[np.isfinite(values)]
+            found[name][place] = values[np.isfinite(values)]
     return found
 
 
@@ -102,9 +101,9 @@ def write_likeness(found: Mapping[str, Cells], out: Path) -> dict[str, Any]:
     summary: dict[str, Any] = {}
     rows, text = [], ["# Whether environments look alike\n"]
     for name, cells in found.items():
-        rows += [(name, *cell, number) for cell, numbers in cells.items() for number in numbers.tolist()]
-        known = ((cell, float(numbers.mean())) for cell, numbers in cells.items() if len(numbers))
-        means = [{"fitness": row, "robot": robot, "mean": mean} for (row, robot), mean in known]
+        rows += [(name, *place, number) for place, numbers in cells.items() for number in numbers.tolist()]
+        known = {place: float(numbers.mean()) for place, numbers in cells.items() if len(numbers)}
+        means = [{"fitness": row, "robot": robot, "mean": mean} for (row, robot), mean in known.items()]
         tests = {}
         for row in dict.fromkeys(row for row, _ in cells):
             samples = {robot: numbers for (other, robot), numbers in cells.items() if other == row and len(numbers) > 1}
@@ -118,15 +117,11 @@ def write_likeness(found: Mapping[str, Cells], out: Path) -> dict[str, Any]:
 
 def _readable(name: str, part: Mapping[str, Any]) -> list[str]:
     """A table of means, and p of the tests (Bonferroni by row)."""
-    means = {(cell["fitness"], cell["robot"]): cell["mean"] for cell in part["means"]}
-    robots = list(dict.fromkeys(robot for _, robot in means))
-    lines = [
-        f"## {QUANTITIES[name]}\n",
-        "| | " + " | ".join(robots) + " | tests of pairs |",
-        "| --- |" + " --- |" * (len(robots) + 1),
-    ]
+    means = {(row["fitness"], row["robot"]): row["mean"] for row in part["means"]}
+    robots = distinct(part["means"], "robot")
+    lines = []
     for row, tests in part["tests"].items():
         told = "; ".join(f"{t['first']} and {t['second']}: p = {t['p_bonferroni']:.2g}" for t in tests)
-        numbers = (f"{means[row, robot]:.3f}" if (row, robot) in means else "–" for robot in robots)
-        lines.append(f"| {row} | {' | '.join(numbers)} | {told} |")
-    return [*lines, ""]
+        lines.append((row, *(cell(means.get((row, robot)), ".3f") for robot in robots), told))
+    header = "", *robots, "tests of pairs"
+    return [f"## {QUANTITIES[name]}\n", *markdown(header, "l" * len(header), lines), ""]

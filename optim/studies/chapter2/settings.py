@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from optim.experiments.settings import Count, Settings
 from optim.problem import Evaluation
 from optim.search import build_method
 from optim.search.method import MOST_POINTS, Method
@@ -27,6 +29,7 @@ from robots.quadruped import (
 )
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Device
 
 Lights = tuple[tuple[float, float], ...]
 
@@ -86,7 +89,7 @@ def treatments(
 
 
 @dataclass(frozen=True)
-class Interference:
+class Interference(Settings):
     """Settings that all results of a folder depend on.
 
     Attributes:
@@ -99,18 +102,11 @@ class Interference:
     """
 
     lights: Lights = TWO_ENVIRONMENTS
-    population: int = 100
-    steps: int = STEPS
-    variant: str = "as-run"
-    precision: str = "f64"
-    device: str = "cpu"
-
-    def __post_init__(self) -> None:
-        checks.integer("population", self.population, 1, MOST_POINTS)
-        checks.integer("steps", self.steps, 1)
-        known = {"variant": tuple(VARIANTS), "precision": ("f64", "f32"), "device": ("cpu", "cuda", "vulkan", "metal")}
-        for name, names in known.items():
-            checks.choice(name, getattr(self, name), names)
+    population: Annotated[int, partial(checks.integer, low=1, high=MOST_POINTS)] = 100
+    steps: Count = STEPS
+    variant: Annotated[str, partial(checks.choice, names=tuple(VARIANTS))] = "as-run"
+    precision: Literal["f64", "f32"] = "f64"
+    device: Device = "cpu"
 
     def method(self, trainer: str, run: int) -> Method:
         """The climbers of a run; the same run of another treatment draws the same numbers.

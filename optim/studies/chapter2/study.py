@@ -4,14 +4,14 @@ Nine treatments, three robots times three ways to combine environments, are trai
 to M4, tests and pictures say which of them suffer when what helps in one environment harms in another.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.results import Budget, Progress, check_folder, part_of, write_json
+from optim.experiments.results import Progress, check_folder, part_of, write_json
 from optim.experiments.study import Study
-from optim.studies.chapter2.champions import Alone, champions_of, train_alone, write_champions
+from optim.studies.chapter2.champions import champions_of, train_alone, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
 from optim.studies.chapter2.evolution import evolve
 from optim.studies.chapter2.likeness import likeness, write_likeness
@@ -35,19 +35,15 @@ class Effort:
         population: climbers of a run.
         runs: of each treatment.
         generations: of each run.
-        alone: the same of training on each light alone.
+        runs_alone: of each robot that is trained on a light alone.
+        generations_alone: of each of these.
     """
 
     population: int
     runs: int
     generations: int
-    alone: Alone
-
-
-SCALES: Mapping[Budget, Effort] = {
-    "small": Effort(20, 3, 40, Alone(2, 40)),
-    "full": Effort(100, 30, 3000, Alone(5, 400)),  # as published
-}
+    runs_alone: int
+    generations_alone: int
 
 
 def train(
@@ -100,19 +96,19 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     :class:`optim.experiments.study.Study`.
     """
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
-    interference = Interference(population=settings.population)
-    two, four = (replace(interference, lights=LIGHTS[environments]) for environments in (2, 4))
-    for n, (name, world) in enumerate((("two", two), ("four", four))):
+    for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
+        world = Interference(LIGHTS[environments], settings.population)
         effort, share = (settings.runs, settings.generations), part_of(progress, n, 3)
         train(world, treatments(), *effort, folder / name, figures=True, progress=share)
-    alone = train_alone(four, tuple(ROBOTS), settings.alone, folder, progress=part_of(progress, 2, 3))
+    effort, share = (settings.runs_alone, settings.generations_alone), part_of(progress, 2, 3)
+    alone = train_alone(world, tuple(ROBOTS), *effort, folder, progress=share)  # on each of the four lights
     write_json(folder / "summary.json", {"alone": alone})
 
 
 STUDY = Study(
     title="which robots, trained in several environments, suffer when what helps in one harms in another",
     source="chapter 2, tables M1 to M4 and figures",
-    scales=SCALES,
+    scales={"small": Effort(20, 3, 40, 2, 40), "full": Effort(100, 30, 3000, 5, 400)},  # full: as published
     run=study,
     writes=(
         *(f"two/{name}" for name in ("tables.md", *PICTURES_OF_TWO, *PICTURES)),

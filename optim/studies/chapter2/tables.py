@@ -6,15 +6,16 @@ are those of the experiment's own records.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from optim.experiments.pages import MISSING
+from optim.experiments.records import Record, distinct, where
 from optim.experiments.results import write_json
-from optim.experiments.tables import markdown, write_table
+from optim.experiments.tables import markdown, write_records, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Run, by_treatment
@@ -25,32 +26,27 @@ from taichi_sim.base.files import write_text
 Cells = Mapping[Treatment, Floats]
 SIGNIFICANT = 0.05
 
-MEASURES: Mapping[str, str] = MappingProxyType(
-    {
-        "M1": "worst distance of the champion [m]",
-        "M2": "angle of beneficial mutations from the diagonal [degrees]",
-        "M3": "length of beneficial mutations [m]",
-        "M4": "beneficial mutations that are better in every environment [%]",
-    }
-)
-DEFINITIONS = MappingProxyType({"defined": measure_run, "computed": measure_run_as_computed})
+MEASURES = {
+    "M1": "worst distance of the champion [m]",
+    "M2": "angle of beneficial mutations from the diagonal [degrees]",
+    "M3": "length of beneficial mutations [m]",
+    "M4": "beneficial mutations that are better in every environment [%]",
+}
+DEFINITIONS = ("defined", "computed")
 
 
 def _grid(*numbers: float) -> dict[tuple[str, str], float]:
     """Numbers of the nine treatments, row by row."""
-    places = [(row, robot) for row in ("sum", "product", "min") for robot in ("legged", "wheeled", "whegged")]
-    return dict(zip(places, numbers, strict=True))
+    return dict(zip(product(("sum", "product", "min"), ("legged", "wheeled", "whegged")), numbers, strict=True))
 
 
-PUBLISHED: Mapping[tuple[int, str], Mapping[tuple[str, str], float]] = MappingProxyType(
-    {
-        (2, "M1"): _grid(8.181, 8.386, 5.915, 6.530, 3.593, 1.234, 5.827, 3.575, 1.296),
-        (2, "M2"): _grid(71.035, 73.362, 72.640, 66.292, 71.090, 66.895, 57.843, 58.226, 48.844),
-        (2, "M3"): _grid(1.734, 3.209, 4.971, 1.889, 3.372, 5.341, 1.164, 2.411, 2.001),
-        (2, "M4"): _grid(25.655, 22.903, 30.824, 22.973, 22.167, 26.981, 49.519, 48.674, 54.332),
-        (4, "M1"): _grid(9.77, 10.72, 11.07, 9.52, 9.13, 6.76, 8.02, 7.95, 6.15),
-    }
-)
+PUBLISHED: Mapping[tuple[int, str], Mapping[tuple[str, str], float]] = {
+    (2, "M1"): _grid(8.181, 8.386, 5.915, 6.530, 3.593, 1.234, 5.827, 3.575, 1.296),
+    (2, "M2"): _grid(71.035, 73.362, 72.640, 66.292, 71.090, 66.895, 57.843, 58.226, 48.844),
+    (2, "M3"): _grid(1.734, 3.209, 4.971, 1.889, 3.372, 5.341, 1.164, 2.411, 2.001),
+    (2, "M4"): _grid(25.655, 22.903, 30.824, 22.973, 22.167, 26.981, 49.519, 48.674, 54.332),
+    (4, "M1"): _grid(9.77, 10.72, 11.07, 9.52, 9.13, 6.76, 8.02, 7.95, 6.15),
+}
 PUBLISHED_DEVIATION = {(2, "M1"): _grid(1.55, 2.44, 2.29, 1.20, 1.62, 0.54, 0.68, 1.07, 0.45)}
 
 
@@ -103,18 +99,13 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
     rows = []
     for treatment, values in cells.items():
         place, several = (treatment.row, treatment.robot), len(values) > 1
-        low, high = map(float, mean_band(values)) if several else (None, None)
-        rows.append(
-            {
-                "measure": name,
-                **{"fitness": treatment.row, "robot": treatment.robot, "runs": len(values)},
-                "mean": float(values.mean()) if len(values) else None,
-                "deviation": float(values.std(ddof=1)) if several else None,
-                **{"low": low, "high": high},
-                "published": PUBLISHED.get((environments, name), {}).get(place),
-                "published_deviation": PUBLISHED_DEVIATION.get((environments, name), {}).get(place),
-            }
-        )
+        row = {"measure": name, "fitness": treatment.row, "robot": treatment.robot, "runs": len(values)}
+        row["mean"] = float(values.mean()) if len(values) else None
+        row["deviation"] = float(values.std(ddof=1)) if several else None
+        row["low"], row["high"] = map(float, mean_band(values)) if several else (None, None)
+        for key, known in (("published", PUBLISHED), ("published_deviation", PUBLISHED_DEVIATION)):
+            row[key] = known.get((environments, name), {}).get(place)
+        rows.append(row)
     return rows
 
 
@@ -127,61 +118,55 @@ def write_tables(found: Mapping[Run, Arrays], out: Path, about: Mapping[str, Any
         about: the study, to stand in the summary.
     """
     environments = next(iter(found.values()))["distance"].shape[1]
-    summary: dict[str, Any] = {**about, "definitions": {}}
-    runs, text = [], []
+    runs, rows, tests, text, definitions = [], list[Any](), [], list[str](), {}
     for definition in DEFINITIONS:
         measured = measure(found, definition)
         cells = cells_of(measured)
-        summary["definitions"][definition] = {
+        part: dict[str, Any] = {
             "cells": [row for name in MEASURES for row in summarise(cells[name], name, environments)],
             "tests": {name: compare_cells(cells[name]) for name in MEASURES},
         }
+        definitions[definition] = part
         runs += [
             (definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
             for (t, run), m in measured.items()
         ]
-        text += list(_readable(summary["definitions"][definition], definition))
-    rows = [(definition, *row.values()) for definition, part in summary["definitions"].items() for row in part["cells"]]
-    write_table(out / "tables.csv", ("definition", *next(iter(summary["definitions"].values()))["cells"][0]), rows)
-    header = ("definition", "fitness", "robot", "run", "champion", *MEASURES, "changes")
-    write_table(out / "runs.csv", header, runs)
-    write_table(out / "tests.csv", TEST_COLUMNS, _test_rows(summary["definitions"]))
-    write_text(out / "tables.md", "\n".join(text) + "\n")
-    write_json(out / "summary.json", summary)
-    return summary
-
-
-TEST_COLUMNS = ("definition", "measure", "first", "second", "difference", "low", "high", "A12", "p", "p_bonferroni")
-
-
-def _test_rows(definitions: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
-    for definition, part in definitions.items():
-        for name, tests in part["tests"].items():
-            for t in tests:
+        rows += [{"definition": definition, **row} for row in part["cells"]]
+        for name, each in part["tests"].items():
+            for t in each:
                 pair = " ".join(t["first"]), " ".join(t["second"])
                 effects = t["difference"], *t["interval"], t["A12"], t["p"], t["p_bonferroni"]
-                yield definition, name, *pair, *effects
+                tests.append((definition, name, *pair, *effects))
+        text += _readable(part, definition)
+    write_records(out / "tables.csv", rows)
+    header = ("definition", "fitness", "robot", "run", "champion", *MEASURES, "changes")
+    write_table(out / "runs.csv", header, runs)
+    header = ("definition", "measure", "first", "second", "difference", "low", "high", "A12", "p", "p_bonferroni")
+    write_table(out / "tests.csv", header, tests)
+    write_text(out / "tables.md", "\n".join(text) + "\n")
+    summary = {**about, "definitions": definitions}
+    write_json(out / "summary.json", summary)
+    return summary
 
 
 def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
     """Tables as Markdown: mean, deviation, interval, published mean; and which neighbours differ."""
     yield f"# As {definition}\n"
     for name, title in MEASURES.items():
-        rows = [row for row in part["cells"] if row["measure"] == name]
-        robots, fitness = (list(dict.fromkeys(row[key] for row in rows)) for key in ("robot", "fitness"))
-        cells = {(row["fitness"], row["robot"]): row for row in rows}
+        rows = where(part["cells"], measure=name)
+        robots, cells = distinct(rows, "robot"), {(row["fitness"], row["robot"]): row for row in rows}
         yield f"## {name}: {title}\n"
         yield "Mean ± standard deviation, [95 % interval], published mean.\n"
-        lines = [(way, *(_cell(cells.get((way, robot))) for robot in robots)) for way in fitness]
+        lines = [(way, *(_cell(cells.get((way, robot))) for robot in robots)) for way in distinct(rows, "fitness")]
         yield from markdown((name, *robots), "l" * (1 + len(robots)), lines)
-        marked = [t for t in part["tests"][name] if t["significant"]]
-        which = ": " * bool(marked) + "; ".join(_mark(t["first"], t["second"]) for t in marked)
+        marked = [_mark(t["first"], t["second"]) for t in part["tests"][name] if t["significant"]]
+        which = ": " * bool(marked) + "; ".join(marked)
         yield f"\nOf {len(part['tests'][name])} pairs, {len(marked)} differ at the 0.05 level (Bonferroni){which}.\n"
 
 
-def _cell(row: Mapping[str, Any] | None) -> str:
+def _cell(row: Record | None) -> str:
     if row is None or row["mean"] is None:
-        return "–"
+        return MISSING
     text = f"{row['mean']:.2f}"
     if row["deviation"] is not None:
         text += f" ± {row['deviation']:.2f} [{row['low']:.2f}, {row['high']:.2f}]"

@@ -4,27 +4,31 @@ Source: dissertation, chapter 3, "The empirical model". With left and right exch
 environments in another order, so two bodies of the published grid of sensors' places share a sweep.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from optim.experiments.results import cached, check_counts
-from robots.braitenberg import weight_grid
+from optim.experiments.parts import computed
+from optim.experiments.results import Progress, part_of
+from optim.experiments.settings import Count, Settings, Several
+from optim.studies.chapter3.sweep_table import overlaps_of
+from robots.braitenberg import Sweep, VehicleBody, weight_grid
+from robots.braitenberg.sweeps import Overlap
 from robots.rover import STEPS, Rover, simulate
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
+MODELS = ("rigid bodies", "theoretical")
 KIND = "rover-grid"  # of folders
 MIRRORED_LIGHTS = [1, 0, 3, 2]  # those that lie where each lies in a mirror
 
 
 @dataclass(frozen=True)
-class RoverGrid:
+class RoverGrid(Settings):
     """Settings.
 
     Attributes:
@@ -33,13 +37,9 @@ class RoverGrid:
         precision: ``"f32"`` or ``"f64"``.
     """
 
-    weights: int = 121
-    steps: int = STEPS
-    precision: str = "f32"
-
-    def __post_init__(self) -> None:
-        check_counts(self, weights=2, steps=1)
-        checks.choice("precision", self.precision, ("f32", "f64"))
+    weights: Several = 121
+    steps: Count = STEPS
+    precision: Literal["f32", "f64"] = "f32"
 
     @property
     def pairs(self) -> Floats:
@@ -55,7 +55,7 @@ def successes(
     *,
     device: str = "cpu",
     threads: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Bools:
     """Which lights each controller reaches in bodies of the published grid.
 
@@ -75,18 +75,17 @@ def successes(
         ValueError: for a number that is no body's, or a folder of other settings.
     """
     stand_ins = [_stand_in(design) for design in designs]
-    results = ResultsFolder(folder, KIND, {**asdict(settings), "base": asdict(Rover())}) if folder else None
-    found = np.empty((len(stand_ins), settings.weights, settings.weights, 4), bool)
-    wanted = sorted({design for design, _ in stand_ins})
-    for n, design in enumerate(wanted):
-        compute = partial(_one, design, settings, {"device": device, "threads": threads})
-        known = cached(results, f"design_{design}", compute)["success"]
-        for index, (own, mirrored) in enumerate(stand_ins):
-            if own == design:
-                found[index] = known.transpose(1, 0, 2)[..., MIRRORED_LIGHTS] if mirrored else known
-        if progress:
-            progress((n + 1) / len(wanted))
-    return found
+    results = ResultsFolder(folder, KIND, {**settings.describe(), "base": asdict(Rover())}) if folder else None
+
+    def reached(design: int, _: Progress) -> Arrays:
+        options = {"steps": settings.steps, "precision": settings.precision, "device": device, "threads": threads}
+        done = simulate(Rover.published(design), settings.pairs, **options)
+        return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
+
+    parts = {f"design_{design}": partial(reached, design) for design in sorted({design for design, _ in stand_ins})}
+    found = computed(results, parts, progress)
+    known = [(found[f"design_{design}"]["success"], mirrored) for design, mirrored in stand_ins]
+    return np.array([s.transpose(1, 0, 2)[..., MIRRORED_LIGHTS] if mirrored else s for s, mirrored in known])
 
 
 def _stand_in(design: int) -> tuple[int, bool]:
@@ -96,8 +95,29 @@ def _stand_in(design: int) -> tuple[int, bool]:
     return min(design, image), image < design
 
 
-def _one(design: int, settings: RoverGrid, where: dict[str, Any]) -> Arrays:
-    """Success in one body, (n, n, 4)."""
-    options = {"steps": settings.steps, "precision": settings.precision, **where}
-    done = simulate(Rover.published(design), settings.pairs, **options)
-    return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
+def both_models(
+    bodies: Sequence[VehicleBody],
+    settings: RoverGrid,
+    theory: Sweep,
+    folder: Path,
+    progress: Progress = None,
+    **where: Any,
+) -> tuple[Bools, dict[str, Overlap]]:
+    """Sweep the same bodies as rigid bodies and in the theoretical model.
+
+    Args:
+        bodies: D of the published grid.
+        settings: of the grid of rigid bodies.
+        theory: of the sweep in theory.
+        folder: takes both, in folders of their own.
+        progress: called with the fraction done.
+        where: device and threads.
+
+    Returns:
+        Which lights each rigid body reaches, see :func:`successes`; and by model, how many lights each controller
+        reaches, shape (D, n, n).
+    """
+    designs = [body.design for body in bodies if body.design is not None]  # all are of the grid
+    reached = successes(designs, settings, folder / "success", **where, progress=part_of(progress, 0, 2))
+    expected = overlaps_of(bodies, theory, folder / "theory", **where, progress=part_of(progress, 1, 2))
+    return reached, dict(zip(MODELS, (reached.sum(-1, dtype=np.uint8), expected), strict=True))

@@ -6,20 +6,22 @@ reaches the light in all environments.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.figures import COLOURS, COLUMN, figure
-from optim.experiments.results import Budget, Progress, cached, check_counts, write_json
+from optim.experiments.parts import computed_trials
+from optim.experiments.records import Record, column
+from optim.experiments.results import Progress, cached, write_json
+from optim.experiments.settings import Count, Settings, Several, Whole
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, cached_trials
+from optim.experiments.trials import Trials, record_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
@@ -35,7 +37,7 @@ from optim.studies.chapter3.rover_problem import (
     effort,
 )
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
-from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
 BORG: dict[str, Any] = {"population": 100, "epsilons": 0.05, "window": 500}
@@ -44,7 +46,7 @@ LABELS = {"unit": "both weights 1", "evolved": "weights evolved"}
 
 
 @dataclass(frozen=True)
-class PreOptimisation:
+class PreOptimisation(Settings):
     """Settings.
 
     Attributes:
@@ -56,54 +58,34 @@ class PreOptimisation:
         threads: CPU threads, all available if None; changes no result.
     """
 
-    runs: int = 3
-    budget: int = 8000
-    seed: int = 1
-    weights: int = 31
-    steps: int = STEPS
+    runs: Count = 3
+    budget: Count = 8000
+    seed: Whole = 1
+    weights: Several = 31
+    steps: Count = STEPS
     threads: int | None = None
 
-    def __post_init__(self) -> None:
-        check_counts(self, runs=1, budget=1, seed=0, weights=2, steps=1)
 
-    def problem(self, controller: str) -> RoverProblem:
-        """The problem with a controller."""
-        return RoverProblem(controller, self.steps, threads=self.threads)
+def front_of(trials: Sequence[Trials]) -> list[Record]:
+    """The non-dominated designs of several searches together, by falling effort.
 
-
-@dataclass(frozen=True, eq=False)
-class Front:
-    """The non-dominated designs of the searches with one controller, by falling effort.
-
-    Attributes:
-        points: (F, D).
-        distance: sum over environments [m], (F,).
-        effort: [pi], (F,).
-        solved: environments whose light is reached, (F,).
+    Returns:
+        Of each its ``point``, the ``distance`` summed over environments [m], the ``effort`` [pi], and how many
+        environments are ``solved``.
     """
-
-    points: Floats
-    distance: Floats
-    effort: Floats
-    solved: NDArray[np.int8]
-
-    @classmethod
-    def of(cls, trials: list[Trials]) -> "Front":
-        """The common front of several searches."""
-        points, objectives = (np.concatenate([getattr(t, n)[0] for t in trials]) for n in ("points", "objectives"))
-        solved = np.concatenate([t.solved[0] for t in trials])
-        _, first = np.unique(objectives, axis=0, return_index=True)
-        chosen = first[non_dominated(objectives[first])]
-        chosen = chosen[np.argsort(objectives[chosen, 1], kind="stable")]
-        return cls(points[chosen], -objectives[chosen, 0], -objectives[chosen, 1], solved[chosen])
-
-    def least_effort(self, allowed: Bools) -> int | None:
-        """Place of the member of least effort among those allowed, (F,); None if none is."""
-        places = np.flatnonzero(allowed)
-        return int(places[-1]) if len(places) else None
+    points, objectives, solved = (
+        np.concatenate([getattr(each, name)[0] for each in trials]) for name in ("points", "objectives", "solved")
+    )
+    _, first = np.unique(objectives, axis=0, return_index=True)
+    chosen = first[non_dominated(objectives[first])]
+    chosen = chosen[np.argsort(objectives[chosen, 1], kind="stable")]
+    judged = zip(points[chosen], *-objectives[chosen].T.astype(float), solved[chosen], strict=True)
+    return [dict(zip(("point", "distance", "effort", "solved"), each, strict=True)) for each in judged]
 
 
-SCALES: Mapping[Budget, PreOptimisation] = {"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()}
+def least_effort(front: Iterable[Record]) -> Record | None:
+    """The last design of some of a front; None without any."""
+    return next(reversed(list(front)), None)
 
 
 def study(folder: Path, settings: PreOptimisation, progress: Progress = None) -> None:
@@ -111,38 +93,35 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
 
     For the arguments see :class:`optim.experiments.study.Study`.
     """
-    numbers = {name: value for name, value in asdict(settings).items() if name != "threads"}
-    problems = {name: settings.problem(name) for name in CONTROLLERS}
+    problems = {name: RoverProblem(name, settings.steps, threads=settings.threads) for name in CONTROLLERS}
     described = {name: problem.describe() for name, problem in problems.items()}
-    results = ResultsFolder(folder, "rover-pre-optimisation", {**numbers, "borg": BORG, "problems": described})
-    fronts, parts = {}, len(CONTROLLERS) * settings.runs
-    for n, (name, problem) in enumerate(problems.items()):
-        trials = []
-        for run in range(settings.runs):
-            search = problem, "borg", BORG, [settings.seed + run], settings.budget
-            trials.append(cached_trials(results, f"{name}_{run}", *search))
-            if progress:
-                progress((n * settings.runs + run + 1) / parts)
-        fronts[name] = Front.of(trials)
+    about = {**settings.describe(), "borg": BORG, "problems": described}
+    results = ResultsFolder(folder, "rover-pre-optimisation", about)
+    runs = {name: [f"{name}_{run}" for run in range(settings.runs)] for name in problems}
+    arms = {
+        run: partial(record_trials, problems[name], "borg", BORG, [seed], settings.budget)
+        for name, each in runs.items()
+        for seed, run in enumerate(each, settings.seed)
+    }
+    trials = computed_trials(results, arms, progress)
+    fronts = {name: front_of([trials[run] for run in each]) for name, each in runs.items()}
     rows = [
-        (name, *judged, *problems[name].named(point).values())
+        (name, row["distance"], row["effort"], row["solved"], *problems[name].named(row["point"]).values())
         for name, front in fronts.items()
-        for point, *judged in zip(front.points, front.distance, front.effort, front.solved, strict=True)
+        for row in front
     ]
-    header = ("controller", "distance", "effort", "solved", *RoverProblem("evolved").space.names)
+    header = ("controller", "distance", "effort", "solved", *problems["evolved"].space.names)
     write_table(folder / "rover-fronts.csv", header, rows)
     published = _judged("published", Rover(), settings, results)
     summary: dict[str, Any] = {"published_base": published}
     for name, front in fronts.items():
-        near = front.least_effort(front.distance <= published["distance_with_weights_1"])
-        base = front.least_effort(front.solved == 4)
-        summary[name] = {"front": len(front.points), "base": None, "as_near_as_published": None}
-        if base is not None:
-            summary[name]["base"] = _judged(name, problems[name].rover(front.points[base]), settings, results)
-        if near is not None:
-            numbers = {"effort": float(front.effort[near]), "distance": float(front.distance[near])}
-            body = problems[name].rover(front.points[near])
-            summary[name]["as_near_as_published"] = {"parameters": _shown(body), **numbers}
+        summary[name] = {"front": len(front), "base": None, "as_near_as_published": None}
+        if base := least_effort(row for row in front if row["solved"] == 4):
+            summary[name]["base"] = _judged(name, problems[name].rover(base["point"]), settings, results)
+        if near := least_effort(row for row in front if row["distance"] <= published["distance_with_weights_1"]):
+            numbers = {"effort": float(near["effort"]), "distance": float(near["distance"])}
+            parameters = _shown(problems[name].rover(near["point"]))
+            summary[name]["as_near_as_published"] = {"parameters": parameters, **numbers}
     write_json(folder / "summary.json", summary)
     draw(fronts, published, folder / "rover-pre-optimisation.png")
 
@@ -188,12 +167,13 @@ def _shown(base: Rover) -> dict[str, float]:
     return {key: value / math.pi if key in DRIVES else value for key, value in _parameters(base).items()}
 
 
-def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> None:
+def draw(fronts: Mapping[str, Sequence[Record]], published: Record, path: Path) -> None:
     """Fronts of both controllers, filled where all lights are reached, and the published base body."""
     with figure(path, COLUMN, 2.8) as (_, panels):
         axes = panels[0, 0]
         for (name, front), colour in zip(fronts.items(), COLOURS, strict=False):
-            draw_points(axes, front.effort, front.distance, front.solved == 4, colour=colour, label=LABELS[name])
+            places = column(front, "effort"), column(front, "distance")
+            draw_points(axes, *places, column(front, "solved") == 4, colour=colour, label=LABELS[name])
         base = published["effort"], published["distance_with_weights_1"]
         axes.plot(*base, "*", color=COLOURS[7], markersize=8, label="published base")
         axes.plot([], [], "o", color="black", markersize=3, label="filled: all four lights reached")
@@ -204,7 +184,7 @@ def draw(fronts: dict[str, Front], published: dict[str, Any], path: Path) -> Non
 STUDY = Study(
     title="the search for the two-wheel vehicle's base body: distance from the light against effort of its drives",
     source="chapter 3, the empirical model",
-    scales=SCALES,
+    scales={"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()},
     run=study,
     writes=("summary.json", "rover-fronts.csv", "rover-pre-optimisation.png"),
 )

@@ -53,16 +53,6 @@ class RoverProblem:
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, CONTROLLERS)
 
-    @property
-    def objective_names(self) -> tuple[str, ...]:
-        """Names of both objectives."""
-        return ("distance", "effort")
-
-    @property
-    def objective_units(self) -> tuple[str, ...]:
-        """Metres, and pi times N m or rad/s."""
-        return ("m", "pi")
-
     @cached_property
     def space(self) -> Space:
         """Masses [kg], radius of the wheels [m], drives [pi], and weights if they evolve."""
@@ -93,9 +83,8 @@ class RoverProblem:
         points = self.space.validate(np.atleast_2d(points))
         rovers = [self.rover(point) for point in points]
         weights = points[:, -len(WEIGHTS) :] if self.controller == "evolved" else np.ones((len(points), len(WEIGHTS)))
-        done = simulate(
-            rovers, weights, steps=self.steps, precision=self.precision, device=self.device, threads=self.threads
-        )
+        where = {"precision": self.precision, "device": self.device, "threads": self.threads}
+        done = simulate(rovers, weights, steps=self.steps, **where)
         objectives = np.column_stack([-distances(rovers, done.closest), -effort(rovers)])
         status = np.where((done.status == "ok").all(axis=1), "ok", "diverged")
         return Evaluation(objectives, status, {"solved": done.success.sum(axis=1)})

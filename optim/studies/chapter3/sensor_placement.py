@@ -5,7 +5,6 @@ success matrices; persistent phototaxis.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,26 +19,13 @@ EVERY = 5  # steps between samples
 AT_ONCE = 100  # controllers whose traces fit into memory
 
 
-@dataclass(frozen=True, eq=False)
-class Distribution:
-    """A histogram of a metric.
+def distribution(values: ArrayLike, bins: int = 40, most: float = 0.0) -> tuple[Ints, Floats]:
+    """The distribution of a metric over bodies, from 0 to its largest value, or to ``most`` if that is more.
 
-    Attributes:
-        edges: of the bins, shape (B + 1,).
-        counts: bodies in each, shape (B,); the last has its upper edge, too.
-        zeros: bodies with 0, in the first.
+    Returns:
+        Bodies in each bin, shape (B,), of which the last has its upper edge, too; and the edges, shape (B + 1,).
     """
-
-    edges: Floats
-    counts: Ints
-    zeros: int
-
-
-def distribution(values: ArrayLike, bins: int = 40) -> Distribution:
-    """The distribution of a metric over bodies, from 0 to its largest value."""
-    values = np.asarray(values, float)
-    counts, edges = np.histogram(values, bins, (0.0, float(values.max()) or 1.0))
-    return Distribution(edges, counts, int(np.count_nonzero(values == 0)))
+    return np.histogram(values, bins, (0.0, max(float(np.max(values)), most) or 1.0))
 
 
 def correlation_of_metrics(table: SweepTable) -> Correlation:

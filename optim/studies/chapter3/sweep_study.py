@@ -1,16 +1,15 @@
 """The sweep of chapters 3 and 4, its metrics and its pictures."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.results import Budget, Progress
+from optim.experiments.results import Progress
 from optim.experiments.study import Study
 from optim.studies.chapter3.sensor_placement_figures import save_figures
-from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
+from optim.studies.chapter3.sweep_table import sweep_published
 from optim.studies.chapter4.training import sample_designs
-from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from robots.braitenberg import DESIGNS, Sweep
 from taichi_sim.base.results_folder import ResultsFolder
 
 NOTABLE = (162, 6553)  # the best body and the baseline, always among those swept
@@ -41,9 +40,6 @@ class SensorPlacement:
         return {**asdict(self.sweep), "bodies": len(self.designs)}
 
 
-SCALES: Mapping[Budget, SensorPlacement] = {"small": SensorPlacement(98, Sweep(weights=41)), "full": SensorPlacement()}
-
-
 def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sweep_folder: Path | None = None) -> None:
     """Write ``table.csv`` and pictures.
 
@@ -52,9 +48,8 @@ def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sw
         sweep_folder: takes the overlaps; one beside the results if None.
     """
     ResultsFolder(folder, "sensor-placement", settings.describe())
-    designs, overlaps = settings.designs, sweep_folder or folder / "overlaps"
-    overlaps_of([VehicleBody.published(design) for design in designs], settings.sweep, overlaps, progress=progress)
-    table = read_sweep_table(overlaps).rows(designs)
+    overlaps = sweep_folder or folder / "overlaps"
+    table = sweep_published(settings.designs, settings.sweep, overlaps, progress)
     table.write(folder / "table.csv")
     save_figures(table, overlaps, folder)
 
@@ -62,7 +57,7 @@ def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sw
 STUDY = Study(
     title="all controllers in bodies of the published grid: learnability and resistance to interference",
     source="chapters 3 and 4, figures of designs, metrics and their correlation",
-    scales=SCALES,
+    scales={"small": SensorPlacement(98, Sweep(weights=41)), "full": SensorPlacement()},
     run=study,
     writes=("table.csv", "distributions.png", "correlation.png", "examples.png"),
 )

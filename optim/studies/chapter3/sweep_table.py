@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.experiments.tables import read_table, write_table
+from optim.experiments.records import write_columns
+from optim.experiments.results import Progress
+from optim.experiments.tables import read_table
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
 from taichi_sim.base.arrays import Floats, Ints
@@ -71,8 +73,8 @@ class SweepTable:
 
     def write(self, path: Path) -> None:
         """Write design, all, any, M_L and M_CI as CSV."""
-        columns = (self.designs, self.solving_all, self.solving_any, *self.metrics.values())
-        write_table(path, (*COLUMNS, *self.metrics), zip(*(column.tolist() for column in columns), strict=True))
+        counts = dict(zip(COLUMNS, (self.designs, self.solving_all, self.solving_any), strict=True))
+        write_columns(path, {**counts, **self.metrics})
 
 
 def read_sweep_table(path: Path) -> SweepTable:
@@ -124,3 +126,9 @@ def overlaps_of(bodies: Sequence[VehicleBody], settings: Sweep, folder: Path | N
     given = asdict(settings)
     renamed = {"r": given.pop("radius"), "dt": given.pop("time_step")}
     return sweep(bodies, **given, **renamed, out=folder, **options)
+
+
+def sweep_published(designs: Sequence[int], settings: Sweep, folder: Path, progress: Progress = None) -> SweepTable:
+    """The table of a sweep of some bodies of the published grid, whose folder takes the overlaps."""
+    bodies = [VehicleBody.published(design) for design in designs]
+    return SweepTable.of(designs, overlaps_of(bodies, settings, folder, progress=progress), settings)

@@ -9,10 +9,10 @@ from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Study
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
-from optim.studies.chapter3.sweep_table import SweepTable, overlaps_of, read_sweep_table
+from optim.studies.chapter3.sweep_table import SweepTable, sweep_published
 from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
 from optim.studies.chapter4.training_table import TrainingTable, metric_correlations
-from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from robots.braitenberg import DESIGNS, Sweep
 from taichi_sim.base.results_folder import ResultsFolder
 
 
@@ -58,10 +58,8 @@ def study(
         sweep_folder: of a sweep of these bodies, or that takes it; one beside the results if None.
     """
     ResultsFolder(folder, "training", settings.describe())
-    designs, swept = settings.designs, sweep_folder or folder / "overlaps"
-    bodies = [VehicleBody.published(design) for design in designs]
-    overlaps_of(bodies, settings.sweep, swept, progress=part_of(progress, 0, 2))
-    sweep = read_sweep_table(swept).rows(designs)
+    designs, overlaps = settings.designs, sweep_folder or folder / "overlaps"
+    sweep = sweep_published(designs, settings.sweep, overlaps, part_of(progress, 0, 2))
     table = train(designs, TRAINERS, settings.training, out=folder / "runs", progress=part_of(progress, 1, 2))
     table.write(folder / "runs.csv")
     found = [asdict(one) for one in metric_correlations(table, sweep)]

@@ -1,12 +1,15 @@
 """Trials of searches: what is recorded, counted and reported, and comparisons of them."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
 from optim.experiments.comparison import compare, describe_times, ranked
+from optim.experiments.parts import computed_trials
 from optim.experiments.results import cached, write_json
-from optim.experiments.trials import Trials, cached_trials, first_time, record_trials
+from optim.experiments.trials import Trials, first_time, record_trials
 from optim.problem import Evaluation
 from optim.search import Borg
 from optim.space import Space, Variable
@@ -90,14 +93,15 @@ def test_nothing_is_reported_before_the_first_success():
 
 def test_what_a_folder_has_is_not_computed_again_unless_it_is_damaged(tmp_path):
     folder, problem = ResultsFolder(tmp_path / "a", "study", {"x": 1}), Hill()
-    first = cached_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+    arms = {"one": partial(record_trials, problem, "random", {"climbers": 2}, [1], 6)}
+    first = computed_trials(folder, arms, None)["one"]
     calls = problem.calls
-    again = cached_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+    again = computed_trials(folder, arms, None)["one"]
     assert problem.calls == calls and all(np.array_equal(first.arrays[n], again.arrays[n]) for n in first.arrays)
     (file,) = (tmp_path / "a").glob("trials_one-*.npz")
     file.write_bytes(file.read_bytes()[:-40])
     with pytest.warns(UserWarning, match="is damaged, and as good as missing"):
-        third = cached_trials(folder, "one", problem, "random", {"climbers": 2}, [1], 6)
+        third = computed_trials(folder, arms, None)["one"]
     assert problem.calls > calls and np.array_equal(third.points, first.points)
     with pytest.raises(ValueError, match=r"holds a study of other settings .*; name another folder"):
         ResultsFolder(tmp_path / "a", "study", {"x": 2})

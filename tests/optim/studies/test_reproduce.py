@@ -32,7 +32,7 @@ def test_studies_are_listed(morpholab):
 
 @pytest.mark.kernels
 def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
-    monkeypatch.setitem(sweep_study.SCALES, "small", SensorPlacement(2, Sweep(weights=7, steps=800)))
+    monkeypatch.setitem(sweep_study.STUDY.scales, "small", SensorPlacement(2, Sweep(weights=7, steps=800)))
     code, out, _ = morpholab("reproduce sensor-placement --out a --quiet")
     assert code == 0 and all((tmp_path / "a" / name).is_file() for name in STUDIES["sensor-placement"].writes)
     assert "table.csv" in out
@@ -108,9 +108,9 @@ def test_settings_that_are_not_allowed_are_one_line(make, message):
 
 def test_folders_know_their_study_by_these_settings_in_this_order():
     """A folder of before goes on only where the text of its settings is the same."""
-    placement = sweep_study.SCALES["small"].describe()
+    placement = sweep_study.STUDY.scales["small"].describe()
     assert list(placement) == ["weights", "radius", "time_step", "steps", "precision", "bodies"]
     assert (placement["weights"], placement["bodies"]) == (41, 100)
-    trained = training_study.SCALES["small"].describe()
+    trained = training_study.STUDY.scales["small"].describe()
     assert list(trained) == [*Training().describe(), "bodies", "weights"]
     assert (trained["repetitions"], trained["bodies"], trained["weights"]) == (2, 20, 41)

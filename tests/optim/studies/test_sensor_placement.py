@@ -25,10 +25,10 @@ def rows_of(path):
 
 
 def test_distributions_count_every_body():
-    found = study.distribution([0.0, 0.0, 0.01, 0.05, 0.1], bins=10)
-    assert found.counts.tolist() == [2, 1, 0, 0, 0, 1, 0, 0, 0, 1] and found.zeros == 2
-    assert found.edges[[0, -1]].tolist() == [0.0, 0.1]
-    assert study.distribution(np.zeros(3)).counts[0] == 3
+    counts, edges = study.distribution([0.0, 0.0, 0.01, 0.05, 0.1], bins=10)
+    assert counts.tolist() == [2, 1, 0, 0, 0, 1, 0, 0, 0, 1] and edges[[0, -1]].tolist() == [0.0, 0.1]
+    assert study.distribution([0.1], most=0.5)[1][-1] == 0.5
+    assert study.distribution(np.zeros(3))[0][0] == 3
 
 
 def test_metrics_are_correlated_over_bodies():
@@ -89,8 +89,7 @@ def test_pictures_have_their_numbers_beside_them(tmp_path):
     notable = study.notable_designs(table)
     figures.save_distributions(table, tmp_path / "distributions.png")
     figures.save_correlation(table, notable, tmp_path / "correlation.png")
-    shown = figures.examples(table, notable, tmp_path / "sweep")
-    figures.save_examples(shown, tmp_path / "examples.png")
+    figures.save_examples(table, notable, tmp_path / "sweep", tmp_path / "examples.png")
     for name in ("distributions", "correlation", "examples"):
         assert matplotlib.image.imread(tmp_path / f"{name}.png").std() > 0.05
     bins = rows_of(tmp_path / "distributions.csv")
