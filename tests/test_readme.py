@@ -18,7 +18,8 @@ from robots import inflatable
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
-DOCUMENTS = ["README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "optim/studies").rglob("*.md"))]
+DOCUMENTS = ["README.md", *(str(path.relative_to(ROOT)) for path in PAGES)]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 QUICK = inflatable.InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
 
