@@ -48,13 +48,16 @@ STYLE: Any = MappingProxyType(
 
 
 @contextmanager
-def figure(path: Path, width: float, height: float, **panels: Any) -> "Iterator[tuple[Figure, np.ndarray[Any, Any]]]":
+def figure(
+    path: Path, width: float, height: float, letters: bool = True, **panels: Any
+) -> "Iterator[tuple[Figure, np.ndarray[Any, Any]]]":
     """Give a figure and its panels to draw on, and write it to ``path`` afterwards.
 
     Args:
         path: its name ends in one of ``PICTURES``.
         width: [in].
         height: [in].
+        letters: whether several panels have the letters a, b, c, ..., see :func:`letter`.
         panels: keyword arguments of ``Figure.subplots``: rows, columns, shared axes.
 
     Yields:
@@ -71,7 +74,10 @@ def figure(path: Path, width: float, height: float, **panels: Any) -> "Iterator[
     dated: dict[str, Any] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix, {})
     with rc_context(dict(STYLE)):
         drawn = Figure(figsize=(width, height), layout="constrained")
-        yield drawn, drawn.subplots(squeeze=False, **panels)
+        axes = drawn.subplots(squeeze=False, **panels)
+        yield drawn, axes
+        if letters and axes.size > 1:
+            letter(axes)
         try:
             with replacing(path) as aside:
                 drawn.savefig(aside, dpi=200, metadata=dated)

@@ -26,7 +26,8 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
     parts = np.split(np.asarray(predictions), np.cumsum([len(e.values) for e in experiments])[:-1], axis=1)
     columns = min(COLUMNS, len(experiments))
     rows = -(-len(experiments) // columns)
-    with figure(path, PAGE * columns / COLUMNS, HEIGHT * rows + 0.3, nrows=rows, ncols=columns) as (drawn, panels):
+    shape: Any = {"nrows": rows, "ncols": columns, "letters": False}
+    with figure(path, PAGE * columns / COLUMNS, HEIGHT * rows + 0.3, **shape) as (drawn, panels):
         for axes in panels.flat[len(experiments) :]:
             axes.set_visible(False)
         for axes, experiment, (before, after) in zip(panels.flat, experiments, parts, strict=False):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.comparison import compare, describe_times, ranked
-from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.parts import computed_trials
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Study
@@ -111,7 +111,6 @@ def _draw(times: Times, budget: int, path: Path) -> None:
             axes.set_title(title)
         panels[0, 0].set_ylabel("share of trials with all solved")
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
-        letter(panels)
 
 
 STUDY = Study(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLUMN, caption, figure, letter, save_arrays
+from optim.experiments.figures import COLUMN, caption, figure, save_arrays
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_records
@@ -73,7 +73,6 @@ def draw(overlaps: Mapping[tuple[str, str], Overlap], path: Path) -> None:
             image = draw_overlap(axes, overlap)
             caption(axes, f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all")
         add_overlap_bar(drawn, image, panels.ravel().tolist())
-        letter(panels)
     save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter
+from optim.experiments.figures import COLOURS, PAGE, caption, figure
 from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.settings import Settings, Whole
@@ -127,7 +127,6 @@ def draw(
         for axes in panels[:, 0]:
             axes.set_ylabel("bodies")
         panels[1, 0].legend(loc="upper right")
-        letter(panels)
 
 
 STUDY = Study(

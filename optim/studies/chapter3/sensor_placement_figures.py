@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, COLUMN, PAGE, caption, figure, letter, note, save_arrays
+from optim.experiments.figures import COLOURS, COLUMN, PAGE, caption, figure, note, save_arrays
 from optim.experiments.tables import write_table
 from optim.studies.chapter3.sensor_placement import (
     central_controller,
@@ -53,7 +53,6 @@ def save_distributions(table: SweepTable, path: Path) -> None:
             bins = zip(edges[:-1].tolist(), edges[1:].tolist(), counts.tolist(), strict=True)
             rows += [(name, *each) for each in bins]
         panels[0, 0].set_ylabel("bodies")
-        letter(panels)
     write_table(path.with_suffix(".csv"), ("metric", "from", "to", "bodies"), rows)
 
 
@@ -87,11 +86,11 @@ def save_examples(table: SweepTable, designs: Mapping[int, str], sweep: Path, pa
     """
     task, bodies = table.settings.task, [VehicleBody.published(design) for design in designs]
     overlaps = overlaps_of(bodies, table.settings, sweep)
-    arrays: Arrays = {f"overlap_{design}": overlap for design, overlap in zip(designs, overlaps, strict=True)}
+    arrays: Arrays = {}
     rows = []
     with figure(path, PAGE, 2.3 * len(designs), nrows=len(designs), ncols=3) as (drawn, panels):
         for row, (design, name), body, overlap in zip(panels, designs.items(), bodies, overlaps, strict=True):
-            weights = central_controller(overlap)
+            arrays[f"overlap_{design}"], weights = overlap, central_controller(overlap)
             _draw_body(row[0], body)
             caption(row[0], f"design {design}\n{_named(name)}")
             if weights is not None:
@@ -107,7 +106,6 @@ def save_examples(table: SweepTable, designs: Mapping[int, str], sweep: Path, pa
             stays = int(persistent(body, solving, task).all(axis=1).sum()) if len(solving) else 0
             rows.append((design, name, *np.ravel(body.sensors).tolist(), len(solving), stays))
         add_overlap_bar(drawn, image, panels[:, 2].tolist())
-        letter(panels)
     save_arrays(path.with_suffix(".npz"), arrays)
     header = ("design", "name", "l1x", "l1y", "l2x", "l2y", "all", "persistent")
     write_table(path.with_suffix(".csv"), header, rows)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
-from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.parts import Part, computed, computed_trials
 from optim.experiments.records import Record, column, where
 from optim.experiments.results import Progress, part_of, write_json
@@ -239,7 +239,6 @@ def draw(solved: list[Record], course: list[Record], path: Path) -> None:
         arms = panels[0, 0].get_legend_handles_labels()[0]
         kinds = (("solving all", "-"), ("all reported", ":"))
         legend_above(drawn, [*arms, *(panels[0, 1].plot([], [], f"k{style}", label=k)[0] for k, style in kinds)])
-        letter(panels)
 
 
 STUDY = Study(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.comparison import compare, describe_times, quartiles
-from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter, logarithmic
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.parts import computed, computed_trials
 from optim.experiments.results import Progress, cached, part_of, write_json
 from optim.experiments.settings import Count, Settings, Several
@@ -176,7 +176,6 @@ def draw(outcomes: Mapping[str, Arrays], path: Path) -> None:
                         logarithmic(axes, "y")
             axes.set(ylabel=label, xticks=[])
         legend_above(drawn, panels[0, 0].get_legend_handles_labels()[0])
-        letter(panels)
 
 
 STUDY = Study(

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
+from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.parts import computed
 from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, part_of, write_json
@@ -132,7 +132,6 @@ def draw(table: Arrays, path: Path) -> None:
                 axes.set(xscale="log", xlabel=label if name == MEASURES[-1] else "")
                 logarithmic(axes, "y")
             row[0].set_ylabel("DTW distance" + (" [1/m$^2$]" if name == "raw" else ", normalised"))
-        letter(panels)
 
 
 STUDY = Study(

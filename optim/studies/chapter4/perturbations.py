@@ -10,12 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, rollout
 
-Change = Callable[[Floats, Floats, VehicleTask, np.random.Generator], tuple[Floats, Floats, VehicleTask]]
+Vehicles = tuple[Floats, Floats, VehicleTask]  # sites (N, S, 2), controllers (N, 2, S), and their task
 
 
 @dataclass(frozen=True)
@@ -25,57 +26,56 @@ class Perturbation:
     Attributes:
         name: of the kind.
         strength: in the unit that the kind has.
-        change: sites (N, S, 2), controllers (N, 2, S) and task, with random numbers, to what they become.
+        change: sites, controllers, task, random numbers and the strength to what they become.
         random: whether it is drawn anew again and again, or always the same.
     """
 
     name: str
     strength: float
-    change: Change
+    change: Callable[[Floats, Floats, VehicleTask, Generator, float], Vehicles]
     random: bool
 
 
-def _gain(factor: float) -> Change:
-    return lambda sites, controllers, task, _: (sites, controllers * factor, task)
+def _gain(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
+    return sites, controllers * factor, task
 
 
-def _sensitivity(deviation: float) -> Change:
-    def change(s: Floats, c: Floats, task: VehicleTask, rng: np.random.Generator) -> tuple[Floats, Floats, VehicleTask]:
-        return s, c * (1 + deviation * rng.standard_normal((len(c), 1, c.shape[2]))), task
-
-    return change
+def _sensitivity(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    shape = len(controllers), 1, controllers.shape[2]
+    return sites, controllers * (1 + deviation * rng.standard_normal(shape)), task
 
 
-def _sites(deviation: float) -> Change:
-    return lambda s, c, task, rng: (s + deviation * rng.standard_normal(s.shape), c, task)
+def _sites(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    return sites + deviation * rng.standard_normal(sites.shape), controllers, task
 
 
-def _radius(factor: float) -> Change:
-    return lambda s, c, task, _: (s, c, replace(task, radius=task.radius * factor))
+def _radius(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
+    return sites, controllers, replace(task, radius=task.radius * factor)
 
 
-def _start(deviations: tuple[float, float, float]) -> Change:
-    def change(s: Floats, c: Floats, task: VehicleTask, rng: np.random.Generator) -> tuple[Floats, Floats, VehicleTask]:
-        return s, c, replace(task, starts=task.starts + rng.standard_normal(task.starts.shape) * deviations)
-
-    return change
+def _start(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    change = rng.standard_normal(task.starts.shape) * (deviation, deviation, 0.0)
+    return sites, controllers, replace(task, starts=task.starts + change)
 
 
-def _step(factor: float) -> Change:
-    def change(s: Floats, c: Floats, task: VehicleTask, _: np.random.Generator) -> tuple[Floats, Floats, VehicleTask]:
-        return s, c, replace(task, time_step=task.time_step * factor, steps=math.ceil(task.steps / factor))
+def _heading(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    change = rng.standard_normal(task.starts.shape) * (0.0, 0.0, deviation)
+    return sites, controllers, replace(task, starts=task.starts + change)
 
-    return change
+
+def _step(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
+    steps = math.ceil(task.steps / factor)
+    return sites, controllers, replace(task, time_step=task.time_step * factor, steps=steps)
 
 
 PERTURBATIONS = (
-    *(Perturbation("gain of both motors [factor]", f, _gain(f), False) for f in (0.8, 0.9, 1.1, 1.2)),
-    *(Perturbation("sensitivity of sensors [sd, share]", d, _sensitivity(d), True) for d in (0.02, 0.05, 0.1, 0.2)),
-    *(Perturbation("places of sensors [sd, m]", d, _sites(d), True) for d in (0.005, 0.01, 0.02, 0.05)),
-    *(Perturbation("radius of the light [factor]", f, _radius(f), False) for f in (0.9, 0.75, 0.5)),
-    *(Perturbation("place of the start [sd, m]", d, _start((d, d, 0.0)), True) for d in (0.05, 0.1, 0.2, 0.4)),
-    *(Perturbation("heading at the start [sd, rad]", d, _start((0.0, 0.0, d)), True) for d in (0.05, 0.1, 0.2, 0.4)),
-    *(Perturbation("time step [factor]", f, _step(f), False) for f in (0.25, 0.5, 2.0)),
+    *(Perturbation("gain of both motors [factor]", f, _gain, False) for f in (0.8, 0.9, 1.1, 1.2)),
+    *(Perturbation("sensitivity of sensors [sd, share]", d, _sensitivity, True) for d in (0.02, 0.05, 0.1, 0.2)),
+    *(Perturbation("places of sensors [sd, m]", d, _sites, True) for d in (0.005, 0.01, 0.02, 0.05)),
+    *(Perturbation("radius of the light [factor]", f, _radius, False) for f in (0.9, 0.75, 0.5)),
+    *(Perturbation("place of the start [sd, m]", d, _start, True) for d in (0.05, 0.1, 0.2, 0.4)),
+    *(Perturbation("heading at the start [sd, rad]", d, _heading, True) for d in (0.05, 0.1, 0.2, 0.4)),
+    *(Perturbation("time step [factor]", f, _step, False) for f in (0.25, 0.5, 2.0)),
 )
 
 
@@ -102,12 +102,11 @@ def survival(
     Returns:
         Shape (N,).
     """
-    sites, controllers = np.asarray(sites, float), np.asarray(controllers, float)
-    draws = draws if perturbation.random else 1
-    solved = np.zeros((draws, len(sites)))
-    for draw in range(draws):
+    vehicles = np.asarray(sites, float), np.asarray(controllers, float), task
+    solved = []
+    for draw in range(draws if perturbation.random else 1):
         rng = np.random.default_rng((seed, draw))
-        changed_sites, changed, changed_task = perturbation.change(sites, controllers, task, rng)
-        batch = VehicleBatch(changed_sites, changed[:, None])
-        solved[draw] = rollout(batch, changed_task, until="success", threads=threads).reached[:, 0].all(axis=1)
-    return np.asarray(solved.mean(axis=0))
+        places, changed, changed_task = perturbation.change(*vehicles, rng, perturbation.strength)
+        done = rollout(VehicleBatch(places, changed[:, None]), changed_task, until="success", threads=threads)
+        solved.append(done.reached[:, 0].all(axis=1))
+    return np.asarray(np.mean(solved, axis=0))

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.figures import COLOURS, PAGE, caption, figure, letter, note
+from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
 from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Study
@@ -31,17 +31,12 @@ class TrainingInBodies:
     training: Training = Training()  # noqa: RUF009 (immutable)
 
     def __post_init__(self) -> None:
-        _ = self.designs, self.sweep  # refuse numbers that are not allowed
+        _ = self.designs, Sweep(weights=self.weights)  # refuse numbers that are not allowed
 
     @property
     def designs(self) -> list[int]:
         """Numbers of the bodies, ascending."""
         return sample_designs(self.bodies)
-
-    @property
-    def sweep(self) -> Sweep:
-        """Settings of the sweep."""
-        return Sweep(weights=self.weights)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -59,7 +54,7 @@ def study(
     """
     ResultsFolder(folder, "training", settings.describe())
     designs, overlaps = settings.designs, sweep_folder or folder / "overlaps"
-    sweep = sweep_published(designs, settings.sweep, overlaps, part_of(progress, 0, 2))
+    sweep = sweep_published(designs, Sweep(weights=settings.weights), overlaps, part_of(progress, 0, 2))
     table = train(designs, TRAINERS, settings.training, out=folder / "runs", progress=part_of(progress, 1, 2))
     table.write(folder / "runs.csv")
     found = [asdict(one) for one in metric_correlations(table, sweep)]
@@ -93,7 +88,6 @@ def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
             row[0].set_ylabel("mean evaluations")
         for axes, method in zip(panels[0], table.methods, strict=True):
             caption(axes, NAMES.get(method, method))
-        letter(panels)
     columns = {"design": table.designs, **part.metrics, **dict(zip(table.methods, means, strict=True))}
     write_columns(path.with_suffix(".csv"), columns)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, letter
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.pages import cell, page
 from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
@@ -137,7 +137,6 @@ def draw(rows: Sequence[Mapping[str, Any]], speeds: Floats, path: Path) -> None:
             theirs = axes.plot(x, published, "s--", ms=3.5, mfc="none", color=COLOURS[1], label="published")
             axes.set_xlabel(label)
         panels[0, 0].set_ylabel("speed of inching [BL/s]")
-        letter(panels)
         legend_above(drawn, [*ours, *dots, *theirs])
 
 

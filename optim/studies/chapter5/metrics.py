@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.figures import PAGE, caption, figure, letter
+from optim.experiments.figures import PAGE, caption, figure
 from optim.experiments.parts import computed_arrays
 from optim.experiments.records import Record, column, distinct, where
 from optim.experiments.results import Progress, write_summary
@@ -195,7 +195,6 @@ def draw(rows: Sequence[Record], path: Path) -> None:
             axes.set_xlabel("core pressure [kPa]")
         for axes in panels[:, 0]:
             axes.set_ylabel("orientation [degrees]")
-        letter(panels)
 
 
 STUDY = Study(

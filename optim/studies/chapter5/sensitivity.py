@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
+from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.pages import page
 from optim.experiments.parts import computed_arrays
 from optim.experiments.records import Record, column, distinct, where
@@ -180,7 +180,6 @@ def draw(rows: Sequence[Record], path: Path) -> None:
             axes.set_xlabel(f"factor, {behaviour}")
             logarithmic(axes, "x", (0.5, 0.7, 1.0, 1.4, 2.0))
         panels[0, 0].set_ylabel("distance / unchanged robot's")
-        letter(panels)
         drawn.legend(handles=lines, loc="outside upper center", ncols=3)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, figure, letter
+from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.results import Costs, Progress, check_folder, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
@@ -79,7 +79,6 @@ def write_curves(summary: Mapping[str, Any], path: Path) -> None:
             where = title if place == FLAT else f"{title}, {summary['settings']['slope']:g} degrees"
             axes.set(xlabel="generation", ylabel=f"speed, {where} [BL/s]")
             axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        letter(panels)
         searched = [name for name in ROWS if name in {experiment.row for experiment in known}]
         handles = [Line2D([], [], color=COLOURS[ROWS.index(row)], label=row) for row in searched]
         handles += [Line2D([], [], color="0.3", label="mean of climbers, 95 % band")]

@@ -153,17 +153,20 @@ def test_perturbations_without_strength_change_nothing_and_others_do_what_their_
     controllers = controllers[:, 0]
     rng = np.random.default_rng(0)
     by_name = {p.name.split(" [")[0]: p for p in PERTURBATIONS}
-    s, c, task = by_name["sensitivity of sensors"].change(sites, controllers, NEAR, rng)
+
+    def changed(name):
+        return by_name[name].change(sites, controllers, NEAR, rng, by_name[name].strength)
+
+    s, c, task = changed("sensitivity of sensors")
     ratio = c / np.where(controllers == 0, np.nan, controllers)
     assert np.array_equal(s, sites) and task is NEAR and (np.abs(ratio[~np.isnan(ratio)] - 1) > 0).all()
-    assert by_name["radius of the light"].change(sites, controllers, NEAR, rng)[2].radius == 0.15
-    longer = by_name["time step"].change(sites, controllers, NEAR, rng)[2]
+    assert changed("radius of the light")[2].radius == 0.15
+    longer = changed("time step")[2]
     assert longer.time_step * longer.steps == pytest.approx(NEAR.time_step * NEAR.steps)
-    moved = by_name["heading at the start"].change(sites, controllers, NEAR, rng)[2].starts
+    moved = changed("heading at the start")[2].starts
     assert np.array_equal(moved[:, :2], NEAR.starts[:, :2]) and (moved[:, 2] != 0).all()
-    gain = by_name["gain of both motors"]
-    assert np.array_equal(gain.change(sites, controllers, NEAR, rng)[1], 1.2 * controllers)
-    same = replace(gain, change=lambda s, c, t, r: (s, c, t))
+    assert np.array_equal(changed("gain of both motors")[1], 1.2 * controllers)
+    same = replace(by_name["gain of both motors"], change=lambda s, c, t, r, f: (s, c, t))
     assert (survival(sites, controllers, NEAR, same, 3, 1) == 1.0).all()
     other_sites, other = problem.split(bad)
     assert (survival(other_sites, other[:, 0], NEAR, same, 3, 1) == 0.0).all()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.alone import read_alone
-from optim.experiments.figures import COLOURS, PAGE, figure, letter
+from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.pages import page
 from optim.experiments.records import Record
@@ -195,8 +195,6 @@ def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path
             panel.set_xticklabels(places, rotation=90)
         panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
         panels[0, 0].legend()
-        if len(rows) > 1:
-            letter(panels)
 
 
 STUDY = Study(

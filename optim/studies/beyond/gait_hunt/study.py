@@ -18,7 +18,7 @@ import numpy as np
 
 from optim.experiments.alone import read_alone
 from optim.experiments.comparison import differences, table_of_differences
-from optim.experiments.figures import COLOURS, PAGE, figure, letter
+from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.pages import cell, page
 from optim.experiments.records import Record, column, distinct, where
@@ -251,7 +251,6 @@ def _draw(groups: Mapping[str, Sequence[Record]], generations: Sequence[Record],
         for label, colour in zip(end.get_yticklabels(), COLOURS, strict=False):
             label.set_color(colour)  # they are the legend of both panels
         end.invert_yaxis()
-        letter(panels)
 
 
 FEW = ("hill-climb", "genetic", "gradient", "ladder")
