@@ -78,8 +78,8 @@ def successes(
     results = ResultsFolder(folder, KIND, {**settings.describe(), "base": asdict(Rover())}) if folder else None
 
     def reached(design: int, _: Progress) -> Arrays:
-        options = {"steps": settings.steps, "precision": settings.precision, "device": device, "threads": threads}
-        done = simulate(Rover.published(design), settings.pairs, **options)
+        where: dict[str, Any] = {"precision": settings.precision, "device": device, "threads": threads}
+        done = simulate(Rover.published(design), settings.pairs, steps=settings.steps, **where)
         return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
 
     parts = {f"design_{design}": partial(reached, design) for design in sorted({design for design, _ in stand_ins})}

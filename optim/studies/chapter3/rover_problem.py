@@ -83,7 +83,7 @@ class RoverProblem:
         points = self.space.validate(np.atleast_2d(points))
         rovers = [self.rover(point) for point in points]
         weights = points[:, -len(WEIGHTS) :] if self.controller == "evolved" else np.ones((len(points), len(WEIGHTS)))
-        where = {"precision": self.precision, "device": self.device, "threads": self.threads}
+        where: dict[str, Any] = {"precision": self.precision, "device": self.device, "threads": self.threads}
         done = simulate(rovers, weights, steps=self.steps, **where)
         objectives = np.column_stack([-distances(rovers, done.closest), -effort(rovers)])
         status = np.where((done.status == "ok").all(axis=1), "ok", "diverged")

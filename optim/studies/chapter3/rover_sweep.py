@@ -106,8 +106,9 @@ def summary(
                 for body, value in known[model, name].items()
             },
         }
+    rigid, theoretical = MODELS
     found["rank_correlation_between_models"] = {
-        name: asdict(spearman(*(metrics[model, name] for model in MODELS), "two-sided")) for name in METRICS
+        name: asdict(spearman(metrics[rigid, name], metrics[theoretical, name], "two-sided")) for name in METRICS
     }
     return found
 
