@@ -55,7 +55,8 @@ def add_parser(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Train, then write the table of these runs."""
-    from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
+    from optim.studies.chapter3.sweep_table import sample_designs
+    from optim.studies.chapter4.training import TRAINERS, Training, train
     from robots.braitenberg import PUBLISHED
 
     task = dataclasses.replace(PUBLISHED, **task_settings(args))

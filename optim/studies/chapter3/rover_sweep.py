@@ -21,7 +21,7 @@ from optim.measures.statistics import spearman
 from optim.studies.chapter3.rover_grid import MODELS, RoverGrid, both_models
 from optim.studies.chapter3.rover_success import BODIES
 from optim.studies.chapter3.sensor_placement import distribution
-from optim.studies.chapter4.training import sample_designs
+from optim.studies.chapter3.sweep_table import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

@@ -7,8 +7,7 @@ from typing import Any
 from optim.experiments.results import Progress
 from optim.experiments.study import Study
 from optim.studies.chapter3.sensor_placement_figures import save_figures
-from optim.studies.chapter3.sweep_table import sweep_published
-from optim.studies.chapter4.training import sample_designs
+from optim.studies.chapter3.sweep_table import sample_designs, sweep_published
 from robots.braitenberg import DESIGNS, Sweep
 from taichi_sim.base.results_folder import ResultsFolder
 

@@ -16,6 +16,7 @@ from optim.experiments.results import Progress
 from optim.experiments.tables import read_table
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
 
 COLUMNS = ("design", "all", "any")
@@ -132,3 +133,15 @@ def sweep_published(designs: Sequence[int], settings: Sweep, folder: Path, progr
     """The table of a sweep of some bodies of the published grid, whose folder takes the overlaps."""
     bodies = [VehicleBody.published(design) for design in designs]
     return SweepTable.of(designs, overlaps_of(bodies, settings, folder, progress=progress), settings)
+
+
+def sample_designs(count: int, seed: int = 1) -> list[int]:
+    """Numbers of bodies drawn from the published grid without replacement, ascending; larger samples contain smaller.
+
+    Raises:
+        ValueError: for less than 1 or more than there are.
+    """
+    checks.integer("sample", count, 1)
+    if count > DESIGNS:
+        raise ValueError(f"sample: {count} is not allowed; give at most {DESIGNS}")
+    return sorted((np.random.default_rng(seed).permutation(DESIGNS)[:count] + 1).tolist())

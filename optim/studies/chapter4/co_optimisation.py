@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
@@ -76,26 +75,30 @@ class CoOptimisation(Settings):
         return {**numbers, "problem": self.problem().describe()}
 
 
-def environments_solved(trials: Trials) -> NDArray[np.int8]:
-    """Environments solved by what each trial would report after each evaluation, shape (R, B)."""
-    return trials.of_points(trials.solved, trials.reported(BORG["epsilons"]), 0)
+def report(
+    settings: CoOptimisation, found: Mapping[str, Trials], reported: Mapping[str, Ints], out: Path
+) -> tuple[dict[str, Any], list[Record]]:
+    """Write curves and raw times as CSV, and return the numbers of this study, and the curves.
 
-
-def report(settings: CoOptimisation, found: Mapping[str, Trials], out: Path) -> tuple[dict[str, Any], list[Record]]:
-    """Write curves and raw times as CSV, and return the numbers of this study, and the curves."""
+    Args:
+        settings: of the study.
+        found: trials of each arm.
+        reported: number of the point that each trial would report after each evaluation, shape (R, B).
+        out: takes the tables.
+    """
     environments, times, curves, raw = len(settings.task.starts), {}, list[Record](), []
     summary: dict[str, Any] = {"evaluations_until_all_solved": {}, "environments_solved_at_the_end": {}}
     for arm, trials in found.items():
-        solved = environments_solved(trials)
-        any_point, reported = trials.first(environments), first_time(solved == environments)
+        solved = trials.of_points(trials.solved, reported[arm], 0)
+        any_point, reported_point = trials.first(environments), first_time(solved == environments)
         times[arm] = ranked(any_point, settings.budget)
         course = np.stack([solved.mean(axis=0), *mean_band(solved)], axis=1).tolist()
         for n, (mean, low, high) in enumerate(course, 1):
             curves.append({"arm": arm, "evaluations": n, "mean": mean, "low": low, "high": high})
-        raw += [(arm, *row) for row in zip(settings.seeds, any_point, reported, solved[:, -1], strict=True)]
+        raw += [(arm, *row) for row in zip(settings.seeds, any_point, reported_point, solved[:, -1], strict=True)]
         summary["evaluations_until_all_solved"][arm] = {
             "any_point": describe_times(any_point, settings.budget),
-            "reported_point": describe_times(reported, settings.budget),
+            "reported_point": describe_times(reported_point, settings.budget),
         }
         summary["environments_solved_at_the_end"][arm] = {
             "mean": course[-1][0],
@@ -128,10 +131,13 @@ def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints
 
 
 def follow_homeostasis(
-    settings: CoOptimisation, found: Mapping[str, Trials], folder: ResultsFolder, progress: Progress
+    settings: CoOptimisation,
+    found: Mapping[str, Trials],
+    reported: Mapping[str, Ints],
+    folder: ResultsFolder,
+    progress: Progress,
 ) -> tuple[dict[str, Any], list[Record]]:
-    """Write the course of the distances as CSV, and return their numbers, and the course."""
-    reported = {arm: trials.reported(BORG["epsilons"]) for arm, trials in found.items()}
+    """Write the course of the distances as CSV, and return their numbers, and the course; see :func:`report`."""
     parts: dict[str, Part] = {}
     for arm, trials in found.items():
         given = settings.problem(**ARMS[arm][1]), trials, reported[arm]
@@ -215,8 +221,9 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
         for arm, (_, given) in ARMS.items()
     }
     found = computed_trials(results, arms, part_of(progress, 0, 2))
-    summary, solved = report(settings, found, folder)
-    summary["homeostasis"], course = follow_homeostasis(settings, found, results, part_of(progress, 1, 2))
+    reported = {arm: trials.reported(BORG["epsilons"]) for arm, trials in found.items()}
+    summary, solved = report(settings, found, reported, folder)
+    summary["homeostasis"], course = follow_homeostasis(settings, found, reported, results, part_of(progress, 1, 2))
     write_json(folder / "summary.json", summary)
     draw(solved, course, folder / "co-optimisation.png")
 

@@ -22,8 +22,7 @@ from optim.runs.requests import Request
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter4.training_table import TrainingTable
-from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, VehicleBody, VehicleTask
-from taichi_sim.base import checks
+from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody, VehicleTask
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder
@@ -60,18 +59,6 @@ class Training(Settings):
         numbers = {name: getattr(self, name) for name in ("repetitions", "budget", "seed")}
         methods = {name: dict(settings) for name, settings in BLACK_BOX_OPTIM.items()}
         return {**numbers, "methods": methods, "problem": self.problem().describe()}
-
-
-def sample_designs(count: int, seed: int = 1) -> list[int]:
-    """Numbers of bodies drawn from the published grid without replacement, ascending; larger samples contain smaller.
-
-    Raises:
-        ValueError: for less than 1 or more than there are.
-    """
-    checks.integer("sample", count, 1)
-    if count > DESIGNS:
-        raise ValueError(f"sample: {count} is not allowed; give at most {DESIGNS}")
-    return sorted((np.random.default_rng(seed).permutation(DESIGNS)[:count] + 1).tolist())
 
 
 def train(

@@ -9,8 +9,8 @@ from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Study
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
-from optim.studies.chapter3.sweep_table import SweepTable, sweep_published
-from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
+from optim.studies.chapter3.sweep_table import SweepTable, sample_designs, sweep_published
+from optim.studies.chapter4.training import TRAINERS, Training, train
 from optim.studies.chapter4.training_table import TrainingTable, metric_correlations
 from robots.braitenberg import DESIGNS, Sweep
 from taichi_sim.base.results_folder import ResultsFolder

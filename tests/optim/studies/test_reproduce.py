@@ -9,8 +9,9 @@ from plug_in import install
 from optim.studies.catalogue import STUDIES
 from optim.studies.chapter3 import sweep_study
 from optim.studies.chapter3.sweep_study import SensorPlacement
+from optim.studies.chapter3.sweep_table import sample_designs
 from optim.studies.chapter4 import training_study
-from optim.studies.chapter4.training import Training, sample_designs
+from optim.studies.chapter4.training import Training
 from optim.studies.chapter4.training_study import TrainingInBodies
 from robots.braitenberg import Sweep
 

@@ -16,9 +16,9 @@ from optim.measures.statistics import pearson
 from optim.problems.braitenberg import VehicleProblem
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
-from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
+from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table, sample_designs
 from optim.studies.chapter4 import training
-from optim.studies.chapter4.training import TRAINERS, Training, sample_designs, train
+from optim.studies.chapter4.training import TRAINERS, Training, train
 from optim.studies.chapter4.training_table import TrainingTable, metric_correlations, read_training_table
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, sweep
 
