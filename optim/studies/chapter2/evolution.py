@@ -148,7 +148,7 @@ def evolve(
         progress: called with the fraction done.
 
     Returns:
-        Of every treatment and run, the state of its climbers, see :meth:`Climbers.state`.
+        By treatment and run, the state of its climbers, see :meth:`Climbers.state`.
 
     Raises:
         ValueError: for numbers that are not allowed, a device that is not there, or a folder of other

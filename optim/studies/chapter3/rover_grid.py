@@ -29,7 +29,7 @@ MIRRORED_LIGHTS = [1, 0, 3, 2]  # those that lie where each lies in a mirror
 
 @dataclass(frozen=True)
 class RoverGrid(Settings):
-    """Settings.
+    """A grid of controllers, and how each is simulated.
 
     Attributes:
         weights: values of each of the two weights, from -1 to 1.

@@ -6,7 +6,7 @@ reaches the light in all environments.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -47,7 +47,7 @@ LABELS = {"unit": "both weights 1", "evolved": "weights evolved"}
 
 @dataclass(frozen=True)
 class PreOptimisation(Settings):
-    """Settings.
+    """Searches for a base body, and how what they find is judged.
 
     Attributes:
         runs: searches with each controller.
@@ -70,8 +70,8 @@ def front_of(trials: Sequence[Trials]) -> list[Record]:
     """The non-dominated designs of several searches together, by falling effort.
 
     Returns:
-        Of each its ``point``, the ``distance`` summed over environments [m], the ``effort`` [pi], and how many
-        environments are ``solved``.
+        A record of each design: its ``point``, the ``distance`` summed over environments [m], the ``effort`` [pi], and
+        how many environments are ``solved``.
     """
     points, objectives, solved = (
         np.concatenate([getattr(each, name)[0] for each in trials]) for name in ("points", "objectives", "solved")
@@ -81,11 +81,6 @@ def front_of(trials: Sequence[Trials]) -> list[Record]:
     chosen = chosen[np.argsort(objectives[chosen, 1], kind="stable")]
     judged = zip(points[chosen], *-objectives[chosen].T.astype(float), solved[chosen], strict=True)
     return [dict(zip(("point", "distance", "effort", "solved"), each, strict=True)) for each in judged]
-
-
-def least_effort(front: Iterable[Record]) -> Record | None:
-    """The last design of some of a front; None without any."""
-    return next(reversed(list(front)), None)
 
 
 def study(folder: Path, settings: PreOptimisation, progress: Progress = None) -> None:
@@ -116,11 +111,13 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
     summary: dict[str, Any] = {"published_base": published}
     for name, front in fronts.items():
         summary[name] = {"front": len(front), "base": None, "as_near_as_published": None}
-        if base := least_effort(row for row in front if row["solved"] == 4):
-            summary[name]["base"] = _judged(name, problems[name].rover(base["point"]), settings, results)
-        if near := least_effort(row for row in front if row["distance"] <= published["distance_with_weights_1"]):
-            numbers = {"effort": float(near["effort"]), "distance": float(near["distance"])}
-            parameters = _shown(problems[name].rover(near["point"]))
+        solving = [row for row in front if row["solved"] == 4]
+        near = [row for row in front if row["distance"] <= published["distance_with_weights_1"]]
+        if solving:  # the last is that of least effort
+            summary[name]["base"] = _judged(name, problems[name].rover(solving[-1]["point"]), settings, results)
+        if near:
+            numbers = {key: float(near[-1][key]) for key in ("effort", "distance")}
+            parameters = _shown(problems[name].rover(near[-1]["point"]))
             summary[name]["as_near_as_published"] = {"parameters": parameters, **numbers}
     write_json(folder / "summary.json", summary)
     draw(fronts, published, folder / "rover-pre-optimisation.png")

@@ -30,7 +30,7 @@ FILES = tuple(f"rover-success.{end}" for end in ("csv", "npz", "png"))
 
 @dataclass(frozen=True)
 class RoverSuccess:
-    """Settings.
+    """Sweeps of two bodies in both models.
 
     Attributes:
         grid: of weights, of the rigid bodies.

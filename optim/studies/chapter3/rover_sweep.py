@@ -34,7 +34,7 @@ SHARES = (0.5, 0.9, 0.99)  # quantiles reported
 
 @dataclass(frozen=True)
 class RoverSweep(Settings):
-    """Settings.
+    """Bodies that are drawn, and their sweeps in both models.
 
     Attributes:
         bodies: how many of the 6561 of the published grid, drawn at random.

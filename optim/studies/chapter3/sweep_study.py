@@ -16,7 +16,7 @@ NOTABLE = (162, 6553)  # the best body and the baseline, always among those swep
 
 @dataclass(frozen=True)
 class SensorPlacement:
-    """Settings.
+    """Bodies that are swept, and how.
 
     Attributes:
         sample: bodies drawn from the published grid, beside those in ``NOTABLE``.

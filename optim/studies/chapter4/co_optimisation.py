@@ -44,7 +44,7 @@ AT_LEAST = 5  # solved trials for a mean over them
 
 @dataclass(frozen=True)
 class CoOptimisation(Settings):
-    """Settings.
+    """Searches of each arm of the study.
 
     Attributes:
         runs: searches of each arm.

@@ -46,7 +46,7 @@ OUTCOMES = {
 
 @dataclass(frozen=True)
 class HomeostasisObjective(Settings):
-    """Settings.
+    """Both searches, and how what they report is judged.
 
     Attributes:
         searches: runs, budget, seeds and task of both searches.

@@ -36,7 +36,7 @@ BODIES_PER_PART = 50
 
 @dataclass(frozen=True)
 class BodyHomeostasis(Settings):
-    """Settings.
+    """Bodies and controllers whose homeostasis is measured.
 
     Attributes:
         bodies: how many, of those with a controller that solves all environments.

@@ -33,7 +33,7 @@ DESIGNS = {BASELINE.design or 0: "baseline", 162: "best by both metrics", 5841: 
 
 @dataclass(frozen=True)
 class RealityGap(Settings):
-    """Settings.
+    """Controllers that are tried in changed vehicles and worlds.
 
     Attributes:
         controllers: of each body, at most, drawn from those that solve all environments.

@@ -18,7 +18,7 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 @dataclass(frozen=True)
 class TrainingInBodies:
-    """Settings.
+    """Bodies in which trainers are tried, and their sweep.
 
     Attributes:
         bodies: how many, drawn from the published grid.

@@ -38,7 +38,7 @@ TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, 
 
 @dataclass(frozen=True)
 class FrictionSweeps:
-    """Settings.
+    """Frictions of feet, and the robot that inches with them.
 
     Attributes:
         robot: that inches.

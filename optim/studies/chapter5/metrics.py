@@ -40,7 +40,7 @@ LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothi
 
 @dataclass(frozen=True)
 class SoftRobotMetrics(Settings):
-    """Settings.
+    """Bodies whose metrics are found, the gaits that are tried in them, and the hill.
 
     Attributes:
         pressures: of the core [Pa], ascending.

@@ -50,7 +50,7 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
 
 @dataclass(frozen=True)
 class Sensitivity(Settings):
-    """Settings.
+    """Parameters that are changed, and what is played with each of them.
 
     Attributes:
         factors: by which parameters are multiplied, one at a time; names of ``VARIATIONS``.

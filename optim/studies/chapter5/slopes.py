@@ -31,7 +31,7 @@ LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their rang
 
 @dataclass(frozen=True)
 class SlopeSweep:
-    """Settings.
+    """Slopes that are climbed, and the robot that climbs them.
 
     Attributes:
         slopes: ascending, at least two [degrees].

@@ -51,24 +51,7 @@ class Climb(Finals):
     plan: Plan = field(default_factory=Plan)
 
 
-@dataclass(frozen=True, eq=False)
-class Climbed:
-    """The steps and finalists of the program with one seed.
-
-    Attributes:
-        seed: of the program.
-        steps: it made, in the order in which they began.
-        finalists: played in full, by the step that found them.
-    """
-
-    seed: int
-    steps: Sequence[Step]
-    finalists: Mapping[str, Sequence[Finalist]]
-
-    @property
-    def best(self) -> Finalist | None:
-        """The best of all finalists; None if all failed."""
-        return best_of([one for found in self.finalists.values() for one in found])
+Climbed = tuple[Sequence[Step], Mapping[str, Sequence[Finalist]]]  # steps, and finalists by the step that found them
 
 
 def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
@@ -86,9 +69,9 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         return
     tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in settings.seeds]
     run_parallel(tasks, jobs, where, progress)
-    found = list[Climbed]()
-    for number, (_, climb) in enumerate(tasks):
-        found.append(climb(where, part_of(progress if jobs == 1 else None, number, len(tasks))))
+    found = dict[int, Climbed]()
+    for number, (seed, (_, climb)) in enumerate(zip(settings.seeds, tasks, strict=True)):
+        found[seed] = climb(where, part_of(progress if jobs == 1 else None, number, len(tasks)))
         _report(folder, settings, found)
     if progress:
         progress(1.0)
@@ -102,29 +85,35 @@ def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], pro
     for number, step in enumerate(program.run()):
         path, share = runs / f"seed-{seed}-{step.name}.json", part_of(progress, 27 + number, 30)
         (finalists[step.name],) = cached_finalists(path, [step.history], step.problem, settings, share, **where)
-    return Climbed(seed, list(program.steps.values()), finalists)
+    return list(program.steps.values()), finalists
 
 
-def _report(folder: Path, settings: Climb, found: Sequence[Climbed]) -> None:
+def _report(folder: Path, settings: Climb, found: Mapping[int, Climbed]) -> None:
     """Write what some seeds have found: tables, what follows from them, and gaits."""
-    tables = [_row(one) for one in found], [{"seed": one.seed, **_step_row(s)} for one in found for s in one.steps]
-    for name, records in zip(TABLES, tables, strict=True):
-        write_records(folder / name, records)
-    write_reports(folder, settings, *tables)
-    write_gaits(folder / "gaits", {f"seed-{one.seed}": one.best for one in found})
+    bests = {
+        seed: best_of([one for each in finalists.values() for one in each]) for seed, (_, finalists) in found.items()
+    }
+    rows = [_row(seed, *climbed, bests[seed]) for seed, climbed in found.items()]
+    steps = [{"seed": seed, **_step_row(step)} for seed, (each, _) in found.items() for step in each]
+    write_records(folder / TABLES[0], rows)
+    write_records(folder / TABLES[1], steps)
+    write_reports(folder, settings, rows, steps)
+    write_gaits(folder / "gaits", {f"seed-{seed}": best for seed, best in bests.items()})
 
 
-def _row(one: Climbed) -> dict[str, Any]:
+def _row(
+    seed: int, steps: Sequence[Step], finalists: Mapping[str, Sequence[Finalist]], best: Finalist | None
+) -> dict[str, Any]:
     """A seed in a line."""
-    best, spent = one.best, sum(step.spent for step in one.steps)
+    spent = sum(step.spent for step in steps)
     return {
-        "seed": one.seed,
-        "evaluations": sum(step.last.evaluations for step in one.steps),
+        "seed": seed,
+        "evaluations": sum(step.last.evaluations for step in steps),
         "robot_steps": spent,
         "published_evaluations": spent / PUBLISHED_COST,
-        "wall_s": float(sum(np.nansum(step.history.seconds) for step in one.steps)),
+        "wall_s": float(sum(np.nansum(step.history.seconds) for step in steps)),
         "stays": best.stays if best else False,
-        "found_by": next((name for name, found in one.finalists.items() if best in found), None),
+        "found_by": next((name for name, each in finalists.items() if best in each), None),
         **columns_of(best),
     }
 

@@ -9,7 +9,7 @@ conditions of ``robots.inflatable.robustness``, and the best of them is what the
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -78,23 +78,8 @@ class Hunt(Finals):
         return self.evaluations * PUBLISHED_COST
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """The course of a run, and the best gait that it found.
-
-    Attributes:
-        search: its name.
-        seed: of the run.
-        history: of the run.
-        spent: by each generation [robot-steps].
-        best: the best of its finalists; None before they are judged, and if all failed.
-    """
-
-    search: str
-    seed: int
-    history: History
-    spent: Sequence[float]
-    best: Finalist | None = None
+Run = tuple[str, int]  # search and seed
+Course = tuple[History, Sequence[float]]  # of a run, and what each generation has spent [robot-steps]
 
 
 def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
@@ -110,7 +95,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     if tables := read_alone(folder, "gait-hunt", TABLES, FILES, {"budget": settings.budget, "slope": settings.slope}):
         write_reports(folder, settings, *tables)
         return
-    searches, found = settings.searches, dict[tuple[str, int], Found]()
+    searches, found, bests = settings.searches, dict[Run, Course](), dict[Run, Finalist | None]()
     parts = [(name, seed) for seed in settings.seeds for name in searches]
     tasks = [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts]
     run_parallel(tasks, jobs, where, part_of(progress, 0, 10, 9))
@@ -118,14 +103,14 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     for number, ((name, seed), (_, search)) in enumerate(zip(parts, tasks, strict=True)):
         found[name, seed] = search(where, part_of(progress, 9 * number, 10 * len(parts), 9))
         if name == searches[-1] and jobs == 1 and not any(path.exists() for path in judged.values()):
-            report(folder, settings, list(found.values()))  # what there is so far is of use
+            report(folder, settings, found, bests)  # what there is so far is of use
     for number, (name, path) in enumerate(judged.items()):
         runs = [(name, seed) for seed in settings.seeds]
-        histories, problem = [found[run].history for run in runs], _problem(settings, name, where)
+        histories, problem = [found[run][0] for run in runs], _problem(settings, name, where)
         share = part_of(progress, 9 * len(searches) + number, 10 * len(searches))
         finalists = cached_finalists(path, histories, problem, settings, share, **where)
-        found |= {run: replace(found[run], best=best_of(known)) for run, known in zip(runs, finalists, strict=True)}
-        report(folder, settings, list(found.values()))
+        bests |= {run: best_of(known) for run, known in zip(runs, finalists, strict=True)}
+        report(folder, settings, found, bests)
     if progress:
         progress(1.0)
 
@@ -134,39 +119,38 @@ def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
     return SEARCHES[name].problem_on(hunt.terrain, geometry=hunt.geometry, **where)
 
 
-def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress) -> Found:
+def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, Any], progress: Progress) -> Course:
     """One run; its finalists come later."""
     path, problem = folder / "runs" / f"{name}-{seed}", _problem(hunt, name, where)
     settings = {**SEARCHES[name].settings, "seed": seed}
     history = search_within(problem, SEARCHES[name].method, settings, path, hunt.budget, progress)
     spent = read_spent(path)
     history = paid(history, spent, hunt.budget)
-    return Found(name, seed, history, spent[: len(history.generations)])
+    return history, spent[: len(history.generations)]
 
 
-def report(folder: Path, hunt: Hunt, found: Sequence[Found]) -> None:
-    """Write what some runs have found: tables, what follows from them, and gaits."""
-    tables = [_row(one) for one in found], [row for one in found for row in _generations(one)]
-    for name, records in zip(TABLES, tables, strict=True):
-        write_records(folder / name, records)
-    write_reports(folder, hunt, *tables)
-    write_gaits(folder / "gaits", {f"{one.search}-{one.seed}": one.best for one in found})
+def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping[Run, Finalist | None]) -> None:
+    """Write what some runs have found: tables, what follows from them, and gaits.
 
-
-def _row(one: Found) -> dict[str, Any]:
-    """The row of a run in ``table.csv``."""
-    last, wall = one.history.generations[-1], float(np.nansum(one.history.seconds))
-    effort = {"evaluations": last.evaluations, "robot_steps": float(np.sum(one.spent)), "wall_s": wall}
-    return {"search": one.search, "seed": one.seed, **effort, "score": last.best, **columns_of(one.best)}
-
-
-def _generations(one: Found) -> list[dict[str, Any]]:
-    """The generations of a run, rows of ``generations.csv``."""
-    rows = []
-    for each, spent in zip(one.history.generations, one.spent, strict=True):
-        effort = {"generation": each.generation, "evaluations": each.evaluations, "robot_steps": spent}
-        rows.append({"search": one.search, "seed": one.seed, **effort, "mean": each.mean, "best": each.best})
-    return rows
+    Args:
+        folder: takes the files.
+        hunt: the settings of the study.
+        found: runs so far.
+        bests: the best finalists of those that were judged; None where all failed.
+    """
+    rows, generations = [], []
+    for run, (history, spent) in found.items():
+        about, last = dict(zip(("search", "seed"), run, strict=True)), history.generations[-1]
+        wall = float(np.nansum(history.seconds))
+        effort = {"evaluations": last.evaluations, "robot_steps": float(np.sum(spent)), "wall_s": wall}
+        rows.append({**about, **effort, "score": last.best, **columns_of(bests.get(run))})
+        for each, steps in zip(history.generations, spent, strict=True):
+            effort = {"generation": each.generation, "evaluations": each.evaluations, "robot_steps": steps}
+            generations.append({**about, **effort, "mean": each.mean, "best": each.best})
+    write_records(folder / TABLES[0], rows)
+    write_records(folder / TABLES[1], generations)
+    write_reports(folder, hunt, rows, generations)
+    write_gaits(folder / "gaits", {f"{name}-{seed}": bests.get((name, seed)) for name, seed in found})
 
 
 def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations: Sequence[Record]) -> None:
