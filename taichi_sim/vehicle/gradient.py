@@ -65,53 +65,28 @@ def differentiate(
         **compute: device, precision and threads.
     """
     running = runtime.start(Compute.given(compute))
-    shape = (batch.bodies, batch.controllers_each, len(task.starts))
-    count, connections = int(np.prod(shape)), sum(map(len, batch.wiring))
+    shape, connections = batch.shape(task), len(batch.connections[0])
+    count, parameters = int(np.prod(shape)), 2 * batch.sensors + connections
     real = Real(running.precision, NATIVE_WIDTH[running.precision] if running.device == "cpu" else 1)
-    starts, parameters = _parameters(batch, task, connections)
     run = kernel.gradient_kernel(real, batch.sensors, batch.wiring, runtime.GRAIN if running.device == "cpu" else 1)
     slots = kernel.slot_count(batch.sensors, connections)
     found = np.empty((count, slots))
     at_once = max(running.thread_count * real.width, ROLLOUTS_AT_ONCE * 2000 // max(task.steps, 2000) // 64 * 64)
     for first in range(0, count, at_once):
-        jobs = np.arange(first, min(first + at_once, count))
+        jobs = range(first, min(first + at_once, count))
+        environments, sites, weights = batch.rollouts(task, jobs)
+        starts = task.seen[environments]
+        rows = np.hstack([starts, (starts**2).sum(axis=1, keepdims=True), sites, weights[:, :connections]])
         blocks = -(-len(jobs) // real.width)
-        lanes = np.resize(jobs, blocks * real.width)  # lanes without a rollout repeat others
+        padded = rows[np.resize(np.arange(len(jobs)), blocks * real.width)]  # lanes without a rollout repeat others
         memory = real.array((blocks, slots))
-        memory[:, kernel.PX : kernel.CLOSEST] = _lanes_last(starts[lanes], blocks)
-        memory[:, kernel.CLOSEST] = (starts[lanes] ** 2).sum(axis=1).reshape(blocks, -1)
-        memory[:, kernel.PARAMETERS : kernel.PARAMETERS + parameters.shape[1]] = _lanes_last(parameters[lanes], blocks)
+        memory[:, : rows.shape[1]] = np.moveaxis(padded.reshape(blocks, real.width, -1), 1, 2)
         run(blocks, task.steps, task.time_step, real.reals(memory.reshape(-1, real.width)))
-        found[jobs] = np.moveaxis(memory, 1, 2).reshape(-1, slots)[: len(jobs)]
+        found[first : jobs.stop] = np.moveaxis(memory, 1, 2).reshape(-1, slots)[: len(jobs)]
         if progress:
-            progress((jobs[-1] + 1) / count)
-    return _gradient(found, batch, shape)
-
-
-def _lanes_last(rows: Floats, blocks: int) -> Floats:
-    """Rows of rollouts as blocks: (blocks, columns, lanes)."""
-    return np.moveaxis(rows.reshape(blocks, -1, rows.shape[1]), 1, 2)
-
-
-def _parameters(batch: VehicleBatch, task: VehicleTask, connections: int) -> tuple[Floats, Floats]:
-    """Starts, shape (rollouts, 2), and sites and weights, shape (rollouts, 2 S + connections)."""
-    bodies, each, environments = batch.bodies, batch.controllers_each, len(task.starts)
-    weights = batch.weights[:, :connections].reshape(len(batch.weights) // each, each, connections)
-    rows = np.concatenate(
-        [
-            np.broadcast_to(batch.sites.reshape(bodies, 1, -1), (bodies, each, 2 * batch.sensors)),
-            np.broadcast_to(weights, (bodies, each, connections)),
-        ],
-        axis=-1,
-    )
-    return np.tile(task.seen, (bodies * each, 1)), np.repeat(rows.reshape(bodies * each, -1), environments, axis=0)
-
-
-def _gradient(found: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> VehicleGradient:
-    """From what the kernel left in memory to derivatives of distances."""
-    parameters = 2 * batch.sensors + sum(map(len, batch.wiring))
+            progress(jobs.stop / count)
     px, py, closest = found[:, kernel.PX], found[:, kernel.PY], np.sqrt(found[:, kernel.CLOSEST])
-    tangents = found[:, kernel.PARAMETERS + parameters :].reshape(len(found), parameters, 3)
+    tangents = found[:, kernel.PARAMETERS + parameters :].reshape(count, parameters, 3)
     final = np.hypot(px, py)
     with np.errstate(divide="ignore", invalid="ignore"):
         final_by = (px[:, None] * tangents[..., 0] + py[:, None] * tangents[..., 1]) / final[:, None]
@@ -119,21 +94,13 @@ def _gradient(found: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> Veh
     failed = ~np.isfinite(final)
     for array in (closest, final, final_by, closest_by):
         array[failed] = np.nan
-    return VehicleGradient(
-        closest.reshape(shape),
-        final.reshape(shape),
-        _slopes(closest_by, batch, shape),
-        _slopes(final_by, batch, shape),
-    )
+    slopes = (_slopes(by, batch, shape) for by in (closest_by, final_by))
+    return VehicleGradient(closest.reshape(shape), final.reshape(shape), *slopes)
 
 
 def _slopes(by: Floats, batch: VehicleBatch, shape: tuple[int, ...]) -> Slopes:
     """Derivatives by sites and by the elements of W."""
-    sensors = batch.sensors
-    sites = by[:, : 2 * sensors].reshape(*shape, sensors, 2)
-    controllers = np.zeros((len(by), 2, sensors))
-    column = 2 * sensors
-    for motor, connected in enumerate(batch.wiring):
-        controllers[:, motor, list(connected)] = by[:, column : column + len(connected)]
-        column += len(connected)
-    return Slopes(sites, controllers.reshape(*shape, 2, sensors))
+    places, (motors, sensors) = 2 * batch.sensors, batch.connections
+    controllers = np.zeros((len(by), 2, batch.sensors))
+    controllers[:, motors, sensors] = by[:, places:]
+    return Slopes(by[:, :places].reshape(*shape, -1, 2), controllers.reshape(*shape, 2, -1))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.runtime import GRAIN
@@ -68,9 +69,8 @@ def rollout(
     Raises:
         ValueError: for settings that are not allowed, or more rollouts than fit into memory.
     """
-    if until not in get_args(Until):
-        raise ValueError(f"until: {until!r} is unknown; choose one of {', '.join(get_args(Until))}")
-    shape = (batch.bodies, batch.controllers_each, len(task.starts))
+    checks.choice("until", until, get_args(Until))
+    shape = batch.shape(task)
     if np.prod(shape, dtype=float) > MOST_ROLLOUTS:
         raise ValueError(f"batch: {shape} rollouts are too many at once; give at most {MOST_ROLLOUTS}")
     running = runtime.start(Compute.given(compute))
@@ -79,22 +79,14 @@ def rollout(
         width = 1
     elif width is None:
         width = WIDE if count > WIDE * running.thread_count else NARROW
-    found = _launch(batch, task, Real(running.precision, width), kernel.UNTIL[until], running, count, progress)
-    closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (found.closest, found.final))
+    squared, waited, squared_final = _launch(
+        batch, task, Real(running.precision, width), kernel.UNTIL[until], running, progress
+    )
+    closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (squared, squared_final))
     reached = closest < task.radius
-    timed = reached & (until != "success")
-    arrival = np.where(timed, found.waited.reshape(shape), -1).astype(np.int32)
+    arrival = np.where(reached & (until != "success"), waited.reshape(shape), -1).astype(np.int32)
     diverged = ~np.isfinite(final)
     return Rollouts(reached, closest, arrival, final if until == "end" else np.full(shape, np.nan), diverged)
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Results as kernels write them: squared distances, and steps before success."""
-
-    closest: np.ndarray
-    waited: np.ndarray
-    final: np.ndarray
 
 
 def _launch(
@@ -103,47 +95,30 @@ def _launch(
     real: Real,
     until: int,
     running: Compute,
-    count: int,
     progress: Callable[[float], None] | None,
-) -> _Found:
-    """Let the kernel do all rollouts, some at a time."""
-    number, threads, on_cpu = real.numpy, running.thread_count, running.device == "cpu"
+) -> tuple[np.ndarray, ...]:
+    """Let the kernel do all rollouts, some at a time: squares of the smallest distances, steps, and final squares."""
+    shape, number, threads, on_cpu = batch.shape(task), real.numpy, running.thread_count, running.device == "cpu"
+    count = int(np.prod(shape))
     at_once = max(STEPS_PER_LAUNCH // task.steps, real.width * threads)
     if on_cpu:
         each = min(ROLLOUTS_PER_BLOCK, max(real.width, -(-min(count, at_once) // (8 * threads))))
     else:
         at_once, each = GPU_THREADS, 1
     blocks = -(-min(count, at_once) // each)
-    slots = kernel.slot_count(batch.sensors, batch.wiring)
-    memory = real.array((blocks, slots)).reshape(-1, real.width)
+    memory = real.array((blocks, kernel.slot_count(batch.sensors, batch.wiring))).reshape(-1, real.width)
     lanes = np.zeros((blocks, real.width), np.int32)
-    found = _Found(np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number))
+    found: tuple[np.ndarray, ...] = np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number)
     run = kernel.rollout_kernel(real, batch.sensors, batch.wiring, until, GRAIN if on_cpu else 1)
-    arrays = (
-        batch.sites.reshape(batch.bodies, -1),
-        batch.weights,
-        task.seen,
-        batch.reach,
-        3 * task.time_step * batch.speed_bounds,
-    )
-    given: list[np.ndarray] = [np.ascontiguousarray(a, number) for a in arrays]
-    sizes = (task.steps, batch.controllers_each, len(task.starts), int(batch.shared))
+    sites, falls = batch.sites.reshape(len(batch.sites), -1), 3 * task.time_step * batch.speed_bounds
+    given: list[np.ndarray] = [
+        np.ascontiguousarray(a, number) for a in (sites, batch.weights, task.seen, batch.reach, falls)
+    ]
+    sizes = (task.steps, *shape[1:], int(batch.shared), task.time_step, task.radius)
     for first in range(0, count, at_once):
         jobs = min(at_once, count - first)
-        run(
-            -(-jobs // each),
-            first,
-            jobs,
-            each,
-            *sizes,
-            task.time_step,
-            task.radius,
-            real.reals(memory),
-            memory,
-            lanes,
-            *given,
-            *(a[first : first + jobs] for a in (found.closest, found.waited, found.final)),
-        )
+        parts = (a[first : first + jobs] for a in found)
+        run(-(-jobs // each), first, jobs, each, *sizes, real.reals(memory), memory, lanes, *given, *parts)
         if progress:
             progress((first + jobs) / count)
     return found

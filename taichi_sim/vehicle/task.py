@@ -1,12 +1,13 @@
 """What vehicles are asked to do, and a batch of them in the arrays that kernels take."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Indices
+from taichi_sim.base.checks import Positive, check_fields, integer, numbers
 
 Wiring = tuple[tuple[int, ...], tuple[int, ...]]
 
@@ -31,27 +32,16 @@ class VehicleTask:
 
     starts: Floats
     lights: Floats = (0.0, 0.0)  # type: ignore[assignment]
-    radius: float = 0.075
-    time_step: float = 0.05
-    steps: int = 10_000
+    radius: Positive = 0.075
+    time_step: Positive = 0.05
+    steps: Annotated[int, partial(integer, low=1, high=MOST_STEPS)] = 10_000
 
     def __post_init__(self) -> None:
-        starts = _finite("starts", self.starts)
-        if starts.ndim != 2 or starts.shape[1] != 3 or not len(starts):
-            raise ValueError(f"starts: an array of shape {starts.shape} is not allowed; give (E, 3): x, y, heading")
-        lights = _finite("lights", self.lights)
-        if lights.shape not in ((2,), (len(starts), 2)):
-            raise ValueError(f"lights: an array of shape {lights.shape} is not allowed; give (2,) or {len(starts), 2}")
-        for name in ("radius", "time_step"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not 0 < value < np.inf:
-                raise ValueError(f"{name}: {value!r} is not allowed; give a finite number above 0")
-        whole = isinstance(self.steps, int | np.integer) and not isinstance(self.steps, bool)
-        if not whole or not 1 <= self.steps <= MOST_STEPS:
-            raise ValueError(f"steps: {self.steps!r} is not allowed; give a whole number from 1 to {MOST_STEPS}")
-        object.__setattr__(self, "steps", int(self.steps))
+        check_fields(self)
+        starts = numbers("starts", self.starts, "E", 3)
+        lights = [self.lights] * len(starts) if np.ndim(self.lights) == 1 else self.lights
         object.__setattr__(self, "starts", starts)
-        object.__setattr__(self, "lights", np.broadcast_to(lights, (len(starts), 2)).copy())
+        object.__setattr__(self, "lights", numbers("lights", lights, len(starts), 2))
         near = np.flatnonzero(np.hypot(*self._relative.T) < self.radius)
         if near.size:
             place = starts[near[0], :2].tolist()
@@ -88,22 +78,13 @@ class VehicleBatch:
     controllers: Floats
 
     def __post_init__(self) -> None:
-        sites = _finite("sites", self.sites)
-        if sites.ndim != 3 or sites.shape[2] != 2 or 0 in sites.shape:
-            raise ValueError(f"sites: an array of shape {sites.shape} is not allowed; give (B, S, 2), none of them 0")
-        controllers = _finite("controllers", self.controllers)
-        bodies, sensors = sites.shape[:2]
-        fits = controllers.ndim == 4 and controllers.shape[0] in (1, bodies) and controllers.shape[2:] == (2, sensors)
-        if not fits or 0 in controllers.shape:
-            allowed = f"give ({'1' if bodies == 1 else f'{bodies} or 1'}, C, 2, {sensors})"
-            raise ValueError(f"controllers: an array of shape {controllers.shape} is not allowed; {allowed}")
+        sites = numbers("sites", self.sites, "B", "S", 2)
+        bodies, sensors, _ = sites.shape
+        controllers = numbers("controllers", self.controllers, "B", "C", 2, sensors)
+        if len(controllers) not in (1, bodies):
+            raise ValueError(f"controllers: shape {controllers.shape} is not allowed beside {bodies} bodies")
         object.__setattr__(self, "sites", sites)
         object.__setattr__(self, "controllers", controllers)
-
-    @property
-    def bodies(self) -> int:
-        """Number of bodies, B."""
-        return len(self.sites)
 
     @property
     def sensors(self) -> int:
@@ -111,27 +92,38 @@ class VehicleBatch:
         return self.sites.shape[1]
 
     @property
-    def controllers_each(self) -> int:
-        """Number of controllers of each body, C."""
-        return self.controllers.shape[1]
-
-    @property
     def shared(self) -> bool:
         """Whether all bodies have the same controllers."""
         return len(self.controllers) == 1
 
+    def shape(self, task: VehicleTask) -> tuple[int, int, int]:
+        """Numbers of bodies, of controllers of each, and of environments: a rollout for each combination."""
+        return len(self.sites), self.controllers.shape[1], len(task.starts)
+
+    @cached_property
+    def connections(self) -> tuple[Indices, ...]:
+        """Motors and sensors that any controller connects, in the order of motors."""
+        return np.nonzero(np.abs(self.controllers).max(axis=(0, 1)) > 0)
+
     @cached_property
     def wiring(self) -> Wiring:
         """The sensors that any controller connects to each motor."""
-        used = np.abs(self.controllers).max(axis=(0, 1)) > 0
-        return tuple(int(j) for j in np.flatnonzero(used[0])), tuple(int(j) for j in np.flatnonzero(used[1]))
+        motors, sensors = self.connections
+        return tuple(sensors[motors == 0].tolist()), tuple(sensors[motors == 1].tolist())
 
     @cached_property
     def weights(self) -> Floats:
         """Connections by controller, in the order of the wiring, shape (B * C or C, connections or 1)."""
-        columns = [self.controllers[:, :, motor, list(sensors)] for motor, sensors in enumerate(self.wiring)]
-        rows = np.concatenate(columns, axis=-1)
-        return rows.reshape(-1, rows.shape[-1]) if rows.shape[-1] else np.zeros((rows.shape[0] * rows.shape[1], 1))
+        rows = self.controllers[:, :, *self.connections].reshape(
+            self.controllers.shape[0] * self.controllers.shape[1], -1
+        )
+        return rows if rows.shape[1] else np.zeros((len(rows), 1))
+
+    def rollouts(self, task: VehicleTask, numbers: range) -> tuple[Indices, Floats, Floats]:
+        """Environments of some rollouts, (n,), the sites of their sensors, (n, 2 S), and their weights."""
+        body, controller, environment = np.unravel_index(numbers, self.shape(task))
+        row = controller if self.shared else body * self.controllers.shape[1] + controller
+        return environment, self.sites.reshape(len(self.sites), -1)[body], self.weights[row]
 
     @cached_property
     def speed_bounds(self) -> Floats:
@@ -142,13 +134,3 @@ class VehicleBatch:
     def reach(self) -> Floats:
         """Distance of the outermost sensor from the centre [m], shape (B,)."""
         return np.hypot(self.sites[..., 0], self.sites[..., 1]).max(axis=1)
-
-
-def _finite(name: str, values: ArrayLike) -> Floats:
-    try:
-        array = np.array(values, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: these are not allowed; give an array of numbers") from None
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name}: {array[~np.isfinite(array)][0]} is not allowed; give finite numbers")
-    return array

@@ -9,6 +9,7 @@ import numpy as np
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import integer
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.vehicle.task import VehicleBatch, VehicleTask
 from taichi_sim.vehicle.trace_kernel import trace_kernel
@@ -52,28 +53,26 @@ def trace(
     Raises:
         ValueError: for ``every`` below 1, or more samples than fit into memory.
     """
-    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-        raise ValueError(f"every: {every!r} is not allowed; give a whole number, at least 1")
-    shape = (batch.bodies, batch.controllers_each, len(task.starts))
+    every = integer("every", every, 1)
+    shape, sensors = batch.shape(task), batch.sensors
     samples, count = task.steps // every + 1, int(np.prod(shape))
-    if count * samples * (3 + batch.sensors) > MOST_NUMBERS:
+    if count * samples * (3 + sensors) > MOST_NUMBERS:
         raise ValueError(f"every: {every} makes {count} traces of {samples} samples, too many; give a larger one")
     running = runtime.start(Compute.given(compute))
     real = Real(running.precision, 1)
     places: np.ndarray = np.zeros((count, samples, 3), real.numpy)
-    readings: np.ndarray = np.zeros((count, batch.sensors, samples), real.numpy)
-    arrays = batch.sites.reshape(batch.bodies, -1), batch.weights, np.column_stack([task.seen, task.starts[:, 2]])
-    given: list[np.ndarray] = [np.ascontiguousarray(a, real.numpy) for a in arrays]
-    sizes = (task.steps, every, batch.controllers_each, len(task.starts), int(batch.shared))
-    run = trace_kernel(real, batch.sensors, batch.wiring)
+    readings: np.ndarray = np.zeros((count, sensors, samples), real.numpy)
+    run = trace_kernel(real, sensors, batch.wiring)
+    begin = np.column_stack([task.seen, task.starts[:, 2]])
     at_once = max(running.thread_count, 2_000_000 // task.steps)
     for first in range(0, count, at_once):
-        part = slice(first, min(first + at_once, count))
-        run(first, part.stop - first, *sizes, task.time_step, *given, places[part], readings[part])
+        jobs = range(first, min(first + at_once, count))
+        environments, sites, weights = batch.rollouts(task, jobs)
+        given: np.ndarray = np.hstack([begin[environments], sites, weights]).astype(real.numpy)
+        run(len(jobs), task.steps, every, task.time_step, given, places[first : jobs.stop], readings[first : jobs.stop])
         if progress:
-            progress(part.stop / count)
+            progress(jobs.stop / count)
     poses: Floats = places.astype(np.float64).reshape(*shape, samples, 3)
     poses[..., :2] += task.lights[:, None, :]
     times = every * task.time_step * np.arange(samples, dtype=np.float64)
-    seen: Floats = readings.astype(np.float64).reshape(*shape, batch.sensors, samples)
-    return Traces(times, poses, seen)
+    return Traces(times, poses, readings.astype(np.float64).reshape(*shape, sensors, samples))

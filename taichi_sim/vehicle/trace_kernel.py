@@ -13,36 +13,24 @@ from taichi_sim.vehicle.task import Wiring
 @lru_cache
 def trace_kernel(real: Real, sensors: int, wiring: Wiring) -> Any:
     """The kernel for one kind of real, number of sensors and wiring."""
-    columns, connections = 2 * sensors, sum(map(len, wiring))
+    first_weight = 3 + 2 * sensors
+    at_sites, at_weights = range(3, first_weight), range(first_weight, first_weight + sum(map(len, wiring)))
     scalars2, scalars3 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (2, 3))
 
     @ti.kernel
     def run(
-        first: ti.i32,
         jobs: ti.i32,
         steps: ti.i32,
         every: ti.i32,
-        controllers: ti.i32,
-        environments: ti.i32,
-        shared: ti.i32,
         time_step: real.scalar,
-        sites: scalars2,
-        weights: scalars2,
-        starts: scalars2,
+        given: scalars2,
         places: scalars3,
         readings: scalars3,
     ):
         for n in range(jobs):
-            job = first + n
-            body = job // (controllers * environments)
-            controller = (job // environments) % controllers
-            row = controller
-            if shared == 0:
-                row = body * controllers + controller
-            start = job % environments
-            px, py, heading = starts[start, 0], starts[start, 1], starts[start, 2]
-            l = ti.static(tuple([sites[body, c] for c in range(columns)]))
-            w = ti.static(tuple([weights[row, c] for c in range(connections)]))
+            px, py, heading = given[n, 0], given[n, 1], given[n, 2]
+            l = ti.static(tuple([given[n, c] for c in at_sites]))
+            w = ti.static(tuple([given[n, c] for c in at_weights]))
             for t in range(steps + 1):
                 if t % every == 0:
                     seen = equations.readings(px, py, l)

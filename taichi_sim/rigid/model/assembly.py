@@ -1,5 +1,6 @@
 """Build trees from the parts of a robot's file: masses are summed, and massless parts join those that carry them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -8,7 +9,7 @@ import numpy as np
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
-from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Motor, Tree, Weld
+from taichi_sim.rigid.model.tree import Body, Joint, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 
 _STRAIGHT = 1e-6  # sines below it are rounding
@@ -77,14 +78,26 @@ class Lump:
 
 
 @dataclass(frozen=True)
-class HingeOf:
-    """The hinge that carries a part, at rest in the world; the fields are those of ``Hinge``."""
+class Cylinder:
+    """A cylinder along its third axis, which touches the ground as a capsule of the same overall length.
 
-    anchor: Floats
-    axis: Floats
-    motor: Motor | None = None
-    command: int = 0
-    stops: tuple[float, float] | None = None
+    Attributes:
+        radius: [m].
+        length: length of the cylinder [m].
+    """
+
+    radius: float
+    length: float
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return math.pi * self.radius**2 * self.length
+
+    def inertia(self, mass: float) -> Floats:
+        """Inertia of the cylinder with this mass about its own centre, (3, 3) [kg m^2]."""
+        across = mass * (3 * self.radius**2 + self.length**2) / 12
+        return np.diag([across, across, mass * self.radius**2 / 2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,80 +106,45 @@ class Part:
 
     Attributes:
         name: name of the part.
-        parent: name of the part that carries it; None for the base.
-        hinge: the hinge that joins it to its parent; None if it is fixed to the parent.
+        joint: the joint that carries it; None for the base.
         lump: its mass.
         shapes: solids with centres in the world at rest.
     """
 
     name: str
-    parent: str | None
-    hinge: HingeOf | None
+    joint: Joint | None
     lump: Lump
-    shapes: tuple[Solid, ...]
+    shapes: tuple[Solid, ...] = ()
 
 
-def sphere(place: Place, radius: float) -> Sphere:
-    """A ball at a place in the world."""
-    return Sphere(radius, place.position)
+def solid_of(kind: str, size: Sequence[float]) -> Solid | Cylinder:
+    """Make a solid in its own frame: a sphere (radius), a box (edges), a capsule or a cylinder (radius, length)."""
+    if kind == "sphere":
+        return Sphere(size[0])
+    if kind == "box":
+        return Box(size)
+    return Capsule(size[0], size[1]) if kind == "capsule" else Cylinder(size[0], size[1])
 
 
-def capsule(place: Place, radius: float, length: float) -> Capsule:
-    """A capsule along the third axis of a place in the world."""
-    return Capsule(radius, length, place.rotation[:, 2], place.position)
-
-
-def box(name: str, place: Place, size: Floats) -> Box:
-    """A cuboid along the axes of a place in the world.
+def placed(solid: Solid | Cylinder, name: str, place: Place) -> Solid:
+    """Put a solid, along the third axis if it is round, at a place in the world, where it touches the ground.
 
     Raises:
-        ValueError: if these are not the axes of the world.
+        ValueError: for a box along other axes than those of the world, and a cylinder that is wider than long.
     """
-    straight = np.abs(place.rotation).round(6)
-    if np.abs(np.abs(place.rotation) - straight.round()).max() > _STRAIGHT:
-        raise ValueError(f"{name}: a box that is turned at rest is not allowed; give one along the axes of the world")
-    return Box(straight.round() @ size, place.position)
-
-
-def solid_inertia(kind: str, mass: float, size: Sequence[float]) -> Floats:
-    """Inertia of a solid about its own axes [kg m^2].
-
-    Sizes are those of a sphere (radius), a box (edges), or a capsule or cylinder (radius, length).
-    """
-    if kind == "sphere":
-        return Sphere(size[0]).inertia(mass)
-    if kind == "box":
-        return Box(np.array(size)).inertia(mass)
-    if kind == "capsule":
-        return Capsule(size[0], size[1]).inertia(mass)
-    across = mass * (3 * size[0] ** 2 + size[1] ** 2) / 12
-    return np.diag([across, across, mass * size[0] ** 2 / 2])
-
-
-def solid_volume(kind: str, size: Sequence[float]) -> float:
-    """Volume of a solid [m^3], with the sizes of :func:`solid_inertia`."""
-    ball = 4 / 3 * np.pi * size[0] ** 3
-    if kind == "box":
-        return float(np.prod(size))
-    if kind == "sphere":
-        return float(ball)
-    return float(np.pi * size[0] ** 2 * size[1] + (ball if kind == "capsule" else 0))
-
-
-def placed(kind: str, name: str, place: Place, size: Sequence[float]) -> Solid:
-    """Make the solid that touches the ground; a cylinder becomes a capsule of the same overall length.
-
-    Raises:
-        ValueError: for solids that the engine does not support.
-    """
-    if kind == "sphere":
-        return sphere(place, size[0])
-    if kind == "box":
-        return box(name, place, np.array(size))
-    length = size[1] if kind == "capsule" else size[1] - 2 * size[0]
+    if isinstance(solid, Sphere):
+        return replace(solid, centre=place.position)
+    if isinstance(solid, Box):
+        straight = np.abs(place.rotation).round(6)
+        if np.abs(np.abs(place.rotation) - straight.round()).max() > _STRAIGHT:
+            raise ValueError(
+                f"{name}: a box that is turned at rest is not allowed; give one along the axes of the world"
+            )
+        return Box(straight.round() @ solid.size, place.position)
+    length = solid.length if isinstance(solid, Capsule) else solid.length - 2 * solid.radius
     if length <= 0:
         raise ValueError(f"{name}: a cylinder that is wider than long is not allowed; give a sphere, box or capsule")
-    return capsule(place, size[0], length)
+    return Capsule(solid.radius, length, place.rotation[:, 2], place.position)
 
 
 def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
@@ -180,27 +158,22 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     found: dict[str, Part] = {}
     joined: dict[str, str] = {}
     for part in parts:
-        parent = None if part.parent is None else joined.get(part.parent, part.parent)
-        if parent is not None and part.hinge is None and 0 in (part.lump.mass, found[parent].lump.mass):
-            carrier = found[parent]
-            found[parent] = replace(carrier, lump=carrier.lump + part.lump, shapes=carrier.shapes + part.shapes)
-            joined[part.name] = parent
+        joint = (
+            None if part.joint is None else replace(part.joint, parent=joined.get(part.joint.parent, part.joint.parent))
+        )
+        if isinstance(joint, Weld) and 0 in (part.lump.mass, found[joint.parent].lump.mass):
+            carrier = found[joint.parent]
+            found[joint.parent] = replace(carrier, lump=carrier.lump + part.lump, shapes=carrier.shapes + part.shapes)
+            joined[part.name] = joint.parent
         else:
-            found[part.name] = replace(part, parent=parent)
-    bodies, joints = list[Body](), list[Joint]()
+            found[part.name] = replace(part, joint=joint)
+    bodies = []
     for part in found.values():
         lump = part.lump
-        if lump.mass == 0 and part.parent is None and fixed:
+        if lump.mass == 0 and part.joint is None and fixed:
             lump = Lump(1.0, lump.centre, np.eye(3))  # whatever does not move
         if lump.mass == 0:
             raise ValueError(f"mass of {part.name}: 0 is not allowed; give an inertial or solids with a mass")
         shapes = [replace(shape, centre=np.asarray(shape.centre) - lump.centre) for shape in part.shapes]
         bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
-        if part.parent is not None:
-            hinge = part.hinge
-            joints.append(
-                Weld(part.parent, part.name)
-                if hinge is None
-                else Hinge(part.parent, part.name, hinge.anchor, hinge.axis, hinge.motor, hinge.command, hinge.stops)
-            )
-    return Tree(bodies, joints, fixed)
+    return Tree(bodies, [part.joint for part in found.values() if part.joint is not None], fixed)

@@ -4,10 +4,11 @@ import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
+from taichi_sim.base.checks import positive
+from taichi_sim.base.files import read_text
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid.model.assembly import Model
 from taichi_sim.rigid.model.mjcf import read_mjcf
-from taichi_sim.rigid.model.shapes import positive
 from taichi_sim.rigid.model.urdf import read_urdf
 
 
@@ -20,11 +21,7 @@ def load_model(
     fastest: float = 10.0,
 ) -> Model:
     """Read a robot from a file, with the settings and errors of :func:`parse_model`."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {error}") from None
-    return parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest)
+    return parse_model(read_text(path), angles=angles, fixed=fixed, speed=speed, fastest=fastest)
 
 
 def parse_model(

@@ -12,20 +12,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.assembly import (
-    HingeOf,
-    Lump,
-    Model,
-    Part,
-    Place,
-    placed,
-    solid_inertia,
-    solid_volume,
-    tree_of,
-)
+from taichi_sim.rigid.model.assembly import Cylinder, Lump, Model, Part, Place, placed, solid_of, tree_of
 from taichi_sim.rigid.model.mjcf_drives import drive
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Solid
+from taichi_sim.rigid.model.tree import Hinge, Joint, Weld
 from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
 from taichi_sim.rigid.tables import Senses
 
@@ -155,7 +146,7 @@ class _Reader:
         loose = [joint.tag == "freejoint" or joint.get("type") == "free" for joint in _joints_of(bases[0])]
         hanging = bool(loose) and not loose[0]
         if hanging:
-            self.parts.append(Part("world", None, None, Lump(), ()))
+            self.parts.append(Part("world", None, Lump()))
         self._read_body(bases[0], "world" if hanging else None, world, "main")
         return not any(loose)
 
@@ -176,27 +167,26 @@ class _Reader:
         joints = _joints_of(body)
         if len(joints) > 1:
             raise ValueError(f"body {name}: {len(joints)} joints are not allowed; give one, and a body for each")
-        hinge = None
+        carried: Joint | None = None if parent is None else Weld(parent, name)
         if joints and joints[0].tag == "joint":
-            place, hinge = self._read_joint(self.resolved(joints[0], childclass), place, parent in (None, "world"))
+            joint = self.resolved(joints[0], childclass)
+            if joint.get("type") != "free" or parent not in (None, "world"):
+                place, carried = self._read_hinge(joint, place, parent or "", name)
         elif joints and parent is not None:
             raise ValueError(f"body {name}: a free joint is not allowed on it; give it to the base")
         lump, shapes = self._read_matter(body, place, childclass)
         for site in body.iterfind("site"):
             self.sites[site.get("name", "")] = name
-        self.parts.append(Part(name, parent, hinge, lump, tuple(shapes)))
+        self.parts.append(Part(name, carried, lump, tuple(shapes)))
         for child in _known(body):
             if child.tag == "body":
                 self._read_body(child, name, place, childclass)
             elif child.tag in ("camera", "light"):
                 self.ignored[f"<{child.tag}>"] = None
 
-    def _read_joint(self, joint: Element, place: Place, is_base: bool) -> tuple[Place, HingeOf | None]:
+    def _read_hinge(self, joint: Element, place: Place, parent: str, child: str) -> tuple[Place, Hinge]:
         """Read a joint: the place of the body when its hinge is at rest, and the hinge."""
-        kind = joint.get("type", "hinge")
-        if kind == "free" and is_base:
-            return place, None
-        if kind != "hinge":
+        if (kind := joint.get("type", "hinge")) != "hinge":
             raise ValueError(f"{named(joint)}: type {kind!r} is not allowed here; give hinges, and a free base")
         name = joint.get("name", f"joint {len(self.hinges)}")
         self.hinges.append(name)
@@ -222,7 +212,7 @@ class _Reader:
             lacking = [each for each in lacking if each != used] + also
         self.ignored.update(dict.fromkeys(each if " " in each else f"{each} of joints" for each in lacking))
         stops = None if span is None else (span[0] - rest, span[1] - rest)
-        return moved, HingeOf(anchor, axis, motor, command, stops)
+        return moved, Hinge(parent, child, anchor, axis, motor, command, stops)
 
     def _read_matter(self, body: Element, place: Place, childclass: str) -> tuple[Lump, list[Solid]]:
         """Read the mass and the solids of a body."""
@@ -231,15 +221,14 @@ class _Reader:
         from_geoms = rule == "true" or (rule == "auto" and inertial is None)
         for geom in (self.resolved(each, childclass) for each in body.iterfind("geom")):
             touches, kind = _touches(geom, self.floor), geom.get("type", "sphere")
-            if kind not in _SIZES and not touches and not from_geoms:
+            if not touches and not from_geoms:
                 continue  # a picture
-            at, size = self._read_geom(geom, kind, place)
+            at, solid = self._read_geom(geom, kind, place)
             if from_geoms:
-                mass = number(geom, "density", "1000") * solid_volume(kind, size)
-                mass = number(geom, "mass", str(mass))
-                lump = lump + Lump.of(mass, at, solid_inertia(kind, mass, size))
+                mass = number(geom, "mass", str(number(geom, "density", "1000") * solid.volume))
+                lump = lump + Lump.of(mass, at, solid.inertia(mass))
             if touches:
-                shapes.append(placed(kind, named(geom), at, size))
+                shapes.append(placed(solid, named(geom), at))
                 self.frictions.add(self._friction(geom))
                 if kind == "cylinder":
                     self.ignored["edges of cylinders, which touch the ground as capsules of their length"] = None
@@ -253,8 +242,8 @@ class _Reader:
             lump = Lump.of(number(inertial, "mass"), at, matrix)
         return lump, shapes
 
-    def _read_geom(self, geom: Element, kind: str, place: Place) -> tuple[Place, list[float]]:
-        """Read the place of a solid, and its size: radius, length between ends, or edges [m]."""
+    def _read_geom(self, geom: Element, kind: str, place: Place) -> tuple[Place, Solid | Cylinder]:
+        """Read a solid and its place."""
         if kind not in _SIZES:
             raise ValueError(f"{named(geom)}: type {kind!r} is not allowed; give {', '.join(_SIZES)}")
         size = numbers(geom, "size")
@@ -268,9 +257,8 @@ class _Reader:
             at = place.then(numbers(geom, "pos", "0 0 0", 3), self.turn(geom))
         if len(size) < _SIZES[kind]:
             raise ValueError(f"{named(geom)}: {len(size)} sizes are not allowed; give {_SIZES[kind]}")
-        if kind == "box":
-            return at, [float(2 * each) for each in size[:3]]
-        return at, [float(size[0]), *(float(2 * each) for each in size[1 : _SIZES[kind]])]
+        size[0 if kind == "box" else 1 :] *= 2  # from halves of edges and lengths
+        return at, solid_of(kind, size[: _SIZES[kind]].tolist())
 
     def _friction(self, geom: Element) -> float:
         """Coefficient of friction of a solid on the ground: the larger of the two coefficients."""

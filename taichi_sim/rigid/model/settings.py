@@ -1,11 +1,26 @@
 """Settings of the world of rigid robots, and of their neurons."""
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Annotated, Literal
 
-import numpy as np
+from taichi_sim.base.checks import Finite, Positive, check_fields, number, numbers
 
-from taichi_sim.rigid.model.shapes import is_number, positive
+
+def _friction(field: str, value: float) -> float:
+    try:
+        return value if value == math.inf else number(field, value, low=0.0)
+    except ValueError:
+        raise ValueError(f"{field}: {value!r} is not allowed; give a number of at least 0, or infinity") from None
+
+
+def _two(field: str, values: tuple[float, float]) -> tuple[float, float]:
+    try:
+        apart, touching = numbers(field, values, 2).tolist()
+    except ValueError:
+        raise ValueError(f"{field}: {values!r} is not allowed; give two finite numbers") from None
+    return apart, touching
 
 
 @dataclass(frozen=True)
@@ -23,24 +38,15 @@ class World:
             bodies drift off their hinges, as the solver does that the studies of chapters 2 and 3 ran on (ODE).
     """
 
-    time_step: float = 0.05
-    gravity: float = -9.81
-    slip: float = 0.01
-    friction: float = np.inf
-    error_reduction: float = 0.2
+    time_step: Positive = 0.05
+    gravity: Finite = -9.81
+    slip: Positive = 0.01
+    friction: Annotated[float, _friction] = math.inf
+    error_reduction: Annotated[float, partial(number, low=0.0, high=1.0)] = 0.2
     integration: Literal["momentum", "velocity"] = "momentum"
 
     def __post_init__(self) -> None:
-        positive("time_step", self.time_step)
-        positive("slip", self.slip)
-        if not is_number(self.gravity):
-            raise ValueError(f"gravity: {self.gravity!r} is not allowed; give a finite number")
-        if not (is_number(self.friction) or self.friction == np.inf) or self.friction < 0:
-            raise ValueError(f"friction: {self.friction!r} is not allowed; give a number of at least 0, or infinity")
-        if not is_number(self.error_reduction) or not 0 <= self.error_reduction <= 1:
-            raise ValueError(f"error_reduction: {self.error_reduction!r} is not allowed; give a number from 0 to 1")
-        if self.integration not in ("momentum", "velocity"):
-            raise ValueError(f"integration: {self.integration!r} is unknown; choose momentum or velocity")
+        check_fields(self)
 
 
 @dataclass(frozen=True)
@@ -53,12 +59,9 @@ class Network:
         touch_values: readings of touch sensors off the ground, and on it.
     """
 
-    memory: float = 1.0
-    gain: float = 1.0
-    touch_values: tuple[float, float] = (0.0, 1.0)
+    memory: Finite = 1.0
+    gain: Finite = 1.0
+    touch_values: Annotated[tuple[float, float], _two] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
-        for name, values in (("memory", [self.memory]), ("gain", [self.gain]), ("touch_values", self.touch_values)):
-            if not all(is_number(value) for value in values) or (name == "touch_values" and len(values) != 2):
-                allowed = "two finite numbers" if name == "touch_values" else "a finite number"
-                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; give {allowed}")
+        check_fields(self)

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import Positive, check_fields, positive
 
 Vector = Sequence[float] | Floats
 ORIGIN = (0.0, 0.0, 0.0)
@@ -27,26 +29,9 @@ def vector(field: str, value: Vector) -> Floats:
     return found
 
 
-def is_number(value: object) -> bool:
-    """Whether a value is a finite number."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def is_whole(value: object) -> bool:
-    """Whether a value is a whole number."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-def positive(field: str, value: float, zero: bool = False) -> float:
-    """Check that a value is a finite number above zero, or zero if ``zero`` allows it.
-
-    Raises:
-        ValueError: for anything else.
-    """
-    if not is_number(value) or value < 0 or (value == 0 and not zero):
-        allowed = "a finite number, at least 0" if zero else "a positive finite number"
-        raise ValueError(f"{field}: {value!r} is not allowed; give {allowed}")
-    return float(value)
+def triple(field: str, value: Vector) -> tuple[float, ...]:
+    """Check that a value is three finite numbers, and return them as floats, with the errors of :func:`vector`."""
+    return tuple(vector(field, value).tolist())
 
 
 def unit(field: str, value: Vector) -> Floats:
@@ -62,6 +47,14 @@ def unit(field: str, value: Vector) -> Floats:
     return found / length
 
 
+def _direction(field: str, value: Vector) -> tuple[float, ...]:
+    unit(field, value)
+    return triple(field, value)
+
+
+Place = Annotated[Vector, triple]
+
+
 @dataclass(frozen=True)
 class Sphere:
     """A ball.
@@ -71,16 +64,20 @@ class Sphere:
         centre: from the body's centre of mass [m].
     """
 
-    radius: float
-    centre: Vector = ORIGIN
+    radius: Positive
+    centre: Place = ORIGIN
 
     def __post_init__(self) -> None:
-        positive("radius", self.radius)
-        vector("centre", self.centre)
+        check_fields(self)
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return 4 / 3 * math.pi * self.radius**3
 
     def points(self) -> list[tuple[Floats, float]]:
         """Balls that stand for the solid in contact: centres from the body's centre of mass, and radii [m]."""
-        return [(np.array(self.centre, float), self.radius)]
+        return [(np.array(self.centre), self.radius)]
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
@@ -98,16 +95,18 @@ class Capsule:
         centre: from the body's centre of mass [m].
     """
 
-    radius: float
-    length: float
-    axis: Vector = (0.0, 0.0, 1.0)
-    centre: Vector = ORIGIN
+    radius: Positive
+    length: Positive
+    axis: Annotated[Vector, _direction] = (0.0, 0.0, 1.0)
+    centre: Place = ORIGIN
 
     def __post_init__(self) -> None:
-        positive("radius", self.radius)
-        positive("length", self.length)
-        unit("axis", self.axis)
-        vector("centre", self.centre)
+        check_fields(self)
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return math.pi * self.radius**2 * self.length + 4 / 3 * math.pi * self.radius**3
 
     def points(self) -> list[tuple[Floats, float]]:
         """Balls at the two ends: centres from the body's centre of mass, and radii [m]."""
@@ -134,23 +133,28 @@ class Box:
         centre: from the body's centre of mass [m].
     """
 
-    size: Vector
-    centre: Vector = ORIGIN
+    size: Place
+    centre: Place = ORIGIN
 
     def __post_init__(self) -> None:
-        for edge in vector("size", self.size):
-            positive("size", float(edge))
-        vector("centre", self.centre)
+        check_fields(self)
+        for edge in self.size:
+            positive("size", edge)
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return float(np.prod(self.size))
 
     def points(self) -> list[tuple[Floats, float]]:
         """The eight corners as balls of radius 0: centres from the body's centre of mass, and radii [m]."""
-        half = np.array(self.size, float) / 2
+        half = np.array(self.size) / 2
         signs = np.array([(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
         return [(np.array(self.centre) + half * each, 0.0) for each in signs]
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
-        x, y, z = np.array(self.size, float) ** 2
+        x, y, z = np.array(self.size) ** 2
         return np.diag([y + z, x + z, x + y]) * mass / 12
 
 

@@ -4,13 +4,15 @@ Everything is given as it lies at rest, in the frame of the world: all bodies' a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.shapes import Solid, Vector, is_number, is_whole, positive, unit, vector
+from taichi_sim.base.checks import Finite, NotNegative, check_fields, number, positive
+from taichi_sim.rigid.model.shapes import Solid, Vector, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +59,13 @@ class Motor:
         offset: constant part of the rate [rad/s].
     """
 
-    torque: float
-    by_command: float
-    by_angle: float = 0.0
-    offset: float = 0.0
+    torque: NotNegative
+    by_command: Finite
+    by_angle: Finite = 0.0
+    offset: Finite = 0.0
 
     def __post_init__(self) -> None:
-        positive("torque", self.torque, zero=True)
-        for name in ("by_command", "by_angle", "offset"):
-            if not is_number(getattr(self, name)):
-                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; give a finite number")
+        check_fields(self)
 
     @classmethod
     def position(cls, lowest: float, highest: float, speed: float, torque: float) -> "Motor":
@@ -77,10 +76,7 @@ class Motor:
         Raises:
             ValueError: for angles that are no numbers, or a speed that is not positive.
         """
-        for name, angle in (("lowest", lowest), ("highest", highest)):
-            if not is_number(angle):
-                raise ValueError(f"{name}: {angle!r} is not allowed; give a finite number")
-        positive("speed", speed)
+        lowest, highest, speed = number("lowest", lowest), number("highest", highest), positive("speed", speed)
         return cls(torque, speed * (highest - lowest) / 2, -speed, speed * (highest + lowest) / 2)
 
     @classmethod
@@ -118,14 +114,16 @@ class Hinge:
             raise ValueError(
                 f"stops of {self.child}: {self.stops!r} is not allowed; give two angles around the start, 0"
             )
-        if self.motor is not None and (not is_whole(self.command) or self.command < 0):
-            raise ValueError(f"command of {self.child}: {self.command!r} is not allowed; give the number of a command")
+        if self.motor is not None:
+            checks.integer(f"command of {self.child}", self.command, 0)
 
 
-def _around_zero(stops: object) -> bool:
-    if not isinstance(stops, Sequence | np.ndarray) or len(stops) != 2 or not all(map(is_number, stops)):
+def _around_zero(stops: tuple[float, float]) -> bool:
+    try:
+        lower, upper = checks.numbers("stops", stops, 2)
+    except ValueError:
         return False
-    return bool(stops[0] <= 0 <= stops[1] and stops[0] < stops[1])
+    return bool(lower <= 0 <= upper and lower < upper)
 
 
 @dataclass(frozen=True)
@@ -160,39 +158,38 @@ class Tree:
     bodies: Sequence[Body]
     joints: Sequence[Joint] = ()
     fixed: bool = False
-    order: tuple[int, ...] = field(init=False)
-    parents: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         names = [body.name for body in self.bodies]
         if not names or len(set(names)) < len(names):
             raise ValueError(f"bodies: {names!r} is not allowed; give at least one body, each with a name of its own")
-        joint_of: dict[str, Joint] = {}
+        carried = {names[0]}
         for joint in self.joints:
             for end in (joint.parent, joint.child):
                 if end not in names:
                     raise ValueError(f"joints: there is no body {end!r}; there are {', '.join(names)}")
-            if joint.child in joint_of or joint.child == names[0]:
+            if joint.child in carried:
                 raise ValueError(f"joints: {joint.child!r} is carried twice or is the base; give a tree without loops")
-            joint_of[joint.child] = joint
-        reached, order = {names[0]}, [0]
-        while len(order) < len(names):
-            found = [
-                i
-                for i, name in enumerate(names)
-                if name not in reached and name in joint_of and joint_of[name].parent in reached
-            ]
-            if not found:
-                lost = [name for name in names if name not in reached]
-                raise ValueError(
-                    f"joints: {lost[0]!r} does not hang on the base {names[0]!r}; give a tree without loops"
-                )
+            carried.add(joint.child)
+        lost = [name for n, name in enumerate(names) if n not in self.order]
+        if lost:
+            raise ValueError(f"joints: {lost[0]!r} does not hang on the base {names[0]!r}; give a tree without loops")
+
+    @cached_property
+    def order(self) -> tuple[int, ...]:
+        """Numbers of the bodies in the order of ``ordered``: the base, then what hangs on it, and so on."""
+        parent_of = {joint.child: joint.parent for joint in self.joints}
+        order, last = [0], {self.bodies[0].name}
+        while last:
+            found = [n for n, body in enumerate(self.bodies) if parent_of.get(body.name) in last]
             order += found
-            reached |= {names[i] for i in found}
-        object.__setattr__(self, "order", tuple(order))
-        place = {names[i]: n for n, i in enumerate(order)}
-        parents = (-1, *(place[joint_of[names[i]].parent] for i in order[1:]))
-        object.__setattr__(self, "parents", parents)
+            last = {self.bodies[n].name for n in found}
+        return tuple(order)
+
+    @cached_property
+    def parents(self) -> tuple[int, ...]:
+        """Place in ``ordered`` of the body that carries each body; -1 for the base."""
+        return tuple(-1 if joint is None else self.place_of(joint.parent) for _, joint in self.ordered)
 
     @cached_property
     def ordered(self) -> list[tuple[Body, Joint | None]]:

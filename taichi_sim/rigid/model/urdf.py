@@ -9,15 +9,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.assembly import HingeOf, Lump, Model, Part, Place, placed, tree_of
+from taichi_sim.rigid.model.assembly import Lump, Model, Part, Place, placed, solid_of, tree_of
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Solid
-from taichi_sim.rigid.model.tree import Motor
+from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
 from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
 from taichi_sim.rigid.tables import Senses
 
 _ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 _HINGED = ("revolute", "continuous")
+_ROUND = {"radius": 1, "length": 1}
+_SIZES = {"sphere": {"radius": 1}, "box": {"size": 3}, "cylinder": _ROUND, "capsule": _ROUND}  # numbers of attributes
 
 
 def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float) -> Model:
@@ -46,18 +48,18 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     if unknown:
         raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
     places = {bases[0]: Place(np.zeros(3), np.eye(3))}
-    parts, waiting, commands = [_part(links[bases[0]], None, None, places[bases[0]])], list(joints), list[str]()
+    parts, waiting, commands = [_part(links[bases[0]], None, places[bases[0]])], list(joints), list[str]()
     while waiting:
         ready = [joint for joint in waiting if _link_of(joint, "parent") in places]
         if not ready:
             raise ValueError(f"{named(waiting[0])}: a loop is not allowed; give a tree without loops")
         for joint in ready:
             waiting.remove(joint)
-            parent, child = _link_of(joint, "parent"), _link_of(joint, "child")
-            places[child], hinge = _hang(joint, places[parent], angles, speed, len(commands))
-            if hinge is not None and hinge.motor is not None:
+            child = _link_of(joint, "child")
+            places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, len(commands))
+            if isinstance(hung, Hinge) and hung.motor is not None:
                 commands.append(joint.get("name", child))
-            parts.append(_part(links[child], parent, hinge, places[child]))
+            parts.append(_part(links[child], hung, places[child]))
     return Model(tree_of(parts, fixed), Senses(), World(), tuple(commands), _ignored(root))
 
 
@@ -75,13 +77,12 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
     return numbers(origin, "xyz", "0 0 0", 3), turn.as_matrix()
 
 
-def _hang(
-    joint: Element, parent: Place, angles: dict[str, float], speed: float, command: int
-) -> tuple[Place, HingeOf | None]:
-    """Read a joint: the place of its child, and the hinge that carries the child."""
-    kind, place = joint.get("type", ""), parent.then(*_origin(joint))
+def _hang(joint: Element, carrier: Place, angles: dict[str, float], speed: float, command: int) -> tuple[Place, Joint]:
+    """Read a joint at the place of its parent: the place of its child, and the joint itself."""
+    kind, place = joint.get("type", ""), carrier.then(*_origin(joint))
+    parent, child = _link_of(joint, "parent"), _link_of(joint, "child")
     if kind == "fixed":
-        return place, None
+        return place, Weld(parent, child)
     if kind not in _HINGED:
         raise ValueError(f"{named(joint)}: type {kind!r} is not allowed; give revolute, continuous or fixed")
     axis = single(joint, "axis")
@@ -100,10 +101,10 @@ def _hang(
     if effort > 0:
         rate = number(limit, "velocity", "0") if limit is not None else 0.0
         motor = Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort)
-    return turned, HingeOf(place.position, place.rotation @ along, motor, command, stops)
+    return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops)
 
 
-def _part(link: Element, parent: str | None, hinge: HingeOf | None, place: Place) -> Part:
+def _part(link: Element, joint: Joint | None, place: Place) -> Part:
     """Read a link as a part at its place in the world."""
     lump, inertial = Lump(), single(link, "inertial")
     if inertial is not None:
@@ -113,23 +114,17 @@ def _part(link: Element, parent: str | None, hinge: HingeOf | None, place: Place
         matrix = np.array([number(inertia, entry, "0") for entry in _ENTRIES]).reshape(3, 3)
         lump = Lump.of(number(mass, "value"), place.then(*_origin(inertial)), matrix)
     shapes = [_solid(each, link, place.then(*_origin(each))) for each in link.findall("collision")]
-    return Part(link.get("name", ""), parent, hinge, lump, tuple(shapes))
+    return Part(link.get("name", ""), joint, lump, tuple(shapes))
 
 
 def _solid(collision: Element, link: Element, place: Place) -> Solid:
     geometry = single(collision, "geometry")
     solids = list(geometry) if geometry is not None else []
-    if len(solids) != 1 or solids[0].tag not in ("sphere", "box", "cylinder", "capsule"):
+    if len(solids) != 1 or solids[0].tag not in _SIZES:
         found = solids[0].tag if solids else "nothing"
         raise ValueError(f"collision of {named(link)}: {found} is not allowed; give a box, sphere, cylinder or capsule")
-    solid = solids[0]
-    if solid.tag == "sphere":
-        size = numbers(solid, "radius", None, 1)
-    elif solid.tag == "box":
-        size = numbers(solid, "size", None, 3)
-    else:
-        size = np.array([number(solid, "radius"), number(solid, "length")])
-    return placed(solid.tag, f"collision of {named(link)}", place, size.tolist())
+    sizes = [numbers(solids[0], name, None, count) for name, count in _SIZES[solids[0].tag].items()]
+    return placed(solid_of(solids[0].tag, np.concatenate(sizes).tolist()), f"collision of {named(link)}", place)
 
 
 def _ignored(root: Element) -> tuple[str, ...]:
