@@ -114,9 +114,9 @@ class VehicleBatch:
     @cached_property
     def weights(self) -> Floats:
         """Connections by controller, in the order of the wiring, shape (B * C or C, connections or 1)."""
-        rows = self.controllers[:, :, *self.connections].reshape(
-            self.controllers.shape[0] * self.controllers.shape[1], -1
-        )
+        motors, sensors = self.connections
+        each: Floats = self.controllers.reshape(-1, 2, self.sensors)
+        rows: Floats = each[:, motors, sensors]
         return rows if rows.shape[1] else np.zeros((len(rows), 1))
 
     def rollouts(self, task: VehicleTask, numbers: range) -> tuple[Indices, Floats, Floats]:

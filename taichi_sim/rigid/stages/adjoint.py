@@ -29,9 +29,17 @@ from taichi_sim.rigid.memory import (
     write,
 )
 from taichi_sim.rigid.stages import laws, spatial
-from taichi_sim.rigid.stages.arguments import body_slots, carrier_slots, contact_slots, eye_slots, moving_slots
+from taichi_sim.rigid.stages.arguments import (
+    body_slots,
+    carrier_slots,
+    contact_slots,
+    eye_slots,
+    hinge_slots,
+    moving_slots,
+)
 from taichi_sim.rigid.stages.articulated import assemble, collect, row_impulse, solve_base, spread
 from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_points, solve_members
+from taichi_sim.rigid.stages.control import commanded
 from taichi_sim.rigid.stages.motion import common_motion
 from taichi_sim.runtime import ti
 
@@ -188,26 +196,19 @@ def uncommand(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):
-            body, given = body_at(robots, b), given_at(robots, b)
-            mode = read(robots, body + slots.MODES + rows)
+            body, motor = body_at(robots, b), column(robots, b, slots.MOTOR)
+            mode, rate = read(robots, body + slots.MODES + rows), read(motion, body + slots.RATE)
+            none = 0.0 * mode
             driven = (mode > -0.5) & (mode < 0.5)
-            of_target = select(driven, 0.0 - row_impulse(motion, body), 0.0 * mode)
-            angle = read(robots, body + slots.ANGLE)
-            stopped = (angle <= read(robots, given + slots.LOWER)) | (angle >= read(robots, given + slots.UPPER))
-            wanted = select(stopped, 0.0 * of_target, of_target)
-            of_stop = select(stopped, of_target, 0.0 * of_target)
-            by_angle, by_command = read(robots, given + slots.BY_ANGLE), read(robots, given + slots.BY_COMMAND)
-            add_one(cotangents, body + slots.ANGLE, by_angle * wanted - push_out * of_stop)
-            add_one(cotangents, given + slots.BY_ANGLE, angle * wanted)
-            add_one(cotangents, given + slots.OFFSET, wanted)
-            pushed = read(robots, body + slots.PUSH)
-            way = select(stopped, select(pushed > 0.0, 1.0, select(pushed < 0.0, -1.0, 0.0 * mode)), mode)
-            add_one(cotangents, given + slots.TORQUE, h * way * read(motion, body + slots.RATE))
-            motor = column(robots, b, slots.MOTOR)
+            of_target = select(driven, 0.0 - row_impulse(motion, body), none)
+            seeds = ti.static((of_target, rate, select(mode < -0.5, rate, none), select(mode > 0.5, rate, none)))
+            pieces = ti.static(hinge_slots(robots, b))
+            inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
+            constants = ti.static(row(robots, given_at(robots, b) + slots.LOWER, 2) + (h, push_out))
+            to = ti.static(pull_back(laws.hinge_row, inputs, constants, seeds))
+            scatter(cotangents, pieces, to[:5])
             if motor >= 0:
-                neuron = robots.plan[slots.NEURON] + motor
-                add_one(cotangents, given + slots.BY_COMMAND, read(robots, neuron) * wanted)
-                add_one(cotangents, neuron, by_command * wanted)
+                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[5])
 
 
 @ti.func

@@ -48,3 +48,9 @@ def eye_slots(robots: Block, s: Any) -> Pieces:
     body = body_at(robots, listed_in_plan(robots, slots.EYES, s))
     offset = count_of(robots, slots.LIGHT_PARAMETER) + s * slots.LIGHT_PARAMETER_WIDTH
     return (slots.POSITION, 3), (body + slots.ROTATION, 9), (body + slots.PLACE, 3), (offset, 3), (slots.LIGHT, 3)
+
+
+@primitive
+def hinge_slots(robots: Block, b: Any) -> Pieces:
+    """Slots for ``hinge_row``: the angle, and the motor's torque, by_command, by_angle and offset."""
+    return (body_at(robots, b) + slots.ANGLE, 1), (given_at(robots, b) + slots.TORQUE, 4)

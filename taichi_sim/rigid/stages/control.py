@@ -10,13 +10,14 @@ from taichi_sim.rigid.memory import (
     gather,
     given_at,
     is_hinged,
+    put,
     read,
     row,
     setting,
     write,
 )
 from taichi_sim.rigid.stages import laws
-from taichi_sim.rigid.stages.arguments import eye_slots
+from taichi_sim.rigid.stages.arguments import eye_slots, hinge_slots
 from taichi_sim.runtime import ti
 
 
@@ -58,36 +59,27 @@ def think(robots: ti.template(), step):
 
 
 @ti.func
-def command_hinges(robots: ti.template()):
-    """Each hinge's row: the rate it should have, and the impulses it may use for it.
+def commanded(robots: ti.template(), b):
+    """The command of a hinge's motor; 0 without a motor."""
+    command = 0.0 * read(robots, 0)
+    motor = column(robots, b, slots.MOTOR)
+    if motor >= 0:
+        command = read(robots, robots.plan[slots.NEURON] + motor)
+    return command
 
-    At a stop the row is the stop's, and the motor pushes with all its torque the way it wants to go (ODE's rule for a
-    powered joint at its stop).
-    """
+
+@ti.func
+def command_hinges(robots: ti.template()):
+    """Each hinge's row: the rate it should have, and the impulses it may use for it."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):
-            body, given = body_at(robots, b), given_at(robots, b)
-            angle = read(robots, body + slots.ANGLE)
-            motor = column(robots, b, slots.MOTOR)
-            command = 0.0 * angle
-            if motor >= 0:
-                command = read(robots, robots.plan[slots.NEURON] + motor)
-            by_command, by_angle = read(robots, given + slots.BY_COMMAND), read(robots, given + slots.BY_ANGLE)
-            wanted = by_command * command + by_angle * angle + read(robots, given + slots.OFFSET)
-            strength = h * read(robots, given + slots.TORQUE)
-            lower, upper = read(robots, given + slots.LOWER), read(robots, given + slots.UPPER)
-            at_lower, at_upper = angle <= lower, angle >= upper
-            stopped = at_lower | at_upper
-            upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
-            pushed = select(upwards, strength, 0.0 - strength)
-            write(robots, body + slots.PUSH, select(stopped, pushed, 0.0 * strength))
-            back = push_out * (select(at_lower, lower, upper) - angle)
-            write(robots, body + slots.TARGET, select(stopped, back, wanted))
-            high = select(stopped, select(at_lower, slots.NO_STOP, 0.0 * strength), strength)
-            low = select(stopped, select(at_lower, 0.0 * strength, 0.0 - slots.NO_STOP), 0.0 - strength)
-            write(robots, body + slots.HIGH, high)
-            write(robots, body + slots.LOW, low)
+            body = body_at(robots, b)
+            stops = ti.static(row(robots, given_at(robots, b) + slots.LOWER, 2))
+            motor = ti.static(gather(robots, hinge_slots(robots, b)))
+            wanted = ti.static(laws.hinge_row(*motor, commanded(robots, b), *stops, h, push_out))
+            put(robots, body + slots.TARGET, wanted)
+            low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
             for phase in ti.static(range(2)):  # a bound that is out of reach holds nothing
                 mode = read(robots, body + slots.MODES + phase)
                 absent = ((mode > 0.5) & (high >= slots.NO_STOP)) | ((mode < -0.5) & (low <= 0.0 - slots.NO_STOP))

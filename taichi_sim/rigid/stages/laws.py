@@ -9,7 +9,8 @@ kept (the implicit function theorem; the system is symmetric).
 from collections.abc import Sequence
 from typing import Any
 
-from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.autodiff.tracing import primitive, select
+from taichi_sim.rigid import slots
 from taichi_sim.rigid.stages import spatial
 
 Reals = Sequence[Any]
@@ -44,14 +45,8 @@ def momentum(
     angular, linear = _cut(carried, 3, 3)
     falling = time_step * weight * mass
     if not drifting:  # carried are momenta
-        return [
-            angular[0] + place[1] * falling,
-            angular[1] - place[0] * falling,
-            angular[2],
-            linear[0],
-            linear[1],
-            linear[2] + falling,
-        ]
+        moment = angular[0] + place[1] * falling, angular[1] - place[0] * falling, angular[2]
+        return [*moment, linear[0], linear[1], linear[2] + falling]
     spin = [spatial.dot([inertia[i], inertia[j], inertia[l]], angular) for i, j, l in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
     gyroscopic = spatial.cross(angular, spin)
     v = spatial.plus_times(linear, drift, correction)
@@ -167,6 +162,29 @@ def moved_base(*values: Any) -> tuple[Any, ...]:
     moved = spatial.plus_times(q, turn, 0.5 * time_step)
     shrink = 1.0 / spatial.length(moved)
     return (*spatial.plus_times(position, velocity[3:], time_step), *(x * shrink for x in moved))
+
+
+@primitive
+def hinge_row(*values: Any) -> tuple[Any, ...]:
+    """A hinge's row: the rate it should have, what pushes beside it, and the least and largest impulse for that rate.
+
+    At a stop the row is the stop's, and the motor pushes with all its torque the way it wants to go (ODE's rule for a
+    powered joint at its stop).
+
+    Values: angle; torque, by_command, by_angle and offset of the motor; command; then stops, time step, correction.
+    """
+    angle, torque, by_command, by_angle, offset, command, lower, upper, time_step, correction = values
+    wanted = by_command * command + by_angle * angle + offset
+    strength = time_step * torque
+    none = 0.0 * strength
+    at_lower, at_upper = angle <= lower, angle >= upper
+    stopped = at_lower | at_upper
+    upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
+    target = select(stopped, correction * (select(at_lower, lower, upper) - angle), wanted)
+    push = select(stopped, select(upwards, strength, 0.0 - strength), none)
+    low = select(stopped, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
+    high = select(stopped, select(at_lower, none + slots.NO_STOP, none), strength)
+    return target, push, low, high
 
 
 @primitive

@@ -29,11 +29,7 @@ def joined(*parts: Any) -> list[Any]:
 @primitive
 def cross(a: Reals, b: Reals) -> list[Any]:
     """a x b."""
-    return [
-        emit(a[1] * b[2] - a[2] * b[1]),
-        emit(a[2] * b[0] - a[0] * b[2]),
-        emit(a[0] * b[1] - a[1] * b[0]),
-    ]
+    return [emit(a[i] * b[j] - a[j] * b[i]) for i, j in ((1, 2), (2, 0), (0, 1))]
 
 
 @primitive
@@ -86,19 +82,12 @@ def about_axis(axis: Reals, sine: Any, cosine: Any) -> list[Any]:
     """Rotation matrix about a unit vector (Rodrigues)."""
     x, y, z = axis
     rest = emit(1.0 - cosine)
-    xr, yr, zr = emit(x * rest), emit(y * rest), emit(z * rest)
-    xs, ys, zs = emit(x * sine), emit(y * sine), emit(z * sine)
-    return [
-        emit(cosine + x * xr),
-        emit(x * yr - zs),
-        emit(x * zr + ys),
-        emit(x * yr + zs),
-        emit(cosine + y * yr),
-        emit(y * zr - xs),
-        emit(x * zr - ys),
-        emit(y * zr + xs),
-        emit(cosine + z * zr),
-    ]
+    xr, yr, zr = (emit(each * rest) for each in (x, y, z))
+    xs, ys, zs = (emit(each * sine) for each in (x, y, z))
+    first = cosine + x * xr, x * yr - zs, x * zr + ys
+    second = x * yr + zs, cosine + y * yr, y * zr - xs
+    third = x * zr - ys, y * zr + xs, cosine + z * zr
+    return [emit(entry) for entry in (*first, *second, *third)]
 
 
 @primitive
@@ -123,24 +112,8 @@ def rigid_matrix(inertia: Reals, mass: Any, place: Reals) -> list[Any]:
     """Spatial inertia of a rigid body from its inertia about the common point."""
     mx, my, mz = (emit(mass * x) for x in place)
     zero = emit(0.0 * mass)
-    return [
-        *inertia,
-        zero,
-        mz,
-        emit(0.0 - my),
-        mass,
-        emit(0.0 - mz),
-        zero,
-        mx,
-        zero,
-        mass,
-        my,
-        emit(0.0 - mx),
-        zero,
-        zero,
-        zero,
-        mass,
-    ]
+    linear = (zero, mz, emit(0.0 - my), mass), (emit(0.0 - mz), zero, mx, zero, mass)
+    return [*inertia, *linear[0], *linear[1], my, emit(0.0 - mx), zero, zero, zero, mass]
 
 
 @primitive
@@ -161,19 +134,9 @@ def drag(place: Reals, strength: Any) -> list[tuple[int, Any]]:
     """What friction against horizontal motion of a point adds to a spatial matrix: (entry, addend)."""
     x, y, z = place
     sx, sy, sz = emit(strength * x), emit(strength * y), emit(strength * z)
-    entries = {
-        (0, 0): sz * z,
-        (1, 1): sz * z,
-        (2, 0): 0.0 - sx * z,
-        (2, 1): 0.0 - sy * z,
-        (2, 2): sx * x + sy * y,
-        (3, 1): sz,
-        (3, 2): 0.0 - sy,
-        (4, 0): 0.0 - sz,
-        (4, 2): sx,
-        (3, 3): strength,
-        (4, 4): strength,
-    }
+    moments = {(0, 0): sz * z, (1, 1): sz * z, (2, 0): 0.0 - sx * z, (2, 1): 0.0 - sy * z, (2, 2): sx * x + sy * y}
+    mixed = {(3, 1): sz, (3, 2): 0.0 - sy, (4, 0): 0.0 - sz, (4, 2): sx}
+    entries = moments | mixed | {(3, 3): strength, (4, 4): strength}
     return [(_at(i, j), emit(value)) for (i, j), value in entries.items()]
 
 
