@@ -120,6 +120,19 @@ def scatter(robots: Block, pieces: Pieces, values: Sequence[Any], written: Seque
 
 
 @primitive
+def variables(count: int, start: Any) -> tuple[Any, ...]:
+    """So many variables of a kernel, to be changed by ``assign``."""
+    return tuple(emit(start) for _ in range(count))
+
+
+@primitive
+def assign(targets: Sequence[Any], values: Sequence[Any]) -> None:
+    """Change variables, all at once."""
+    for target, value in zip(targets, [emit(value) for value in values], strict=True):
+        target._assign(value)
+
+
+@primitive
 def setting(robots: Block, place: int) -> Any:
     """A number of the run."""
     return element(robots.settings, place)

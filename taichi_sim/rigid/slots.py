@@ -30,9 +30,9 @@ ROOT, ROOT_RIGHT, HEAD = 13, 34, 40
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
 CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
 STATE_WIDTH = 12
-# Work: rotation, place relative to the base, drift off the tree, hinge as a spatial vector, inertia about the base,
+# Work: rotation, place relative to the base, hinge as a spatial vector, drift off the tree, inertia about the base,
 # momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row.
-ROTATION, PLACE, DRIFT, SCREW, INERTIA, MOMENTUM = 12, 21, 24, 27, 33, 39
+ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 12, 21, 24, 30, 33, 39
 ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
 TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
 MOVING = MOMENTUM  # after a step: its velocity, that of its centre

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import slots
@@ -46,54 +46,35 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
     points = [n for n, _, _ in tree.points()]
     eyes = [tree.place_of(name) for name, _ in senses.light]
     rows, paths = _structure(tree, senses)
-    bodies, sensors, motors, pairs = len(rows), senses.count, tree.motors, len(points) * (len(points) + 1) // 2
-    point_width = slots.HINGES + paths.shape[1]
-    widths = {
-        slots.BODY: slots.BODY_WIDTH * bodies,
-        slots.PARAMETER: slots.PARAMETER_WIDTH * bodies,
-        slots.POINT: point_width * len(points),
-        slots.POINT_PARAMETER: slots.POINT_PARAMETER_WIDTH * len(points),
-        slots.LIGHT_PARAMETER: slots.LIGHT_PARAMETER_WIDTH * len(eyes),
-        slots.READING: sensors,
-        slots.NEURON: motors,
-        slots.WEIGHT: sensors * motors,
-        slots.COMMAND: commands * motors,
-        slots.MATRIX: pairs,
-        slots.FACTOR: pairs,
-    }
-    first = dict(zip([*widths, slots.SLOTS], slots.HEAD + np.cumsum([0, *widths.values()]), strict=True))
-    body_slots = first[slots.BODY] + slots.BODY_WIDTH * np.arange(bodies)[:, None]
-    impulses = first[slots.POINT] + slots.IMPULSES + point_width * np.arange(len(points))[:, None]
-    pose, neurons = np.arange(slots.POSE_WIDTH), first[slots.NEURON] + np.arange(motors)
-    readings = first[slots.READING] + np.arange(sensors)
-    state = (pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2))
-    frame = (pose, body_slots[tree.hinged] + slots.ANGLE, readings, neurons)
-    lists = {
-        slots.TABLE: rows.ravel(),
-        slots.POINT_BODIES: np.array(points, int),
-        slots.PATHS: paths.ravel(),
-        slots.EYES: np.array(eyes, int),
-        slots.STATE: np.concatenate([part.ravel() for part in state]),
-        slots.FRAME: np.concatenate([part.ravel() for part in frame]),
-    }
-    lengths = {place: len(each) for place, each in lists.items()}
-    counts = {
-        slots.BODIES: bodies,
-        slots.POINTS: len(points),
-        slots.TOUCHES: len(senses.touch),
-        slots.LIGHTS: len(eyes),
-        slots.SENSORS: sensors,
-        slots.MOTORS: motors,
-        slots.DEPTH: paths.shape[1],
-        slots.COMMANDS: commands,
-        slots.KEPT: lengths[slots.STATE],
-        slots.FRAME_WIDTH: lengths[slots.FRAME],
-    }
-    places = dict(zip(lists, slots.PLAN_LENGTH + np.cumsum([0, *lengths.values()]), strict=False))
-    plan = np.concatenate([np.zeros(slots.PLAN_LENGTH, int), *lists.values()]).astype(np.int32)
-    for place, value in {**counts, **first, **places}.items():
-        plan[place] = value
-    return plan
+    bodies, depth, sensors, motors, pairs = (
+        *paths.shape,
+        senses.count,
+        tree.motors,
+        len(points) * (len(points) + 1) // 2,
+    )
+    point_width = slots.HINGES + depth
+    plan: Ints = np.zeros(slots.PLAN_LENGTH, np.int32)
+    plan[: slots.HOLD] = bodies, len(points), len(senses.touch), len(eyes), sensors, motors, depth, commands
+    widths = (  # from BODY to FACTOR
+        *(slots.BODY_WIDTH * bodies, slots.PARAMETER_WIDTH * bodies, point_width * len(points)),
+        *(slots.POINT_PARAMETER_WIDTH * len(points), slots.LIGHT_PARAMETER_WIDTH * len(eyes), sensors, motors),
+        *(sensors * motors, commands * motors, pairs, pairs),
+    )
+    plan[slots.BODY : slots.SLOTS + 1] = slots.HEAD + np.cumsum([0, *widths])
+    body_slots = plan[slots.BODY] + slots.BODY_WIDTH * np.arange(bodies)[:, None]
+    impulses = plan[slots.POINT] + slots.IMPULSES + point_width * np.arange(len(points))[:, None]
+    pose, neurons = np.arange(slots.POSE_WIDTH), plan[slots.NEURON] + np.arange(motors)
+    readings = plan[slots.READING] + np.arange(sensors)
+    state = _listed(pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2))
+    frame = _listed(pose, body_slots[tree.hinged] + slots.ANGLE, readings, neurons)
+    lists = rows.ravel(), _listed(points), paths.ravel(), _listed(eyes), state, frame  # from TABLE to FRAME
+    plan[[slots.KEPT, slots.FRAME_WIDTH]] = len(state), len(frame)
+    plan[slots.TABLE :] = slots.PLAN_LENGTH + np.cumsum([0, *map(len, lists[:-1])])
+    return np.concatenate([plan, *lists])
+
+
+def _listed(*parts: ArrayLike) -> Ints:
+    return np.concatenate([np.ravel(part) for part in parts]).astype(np.int32)
 
 
 def _structure(tree: Tree, senses: Senses) -> tuple[Ints, Ints]:

@@ -14,6 +14,7 @@ from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
     Block,
     add,
+    assign,
     body_at,
     column,
     gather,
@@ -26,6 +27,7 @@ from taichi_sim.rigid.memory import (
     row,
     scatter,
     setting,
+    variables,
     write,
 )
 from taichi_sim.rigid.stages import laws, spatial
@@ -36,6 +38,7 @@ from taichi_sim.rigid.stages.arguments import (
     eye_slots,
     hinge_slots,
     moving_slots,
+    shifted_slots,
 )
 from taichi_sim.rigid.stages.articulated import assemble, collect, row_impulse, solve_base, spread
 from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_points, solve_members
@@ -66,29 +69,23 @@ def clear_work(cotangents: ti.template()):
 @ti.func
 def unshift_moments(robots: ti.template(), carrying: ti.template(), cotangents: ti.template(), sign):
     """Reverse ``motion.shift_moments``; momenta are those in the memory of ``carrying``."""
-    x, y, z, vx, vy, vz, share = common_motion(robots, carrying)
-    zero = 0.0 * x
-    g0, g1, g2, g3, g4, g5 = zero, zero, zero, zero, zero, zero
+    motion = ti.static(common_motion(robots, carrying))
+    share = motion[6]
+    of_motion = ti.static(variables(6, 0.0 * share))
     for b in range(robots.plan[slots.BODIES]):
         body, given = body_at(robots, b), given_at(robots, b)
-        mass, place = ti.static(row(robots, given + slots.MASS, 1)), ti.static(row(robots, body + slots.PLACE, 3))
-        momentum = ti.static(row(carrying, body + slots.CARRIED + 3, 3))
-        inputs = ti.static(mass + place + momentum + (x, y, z, vx, vy, vz))
+        own = ti.static(row(robots, given + slots.MASS, 1) + row(robots, body + slots.PLACE, 3))
+        inputs = ti.static(spatial.joined(own, row(carrying, body + slots.CARRIED + 3, 3), motion[:6]))
         seeds = ti.static([sign * s for s in row(cotangents, body + slots.CARRIED, 3)])
         to = ti.static(pull_back(laws.moment_shift, inputs, (), seeds))
-        pieces = ti.static(((given + slots.MASS, 1), (body + slots.PLACE, 3), (body + slots.CARRIED + 3, 3)))
-        scatter(cotangents, pieces, to)
-        g0, g1, g2 = g0 + to[7], g1 + to[8], g2 + to[9]
-        g3, g4, g5 = g3 + to[10], g4 + to[11], g5 + to[12]
-    of_centre, of_going = (
-        ti.static((g0 * share, g1 * share, g2 * share)),
-        ti.static((g3 * share, g4 * share, g5 * share)),
-    )
+        scatter(cotangents, shifted_slots(robots, b), to[:7])
+        assign(of_motion, spatial.plus(of_motion, to[7:]))
+    of_centre, of_going = ti.static([s * share for s in of_motion[:3]]), ti.static([s * share for s in of_motion[3:]])
     for b in range(robots.plan[slots.BODIES]):
         body, given = body_at(robots, b), given_at(robots, b)
         mass = read(robots, given + slots.MASS)
-        arm = ti.static(spatial.minus_times(row(robots, body + slots.PLACE, 3), (x, y, z), 1.0))
-        of_mass = spatial.dot(of_centre, arm) - spatial.dot(of_going, (vx, vy, vz))
+        arm = ti.static(spatial.minus_times(row(robots, body + slots.PLACE, 3), motion[:3], 1.0))
+        of_mass = spatial.dot(of_centre, arm) - spatial.dot(of_going, motion[3:6])
         add_one(cotangents, given + slots.MASS, of_mass)
         add(cotangents, body + slots.PLACE, [mass * s for s in of_centre])
         add(cotangents, body + slots.CARRIED + 3, of_going)
@@ -158,7 +155,7 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
     one = 0.0 * read(robots, slots.POSITION) + 1.0
     for b in range(robots.plan[slots.BODIES]):
         body = body_at(robots, b)
-        pieces = ti.static(body_slots(robots, b))
+        pieces = ti.static(body_slots(robots, b) + ((body + slots.VELOCITY, 6),))
         inputs = ti.static(gather(robots, pieces) + row(motion, body + slots.VELOCITY, 6))
         to = ti.static(pull_back(laws.work, inputs, (h, weight, push_out, robots.drifting), (one,)))
         scatter(cotangents, pieces, to[:34], (CARRIED,))  # velocities: those of y and z as functions of the screws
@@ -268,19 +265,18 @@ def unplace(robots: ti.template(), cotangents: ti.template()):
             add(cotangents, slots.POSITION, back_again)
             add(cotangents, body + slots.PLACE, back_again)
         before = ti.static(gather(robots, pieces))
-        of_rotation = ti.static(row(cotangents, body + slots.ROTATION, 9))
-        of_place = ti.static(row(cotangents, body + slots.PLACE, 3))
         if is_hinged(robots, b):
             sine, cosine = sine_cosine(read(robots, body + slots.ANGLE))
             axis = ti.static(row(robots, given_at(robots, b) + slots.AXIS, 3))
-            seeds = ti.static(of_rotation + of_place + row(cotangents, body + slots.SCREW, 6))
+            seeds = ti.static(row(cotangents, body + slots.ROTATION, 18))
             to = ti.static(pull_back(laws.hinged_place, before + (sine, cosine), axis, seeds))
             scatter(cotangents, pieces, to[:18])
             add_one(cotangents, body + slots.ANGLE, to[18] * cosine - to[19] * sine)
         else:
+            of_place = ti.static(row(cotangents, body + slots.PLACE, 3))
             to = ti.static(pull_back(laws.welded_place, before, (), of_place))
             scatter(cotangents, pieces, to)
-            add(cotangents, parent_at(robots, b) + slots.ROTATION, of_rotation)
+            add(cotangents, parent_at(robots, b) + slots.ROTATION, row(cotangents, body + slots.ROTATION, 9))
     q = ti.static(row(robots, slots.ORIENTATION, 4))
     seeds = ti.static(row(cotangents, body_at(robots, 0) + slots.ROTATION, 9))
     to = ti.static(pull_back(rotations.matrix, q, (), seeds))

@@ -23,8 +23,8 @@ def moving_slots(robots: Block, b: Any) -> Pieces:
 
 @primitive
 def body_slots(robots: Block, b: Any) -> Pieces:
-    """Slots for ``work`` before the adjoint motion: mass and inertia, rotation, place, carried, drift, velocity."""
-    places = ((slots.ROTATION, 9), (slots.PLACE, 3), (slots.CARRIED, 6), (slots.DRIFT, 3), (slots.VELOCITY, 6))
+    """Slots for ``prepared``: mass and inertia, rotation, place, carried, drift."""
+    places = ((slots.ROTATION, 9), (slots.PLACE, 3), (slots.CARRIED, 6), (slots.DRIFT, 3))
     return _of_body(robots, b, places)
 
 
@@ -32,6 +32,13 @@ def _of_body(robots: Block, b: Any, places: Pieces) -> Pieces:
     """Mass and inertia of a body, and slots of its own."""
     body = body_at(robots, b)
     return ((given_at(robots, b) + slots.MASS, 7), *((body + first, width) for first, width in places))
+
+
+@primitive
+def shifted_slots(robots: Block, b: Any) -> Pieces:
+    """Slots for ``moment_shift`` before the common motion: mass, place, momentum."""
+    body, mass = body_at(robots, b), given_at(robots, b) + slots.MASS
+    return (mass, 1), (body + slots.PLACE, 3), (body + slots.CARRIED + 3, 3)
 
 
 @primitive

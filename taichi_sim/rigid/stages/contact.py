@@ -11,6 +11,7 @@ from taichi_sim.autodiff.tracing import primitive, select, sqrt
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
     Block,
+    assign,
     body_at,
     column,
     count_of,
@@ -23,6 +24,7 @@ from taichi_sim.rigid.memory import (
     read,
     row,
     setting,
+    variables,
     write,
 )
 from taichi_sim.rigid.stages import spatial
@@ -76,23 +78,18 @@ def reduce_points(robots: ti.template(), count, push_out):
         _i, b, point = listed_point(robots, n)
         x, y = read(robots, point + slots.AT), read(robots, point + slots.AT + 1)
         zero = 0.0 * x
-        f0, f1, f2, f3, f4, f5 = y, 0.0 - x, zero, zero, zero, zero + 1.0
+        left = ti.static(variables(6, zero))
+        assign(left, (y, 0.0 - x, zero, zero, zero, zero + 1.0))
         free = zero
         length = column(robots, b, slots.PATH_LENGTH)
         for back in range(length):
             d = length - 1 - back
             hinge = body_at(robots, hinge_on_path(robots, b, d))
-            share = spatial.dot(row(robots, hinge + slots.SCREW, 6), (f0, f1, f2, f3, f4, f5))
+            share = spatial.dot(row(robots, hinge + slots.SCREW, 6), left)
             write(robots, point + slots.HINGES + d, share)
             free = free + share * read(robots, hinge + slots.FREE_RATE)
             lost = share * read(robots, hinge + slots.INVERSE)
-            f0 = f0 - lost * read(robots, hinge + slots.COLUMN)
-            f1 = f1 - lost * read(robots, hinge + slots.COLUMN + 1)
-            f2 = f2 - lost * read(robots, hinge + slots.COLUMN + 2)
-            f3 = f3 - lost * read(robots, hinge + slots.COLUMN + 3)
-            f4 = f4 - lost * read(robots, hinge + slots.COLUMN + 4)
-            f5 = f5 - lost * read(robots, hinge + slots.COLUMN + 5)
-        left = ti.static((f0, f1, f2, f3, f4, f5))
+            assign(left, spatial.minus_times(left, row(robots, hinge + slots.COLUMN, 6), lost))
         free = free + spatial.dot(left, row(robots, body_at(robots, 0) + slots.VELOCITY, 6))
         reduced = ti.static(spatial.forward(row(robots, slots.ROOT, 21), left))
         put(robots, point + slots.ROW, [x * floating for x in reduced])

@@ -26,38 +26,28 @@ def _cut(values: Reals, *widths: int) -> list[list[Any]]:
 
 
 @primitive
-def momentum(
-    mass: Any,
-    inertia: Reals,
-    place: Reals,
-    carried: Reals,
-    drift: Reals,
-    time_step: Any,
-    weight: Any,
-    correction: Any,
-    drifting: bool,
-) -> list[Any]:
-    """A body's spatial momentum with what gravity and gyroscopic moments add in a step.
+def prepared(*values: Any) -> list[Any]:
+    """A body's inertia about the common point (6), and its spatial momentum (6) with what a step adds to it.
 
-    ``inertia`` is about its own centre, turned into the axes of the world. The gyroscopic moment is that at the
-    start of the step, explicitly (ODE 0.12).
+    That is what gravity and gyroscopic moments add; the latter at the start of the step, explicitly (ODE 0.12).
+
+    Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3); then time step, weight,
+    correction, drifting.
     """
-    angular, linear = _cut(carried, 3, 3)
+    (mass,), at_rest, rotation, place, angular, linear, drift = _cut(values, 1, 6, 9, 3, 3, 3, 3)
+    time_step, weight, correction, drifting = values[28:]
+    turned = spatial.turned_inertia(rotation, at_rest)
     falling = time_step * weight * mass
-    if not drifting:  # carried are momenta
-        moment = angular[0] + place[1] * falling, angular[1] - place[0] * falling, angular[2]
-        return [*moment, linear[0], linear[1], linear[2] + falling]
-    spin = [spatial.dot([inertia[i], inertia[j], inertia[l]], angular) for i, j, l in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
-    gyroscopic = spatial.cross(angular, spin)
-    v = spatial.plus_times(linear, drift, correction)
-    p = [mass * v[0], mass * v[1], mass * v[2] + falling]
-    return [*spatial.minus_times(spatial.plus(spatial.cross(place, p), spin), gyroscopic, time_step), *p]
-
-
-@primitive
-def spatial_inertia(mass: Any, turned: Reals, place: Reals) -> list[Any]:
-    """A body's spatial inertia; ``turned`` is its inertia about its own centre in the axes of the world."""
-    return spatial.rigid_matrix(spatial.moved_inertia(turned, mass, place), mass, place)
+    if drifting:
+        spin = [spatial.dot([turned[i] for i in row], angular) for row in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
+        gyroscopic = spatial.cross(angular, spin)
+        v = spatial.plus_times(linear, drift, correction)
+        linear = [mass * v[0], mass * v[1], mass * v[2] + falling]
+        angular = spatial.minus_times(spatial.plus(spatial.cross(place, linear), spin), gyroscopic, time_step)
+    else:  # carried are momenta
+        angular = [angular[0] + place[1] * falling, angular[1] - place[0] * falling, angular[2]]
+        linear = [linear[0], linear[1], linear[2] + falling]
+    return [*spatial.moved_inertia(turned, mass, place), *angular, *linear]
 
 
 @primitive
@@ -67,11 +57,10 @@ def work(*values: Any) -> Any:
     Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3), y (6), z (6); then time step,
     weight, correction, drifting.
     """
-    (mass,), at_rest, rotation, place, carried, drift, y, z = _cut(values, 1, 6, 9, 3, 6, 3, 6, 6)
-    turned = spatial.turned_inertia(rotation, at_rest)
-    p = momentum(mass, turned, place, carried, drift, *values[40:])
-    held = spatial.times(spatial_inertia(mass, turned, place), y)
-    return spatial.dot(z, spatial.minus_times(p, held, 1.0))
+    own, y, z = _cut(values, 28, 6, 6)
+    inertia, momentum = _cut(prepared(*own, *values[40:]), 6, 6)
+    held = spatial.times(spatial.rigid_matrix(inertia, own[0], own[16:19]), y)
+    return spatial.dot(z, spatial.minus_times(momentum, held, 1.0))
 
 
 @primitive
@@ -125,8 +114,8 @@ def carried_on(*values: Any) -> tuple[Any, ...]:
     (mass,), at_rest, rotation, place, drift, own, velocity = _cut(values, 1, 6, 9, 3, 3, 3, 6)
     time_step, correction, drifting = values[31:]
     if not drifting:  # see ``moment_shift``
-        turned = spatial.turned_inertia(rotation, at_rest)
-        return (*spatial.times(spatial_inertia(mass, turned, place), velocity), *own)
+        inertia = spatial.moved_inertia(spatial.turned_inertia(rotation, at_rest), mass, place)
+        return (*spatial.times(spatial.rigid_matrix(inertia, mass, place), velocity), *own)
     linear = spatial.plus(velocity[3:], spatial.cross(velocity[:3], place))
     linear = spatial.minus_times(linear, drift, correction)
     return (*velocity[:3], *linear, *spatial.plus_times(own, linear, time_step))

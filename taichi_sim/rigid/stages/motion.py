@@ -4,6 +4,7 @@ from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.elementary import sine_cosine
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
+    assign,
     body_at,
     gather,
     given_at,
@@ -12,10 +13,11 @@ from taichi_sim.rigid.memory import (
     read,
     row,
     setting,
+    variables,
     write,
 )
 from taichi_sim.rigid.stages import laws, spatial
-from taichi_sim.rigid.stages.arguments import carrier_slots, moving_slots
+from taichi_sim.rigid.stages.arguments import body_slots, carrier_slots, moving_slots, shifted_slots
 from taichi_sim.runtime import ti
 
 
@@ -34,10 +36,7 @@ def place_bodies(robots: ti.template()):
         if is_hinged(robots, b):
             sine, cosine = sine_cosine(read(robots, body + slots.ANGLE))
             axis = ti.static(row(robots, given_at(robots, b) + slots.AXIS, 3))
-            placed = ti.static(laws.hinged_place(*before, sine, cosine, *axis))
-            put(robots, body + slots.ROTATION, placed[:9])
-            put(robots, body + slots.PLACE, placed[9:12])
-            put(robots, body + slots.SCREW, placed[12:])
+            put(robots, body + slots.ROTATION, laws.hinged_place(*before, sine, cosine, *axis))
         else:
             put(robots, body + slots.ROTATION, before[:9])
             put(robots, body + slots.PLACE, laws.welded_place(*before))
@@ -54,30 +53,26 @@ def common_motion(robots: ti.template(), carrying: ti.template()):
     Masses and places are those of ``robots``, momenta those in the memory of ``carrying``.
     """
     total = 0.0 * read(robots, 0)
-    x, y, z, vx, vy, vz = total, total, total, total, total, total
+    motion = ti.static(variables(6, total))
     for b in range(robots.plan[slots.BODIES]):
         body = body_at(robots, b)
         mass = read(robots, given_at(robots, b) + slots.MASS)
-        place = ti.static(row(robots, body + slots.PLACE, 3))
-        momentum = ti.static(row(carrying, body + slots.CARRIED + 3, 3))
+        moments = ti.static([mass * x for x in row(robots, body + slots.PLACE, 3)])
         total = total + mass
-        x, y, z = x + mass * place[0], y + mass * place[1], z + mass * place[2]
-        vx, vy, vz = vx + momentum[0], vy + momentum[1], vz + momentum[2]
+        assign(motion, spatial.plus(motion, spatial.joined(moments, row(carrying, body + slots.CARRIED + 3, 3))))
     share = setting(robots, slots.FLOATING) / total
-    return x * share, y * share, z * share, vx * share, vy * share, vz * share, share
+    return ti.static(spatial.joined([x * share for x in motion], share))
 
 
 @ti.func
 def shift_moments(robots: ti.template(), sign):
     """Moments of momentum about the common point from those carried from step to step (or back: -1)."""
-    x, y, z, vx, vy, vz, _share = common_motion(robots, robots)
+    motion = ti.static(common_motion(robots, robots)[:6])
     for b in range(robots.plan[slots.BODIES]):
-        body = body_at(robots, b)
-        mass = read(robots, given_at(robots, b) + slots.MASS)
-        place = ti.static(row(robots, body + slots.PLACE, 3))
-        momentum = ti.static(row(robots, body + slots.CARRIED + 3, 3))
-        shift = ti.static(laws.moment_shift(mass, *place, *momentum, x, y, z, vx, vy, vz))
-        put(robots, body + slots.CARRIED, spatial.plus_times(row(robots, body + slots.CARRIED, 3), shift, sign))
+        pieces = ti.static(shifted_slots(robots, b))
+        shift = ti.static(laws.moment_shift(*gather(robots, pieces), *motion))
+        carried = body_at(robots, b) + slots.CARRIED
+        put(robots, carried, spatial.plus_times(row(robots, carried, 3), shift, sign))
 
 
 @ti.func
@@ -88,16 +83,8 @@ def gather_momentum(robots: ti.template()):
     if ti.static(not robots.drifting):
         shift_moments(robots, 1.0)
     for b in range(robots.plan[slots.BODIES]):
-        body, given = body_at(robots, b), given_at(robots, b)
-        mass = read(robots, given + slots.MASS)
-        place = ti.static(row(robots, body + slots.PLACE, 3))
-        rotation = ti.static(row(robots, body + slots.ROTATION, 9))
-        turned = ti.static(spatial.turned_inertia(rotation, row(robots, given + slots.REST_INERTIA, 6)))
-        carried = ti.static(row(robots, body + slots.CARRIED, 6))
-        drift = ti.static(row(robots, body + slots.DRIFT, 3))
-        put(robots, body + slots.INERTIA, spatial.moved_inertia(turned, mass, place))
-        momentum = ti.static(laws.momentum(mass, turned, place, carried, drift, h, weight, push_out, robots.drifting))
-        put(robots, body + slots.MOMENTUM, momentum)
+        inputs = ti.static(gather(robots, body_slots(robots, b)))
+        put(robots, body_at(robots, b) + slots.INERTIA, laws.prepared(*inputs, h, weight, push_out, robots.drifting))
 
 
 @ti.func
