@@ -1,7 +1,7 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -59,3 +59,51 @@ class Study:
             ValueError: if the study does not have the budget, or the folder holds something else.
         """
         self.run(folder, scale_of(budget, self.scales), progress, **options)
+
+
+@dataclass(frozen=True)
+class StudySection:
+    """A part of what a report tells of a study: a table, pictures, or both.
+
+    Attributes:
+        title: heading.
+        caption: of the table.
+        header: names of the table's columns.
+        rows: of the table; the first cell of each is its name.
+        digits: of the table's numbers.
+        note: what its columns mean.
+        charts: functions that draw on axes of matplotlib, by what they show.
+        size: width and height of the charts [in].
+        pictures: PNG files, by what they show.
+    """
+
+    title: str
+    caption: str = ""
+    header: Sequence[str] = ()
+    rows: Sequence[Sequence[str | int | float | None]] = ()
+    digits: int = 4
+    note: str = ""
+    charts: Mapping[str, Callable[[Any], None]] = field(default_factory=dict)
+    size: tuple[float, float] = (3.7, 3.0)
+    pictures: Mapping[str, Path] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class StudyReport:
+    """What a report tells of a study's folder.
+
+    Attributes:
+        kind: what the study is, in a word.
+        lead: what was done, in a sentence.
+        counts: what matters most, by name.
+        settings: of the study, by name.
+        sections: tables and pictures.
+        document: more for machines, beside kind and counts.
+    """
+
+    kind: str
+    lead: str
+    counts: Mapping[str, int]
+    settings: Mapping[str, Any]
+    sections: Sequence[StudySection]
+    document: Mapping[str, Any] = field(default_factory=dict)

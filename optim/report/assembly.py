@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from optim.report.compared import comparison_sections
-from optim.report.condition import state_of
 from optim.report.markup import Html, Section, paragraph, picture
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun
 from optim.report.robot_run import Progress
+from optim.report.studies import study_of, study_page
 from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below
 from optim.wording import spoken_size
@@ -65,34 +65,30 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
     Raises:
         ValueError: in one line, for what cannot be reported, before anything is simulated.
     """
-    from optim.report.studies import study_of
-
     for path in paths:
-        if path.is_dir() and (found := study_of(path)):
+        if read := study_of(path):
             if len(paths) > 1:
                 raise ValueError(f"run: {path} is a study; report it alone")
             if settings.rig:
                 raise ValueError(f"rig: {path} is a study, in which a rig plays no gait; leave it out")
-            title, lead, sections, document = found(path)
-            return Built(page_of(title, lead, sections, FOOT), document)
+            told = read(path)
+            return Built(study_page(told, path, FOOT), {"kind": told.kind, **told.counts, **told.document})
     histories = [read_history(folder) for folder in _runs(paths)]
     runs = [OneRun.of(history) for history in histories]
-    if settings.rig and not runs[0].kind.plays_on_rigs:
+    if settings.rig and not runs[0].subject.plays_on_rigs:
         raise ValueError(f"rig: no rig plays designs of {runs[0].history.path}; leave it out")
     if len(runs) == 1:
-        return _page(runs[0], runs[0].title, runs[0].lead, [], {}, settings, progress)
+        return _page(runs[0], runs[0].title, runs[0].lead, ([], {}), settings, progress)
     check_comparable(histories)
     sections, document = comparison_sections(runs, settings.axis)
-    best = max(
-        runs, key=lambda run: (run.history.generations[-1].best is not None, run.history.generations[-1].best or 0)
-    )
-    title = f"{len(runs)} runs: {best.kind.title}"
+    best = max(runs, key=lambda run: (run.last.best is not None, run.last.best or 0))
+    title = f"{len(runs)} runs: {best.subject.title}"
     lead = [paragraph(f"The best design is that of {best.history.path}, and the numbers here are that run's.", "lead")]
-    return _page(best, title, [*lead, *best.lead[1:]], sections, {"comparison": document}, settings, progress)
+    return _page(best, title, [*lead, *best.lead[1:]], (sections, {"comparison": document}), settings, progress)
 
 
 def _runs(paths: Sequence[Path]) -> list[Path]:
-    """Run folders; a one-line ValueError that says what can be reported."""
+    """Run folders; a ValueError that says what can be reported if there are none."""
     try:
         return runs_below(paths)
     except ValueError as error:
@@ -104,25 +100,20 @@ def _page(
     run: OneRun,
     title: str,
     lead: Sequence[Html],
-    before: Sequence[Section],
-    more: dict[str, Any],
+    compared: tuple[Sequence[Section], dict[str, Any]],
     settings: Settings,
     progress: Progress,
 ) -> Built:
-    """The page of a run, after sections of several."""
-    last, problem = run.history.generations[-1], run.kind.problem
-    replays = []
-    if settings.player and last.best_point is not None:
-        replays = run.kind.replays(problem.space.from_dict(last.best_point), settings.frames, progress)
+    """The page of a run, after sections that compare several, given as markup and for machines."""
+    before, more = compared
+    replays = run.replays(settings.frames, progress) if settings.player else []
     best = run.best(replays, settings.rig)
     shown, notes = [replay.motion for replay in replays[:MOST_MOTIONS]], []
     if len(shown) < len(replays):
         notes.append(f"the player shows {MOST_MOTIONS} of {len(replays)} motions")
     while True:
-        player = _player(shown) if shown else None
-        text = page_of(
-            title, lead, [*before, *run.sections(best, player, "The best run" if before else "The run")], FOOT
-        )
+        sections = run.sections(best, _player(shown) if shown else None, "The best run" if before else "The run")
+        text = page_of(title, lead, [*before, *sections], FOOT)
         size, frames = len(text.encode()), max((len(motion.times) for motion in shown), default=0)
         if size <= MOST_BYTES or frames <= 2:
             break
@@ -134,11 +125,11 @@ def _page(
     document = {
         "kind": "run",
         "folder": str(run.history.path),
-        "state": state_of(run.history),
+        "state": run.state,
         "damages": run.damages,
-        "generation": last.generation,
-        "evaluations": last.evaluations,
-        "best": last.best,
+        "generation": run.last.generation,
+        "evaluations": run.last.evaluations,
+        "best": run.last.best,
         "design": best.document if best else None,
         "frames": frames,
         **more,

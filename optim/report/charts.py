@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from optim.experiments.figures import STYLE
-from optim.report.markup import Html
+from optim.report.markup import Html, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,14 @@ PIXELS = 200  # an inch, of pictures in charts
 SMALL = (3.7, 2.5)  # in
 
 
-def chart(draw: "Callable[[Axes], None]", alt: str, *, size: tuple[float, float] = SMALL) -> Html:
+def charted(
+    draw: "Callable[[Axes], None]", alt: str, caption: str = "", *, size: tuple[float, float] = SMALL, kind: str = ""
+) -> Html:
+    """A chart with its caption, which is ``alt`` by default; ``kind`` is a class of the style."""
+    return picture(chart(draw, alt, size), caption or alt, kind)
+
+
+def chart(draw: "Callable[[Axes], None]", alt: str, size: tuple[float, float] = SMALL) -> Html:
     """A chart as SVG.
 
     Args:

@@ -6,9 +6,8 @@ from typing import Any
 
 from optim.plots.curves import draw_curves
 from optim.problem import Objective
-from optim.report.charts import chart
-from optim.report.condition import state_of
-from optim.report.markup import Html, Section, code, number, paragraph, picture, table
+from optim.report.charts import charted
+from optim.report.markup import Html, Section, code, number, paragraph, table
 from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing
@@ -29,17 +28,17 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
     end = comparison.shared_end(curves, axis)
     standings = [comparison.standing(curve, end) for curve in curves]
     differences = comparison.differences(curves, end)
-    what, unit = runs[0].kind.score
+    score = runs[0].subject.score
 
     def draw(axes: Any) -> None:
         draw_curves(axes, curves, axis)
-        axes.set_ylabel(Objective(f"best {what} so far", unit).label)
+        axes.set_ylabel(Objective(f"best {score.name} so far", score.unit).label)
 
-    alt = f"Best {what} of {counted(len(curves), 'group')} over {axis}, mean and 95 % band"
+    alt = f"Best {score.name} of {counted(len(curves), 'group')} over {axis}, mean and 95 % band"
     caption = "Best so far: mean of each group, its 95 % bootstrap band, and every unit as a thin line."
     compared = [
-        picture(chart(draw, alt, size=(5.0, 3.0)), caption, "medium"),
-        _standings(standings, Objective(f"Best scores at {end:g} {axis}", unit).label),
+        charted(draw, alt, caption, size=(5.0, 3.0), kind="medium"),
+        _standings(standings, Objective(f"Best scores at {end:g} {axis}", score.unit).label),
         _differences(differences),
     ]
     document = {
@@ -54,33 +53,17 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
 def _overview(runs: Sequence[OneRun]) -> Html:
     rows = []
     for run in runs:
-        last, method = run.history.generations[-1], run.history.config["method"]
-        rows.append(
-            (
-                code(str(run.history.path)),
-                method["name"],
-                str(method.get("seed", "")),
-                state_of(run.history),
-                f"{last.generation} of {run.history.config['generations']}",
-                number(last.evaluations, 0),
-                number(last.best),
-                number(last.mean),
-            )
-        )
+        last, config = run.last, run.history.config
+        method, done = config["method"], f"{last.generation} of {config['generations']}"
+        named = code(str(run.history.path)), method["name"], str(method.get("seed", "")), run.state, done
+        rows.append((*named, last.evaluations, number(last.best), number(last.mean)))
     header = ("Run", "Method", "Seed", "State", "Generations", "Evaluations", "Best", "Mean")
     return table(f"{len(runs)} runs", header, rows)
 
 
 def _standings(standings: Sequence[Standing], caption: str) -> Html:
     rows = [
-        (
-            one.label,
-            counted(one.count, one.unit[:-1]),
-            number(one.mean),
-            number(one.low),
-            number(one.high),
-            number(one.best),
-        )
+        (one.label, counted(one.count, one.unit[:-1]), *map(number, (one.mean, one.low, one.high, one.best)))
         for one in standings
     ]
     return table(caption, ("Group", "Of", "Mean", "95 % from", "to", "Best"), rows)
@@ -89,17 +72,11 @@ def _standings(standings: Sequence[Standing], caption: str) -> Html:
 def _differences(differences: Sequence[Difference]) -> Html:
     if not differences:
         return paragraph("No effect sizes: that takes at least two groups of two runs each, with other seeds.")
-    rows = [
-        (
-            f"{one.second} minus {one.first}",
-            number(one.effect.difference),
-            number(one.effect.low),
-            number(one.effect.high),
-            number(one.effect.superiority, 2),
-            number(one.effect.cohens_d, 2),
-            number(one.adjusted_p, 3),
-        )
-        for one in differences
-    ]
+    rows = []
+    for one in differences:
+        effect, p = one.effect, number(one.adjusted_p, 3)
+        sizes = number(effect.superiority, 2), number(effect.cohens_d, 2)
+        means = map(number, (effect.difference, effect.low, effect.high))
+        rows.append((f"{one.second} minus {one.first}", *means, *sizes, p))
     header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")
     return table("Effect sizes", header, rows)

@@ -38,13 +38,15 @@ class Section:
         return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
 
 
-def text(content: Text) -> Html:
-    """Anything as markup; None is a dash."""
+def text(content: Text, digits: int = 4) -> Html:
+    """Anything as markup: numbers as :func:`number` shows them, whole ones without decimals; None is a dash."""
     if isinstance(content, Html):
         return content
     if content is None:
         return Html("&ndash;")
-    return Html(html.escape(f"{content:g}" if isinstance(content, float) else str(content)))
+    if isinstance(content, str):
+        return Html(html.escape(content))
+    return number(content, 0 if isinstance(content, int) else digits)
 
 
 def number(value: float | None, digits: int = 4, unit: str = "") -> Html:
@@ -79,22 +81,22 @@ def listing(lines: Iterable[tuple[str, str]]) -> Html:
     return Html(f'<dl class="commands">{"".join(parts)}</dl>')
 
 
-def table(caption: str, header: Sequence[Text], rows: Iterable[Sequence[Text]]) -> Html:
-    """A table; the first cell of each row is its name."""
+def table(caption: str, header: Sequence[Text], rows: Iterable[Sequence[Text]], digits: int = 4) -> Html:
+    """A table; the first cell of each row is its name. Numbers have so many digits."""
     top = "".join(f'<th scope="col">{text(cell)}</th>' for cell in header)
-    head = f"<thead><tr>{top}</tr></thead>"
-    return _table(caption, head, rows)
+    return _table(caption, f"<thead><tr>{top}</tr></thead>", rows, digits)
 
 
 def facts(caption: str, rows: Iterable[tuple[str, Text]]) -> Html:
     """Names and what they are."""
-    return _table(caption, "", rows, "facts")
+    return _table(caption, "", rows, kind="facts")
 
 
-def _table(caption: str, head: str, rows: Iterable[Sequence[Text]], kind: str = "") -> Html:
+def _table(caption: str, head: str, rows: Iterable[Sequence[Text]], digits: int = 4, kind: str = "") -> Html:
     body = []
     for name, *cells in rows:
-        body.append(f'<tr><th scope="row">{text(name)}</th>{"".join(f"<td>{text(cell)}</td>" for cell in cells)}</tr>')
+        row = "".join(f"<td>{text(cell, digits)}</td>" for cell in cells)
+        body.append(f'<tr><th scope="row">{text(name)}</th>{row}</tr>')
     label = html.escape(caption)
     return Html(
         f'<div class="scroll" role="region" aria-label="{label}" tabindex="0"><table{_class(kind)}>'

@@ -1,7 +1,10 @@
 """The page's sections of one run."""
 
+import contextlib
+import json
 import math
 import shlex
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -11,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from optim.plots.curves import draw_best, draw_run
-from optim.problem import Objective
-from optim.report.charts import chart
-from optim.report.condition import damages, read_environment, state_of
+from optim.report.charts import charted
 from optim.report.front import front_section
 from optim.report.markup import (
     Html,
@@ -26,18 +27,20 @@ from optim.report.markup import (
     listing,
     number,
     paragraph,
-    picture,
     side_by_side,
     table,
     tiles,
 )
-from optim.report.robot_run import Best, RunSubject
+from optim.report.robot_run import Best, Progress, Subject, subject_of
+from optim.runs.folder import ENVIRONMENT
+from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from robots.hardware import PneumaticRig
 from robots.robot import Replay
 from taichi_sim.base import files
+from taichi_sim.base.arrays import Floats
 
 MOST_ROWS = 60  # of the table of generations
 FILES = {
@@ -60,55 +63,99 @@ class OneRun:
 
     Attributes:
         history: what it has done.
-        kind: what it designs.
+        subject: what it designs.
     """
 
     history: History
-    kind: RunSubject
+    subject: Subject
 
     @classmethod
     def of(cls, history: History) -> "OneRun":
-        """The run of a history; a one-line ValueError without a complete generation or for an unknown problem."""
+        """The run of a history.
+
+        Raises:
+            ValueError: if it has no complete generation, or an unknown problem.
+        """
         if not history.generations:
             raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
-        return cls(history, RunSubject.of(history.path, history.config))
+        return cls(history, subject_of(history.path, history.config))
 
     @property
     def title(self) -> str:
         """The folder, and what was designed."""
-        return f"{self.history.path.resolve().name}: {self.kind.title}"
+        return f"{self.history.path.resolve().name}: {self.subject.title}"
+
+    @property
+    def state(self) -> str:
+        """``"finished"``, ``"running"`` or ``"interrupted"``."""
+        return self.history.state.replace("stopped", "interrupted")
+
+    @property
+    def last(self) -> Generation:
+        """The last generation."""
+        return self.history.generations[-1]
+
+    @property
+    def best_point(self) -> Floats | None:
+        """The best point, shape (D,); None if every evaluation has failed."""
+        return None if self.last.best_point is None else self.subject.problem.space.from_dict(self.last.best_point)
 
     @property
     def lead(self) -> list[Html]:
         """What matters most."""
-        history, last = self.history, self.history.generations[-1]
-        (what, unit), known = self.kind.score, [s for s in history.seconds if not math.isnan(s)]
-        said = {"finished": "It has finished.", "running": "It is still running."}.get(
-            state_of(history),
-            f"It was interrupted after generation {last.generation} of {history.config['generations']}.",
-        )
-        found = (
-            joined([f"The best {what} found is ", number(last.best, 4, unit), "."], "")
-            if last.best is not None
-            else Html("Every evaluation has failed.")
-        )
+        last, score, known = self.last, self.subject.score, [s for s in self.history.seconds if not math.isnan(s)]
+        said = {
+            "finished": "It has finished.",
+            "running": "It is still running.",
+            "interrupted": f"It was interrupted after generation {last.generation} of {self._planned}.",
+        }[self.state]
+        best = number(last.best, 4, score.unit)
+        found = Html("Every evaluation has failed.")
+        if last.best is not None:
+            found = joined([f"The best {score.name} found is ", best, "."], "")
         return [
             paragraph(joined([found, said], " "), "lead"),
             *(paragraph(damage, "note") for damage in self.damages),
             tiles(
                 [
-                    (f"best {what}", number(last.best, 4, unit)),
-                    ("evaluations", number(last.evaluations, 0)),
+                    (f"best {score.name}", best),
+                    ("evaluations", last.evaluations),
                     ("wall time", spoken_duration(sum(known)) if known else None),
-                    ("state", state_of(history)),
+                    ("state", self.state),
                 ]
             ),
         ]
 
     @property
     def damages(self) -> list[str]:
-        """What is wrong with its files."""
-        return damages(self.history, self.kind.problem)
+        """What is wrong with its files that can still be read, a line each; none as a rule.
+
+        What makes a run unreadable is an error of ``read_history``.
+        """
+        history, problem, best = self.history, self.subject.problem, self.best_point
+        if history.found is None:
+            return []
+        _, record, others = history.found
+        told = [f"{name} is unusable ({reason}); the one before is used" for name, reason in others.items()]
+        if files.sha256(_content(history.path / ENVIRONMENT)) != record.environment:
+            told.append(f"{ENVIRONMENT} is not as it was written; versions and machine may not be the run's")
+        if np.isnan(history.seconds).any():
+            told.append("timing.jsonl is not as it was written; not all times are known")
+        if best is not None and not history.running:  # else it may be newer than what was read
+            only_its_file_saves = contextlib.suppress(NotImplementedError)  # a problem of the user's own
+            with tempfile.TemporaryDirectory() as folder, only_its_file_saves:
+                problem.save(best, Path(folder) / "best.json")
+                if _content(history.path / "best.json") != _content(Path(folder) / "best.json"):
+                    told.append("best.json is not the best design of the log; the log's is shown here")
+        return told
+
+    def replays(self, frames: int, progress: Progress) -> list[Replay]:
+        """Try the best design again in each world, with about so many frames of each motion."""
+        return [] if self.best_point is None else self.subject.replays(self.best_point, frames, progress)
+
+    def best(self, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best | None:
+        """The best design, simulated again or not; None if every evaluation has failed."""
+        return None if self.best_point is None else self.subject.best(self.last, self.best_point, replays, rig)
 
     def sections(self, best: Best | None, player: Html | None, name: str) -> list[Section]:
         """All of them.
@@ -122,31 +169,28 @@ class OneRun:
         if best is not None:
             parts.append(Section("The best design", [*([player] if player else []), *best.content]))
             parts += best.sections
-        front = front_section(self.history, self.kind)
+        front = front_section(self.history, self.subject)
         return [*parts, *([front] if front else []), Section("How to reproduce", self._reproduce())]
 
-    def best(self, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best | None:
-        """The best design, simulated again or not; None if every evaluation has failed."""
-        last = self.history.generations[-1]
-        if last.best_point is None:
-            return None
-        return self.kind.best(last, self.kind.problem.space.from_dict(last.best_point), replays, rig)
+    @property
+    def _planned(self) -> int:
+        """Generations that the run shall have, after the starts."""
+        return int(self.history.config["generations"])
 
     def _run(self) -> list[Html]:
-        history, config = self.history, dict(self.history.config["method"])
+        history, last, config = self.history, self.last, dict(self.history.config["method"])
         name, seed = config.pop("name"), config.pop("seed", None)
-        settings = [(key.replace("_", " "), str(value)) for key, value in sorted(config.items())]
+        settings = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in sorted(config.items()))
         failed = sum(generation.failed for generation in history.generations)
-        last = history.generations[-1]
         rows: list[tuple[str, Text]] = [
-            *self.kind.facts,
+            *self.subject.facts,
             ("Method", name),
-            ("Settings", joined((f"{key} {value}" for key, value in settings)) if settings else "the method's own"),
+            ("Settings", settings or "the method's own"),
             ("Seed", str(seed) if seed is not None else None),
-            ("Generations", f"{last.generation} of {history.config['generations']}, after the starts"),
-            ("Evaluations", joined([number(last.evaluations, 0), f" ({failed} failed)"], "")),
+            ("Generations", f"{last.generation} of {self._planned}, after the starts"),
+            ("Evaluations", joined([last.evaluations, f" ({failed} failed)"], "")),
             ("Wall time", self._time()),
-            ("State", state_of(history)),
+            ("State", self.state),
             *self._machine(),
         ]
         return [facts("Settings and surroundings", rows), folded("Free variables", self._variables())]
@@ -162,93 +206,86 @@ class OneRun:
         return joined([number(float(known.sum()), 1, "s"), f", {pace}{ended}"], "")
 
     def _machine(self) -> list[tuple[str, Text]]:
-        about: dict[str, Any] = read_environment(self.history.path)
-        versions = about.get("versions") or {}
-        told = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
+        about = self._environment()
+        told = ", ".join(f"{name} {version}" for name, version in (about.get("versions") or {}).items() if version)
         machine = ", ".join(str(about[name]) for name in ("processor", "platform") if about.get(name))
         cores = f", {about['cpu_count']} CPUs" if about.get("cpu_count") else ""
         return [("Versions", told or None), ("Machine", machine + cores if machine else None)]
 
+    def _environment(self) -> dict[str, Any]:
+        """What the run ran on, as far as that can be read."""
+        try:
+            found = json.loads(_content(self.history.path / ENVIRONMENT))
+        except ValueError:
+            return {}
+        return found if isinstance(found, dict) else {}
+
     def _variables(self) -> Html:
-        variables = self.kind.problem.space.variables
+        variables = self.subject.problem.space.variables
         rows = [
-            (_called(group), f"{group[0].low:g} to {group[0].high:g}", group[0].kind, str(len(group)))
+            (_called(group), f"{group[0].low:g} to {group[0].high:g}", group[0].kind, len(group))
             for group in (list(each) for _, each in groupby(variables, key=_like))
         ]
         return table(counted(len(variables), "variable"), ("Variables", "Range", "Kind", "Count"), rows)
 
     def _search(self) -> list[Html]:
-        generations, (what, unit) = self.history.generations, self.kind.score
-        label = Objective(what, unit).label
+        generations, score, curves = self.history.generations, self.subject.score, self.subject.curves
 
         def scores(axes: Any) -> None:
             draw_run(axes, generations)
-            axes.set_ylabel(label)
+            axes.set_ylabel(score.label)
 
-        climbers = generations[-1].scores
+        def details(axes: Any) -> None:
+            draw_best(axes, generations, curves)
+            one, *others = curves.values()
+            several = f"of the best design [{score.unit}]" if score.unit else "of the best design"
+            axes.set_ylabel(several if others else one)
+
+        climbers, told = self.last.scores, ", ".join(curves.values())
         lines = f"; thin lines are of {counted(len(climbers), 'climber')}" if climbers else ""
-        alt = f"Best and mean {what} over {counted(len(generations) - 1, 'generation')}"
-        parts = [picture(chart(scores, alt), f"Best so far and mean of what the search keeps{lines}.")]
-        if self.kind.curves:
-
-            def details(axes: Any) -> None:
-                draw_best(axes, generations, self.kind.curves)
-                one, *others = self.kind.curves.values()
-                axes.set_ylabel((f"of the best design [{unit}]" if unit else "of the best design") if others else one)
-
-            told = ", ".join(self.kind.curves.values())
-            parts.append(
-                picture(
-                    chart(details, f"The best design over generations: {told}"),
-                    f"What the best design so far does: {told}.",
-                )
-            )
+        alt = f"Best and mean {score.name} over {counted(len(generations) - 1, 'generation')}"
+        parts = [charted(scores, alt, f"Best so far and mean of what the search keeps{lines}.")]
+        if curves:
+            alt = f"The best design over generations: {told}"
+            parts.append(charted(details, alt, f"What the best design so far does: {told}."))
         return [side_by_side(parts), folded("The curves as a table", self._generations())]
 
     def _generations(self) -> Html:
-        generations = self.history.generations
+        generations, curves = self.history.generations, self.subject.curves
         chosen = np.unique(np.linspace(0, len(generations) - 1, min(len(generations), MOST_ROWS)).round().astype(int))
-        rows = [
-            (
-                str(one.generation),
-                number(one.evaluations, 0),
-                number(one.best),
-                number(one.mean),
-                number(one.median),
-                str(one.failed),
-                number(self.history.seconds[n], 1),
-                *(number((one.best_details or {}).get(name)) for name in self.kind.curves),
-            )
-            for n, one in ((n, generations[n]) for n in chosen.tolist())
-        ]
+        rows = []
+        for one, seconds in ((generations[n], self.history.seconds[n]) for n in chosen.tolist()):
+            scores = (number(value) for value in (one.best, one.mean, one.median))
+            extra = (number((one.best_details or {}).get(name)) for name in curves)
+            rows.append((one.generation, one.evaluations, *scores, one.failed, number(seconds, 1), *extra))
         named = "Generation", "Evaluations", "Best", "Mean", "Median", "Failed", "Time [s]"
-        header = (*named, *self.kind.curves.values())
         part = "" if len(rows) == len(generations) else f", {len(rows)} of {len(generations)}; log.jsonl has all"
-        return table(f"Generations{part}", header, rows)
+        return table(f"Generations{part}", (*named, *curves.values()), rows)
 
     def _reproduce(self) -> list[Html]:
-        folder, about = self.history.path, read_environment(self.history.path)
+        folder, about = self.history.path, self._environment()
         lines = [("The run, as it was started", _as_typed(str(about["command"])))] if about.get("command") else []
-        last = self.history.generations[-1].best_point
-        best = None if last is None else self.kind.problem.space.from_dict(last)
-        lines += self.kind.commands(folder, best)
+        lines += self.subject.commands(folder, self.best_point)
         lines.append(("This page", f"morpholab report {shlex.quote(str(folder))} --out report.html"))
         same = "In f64 on one kind of machine the same settings give the same bits; in f32 too, with the same versions."
         return [listing(lines), paragraph(same), self._files()]
 
     def _files(self) -> Html:
-        folder = self.history.path
-        found = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-        rows = [
-            (
-                code(path.name),
-                FILES.get(path.name, _guessed(path)),
-                number(path.stat().st_size, 0),
-                code(files.sha256(path.read_bytes())[:12]),
-            )
-            for path in found
-        ]
-        return table(f"Files of {folder}", ("File", "What it holds", "Bytes", "SHA-256, first 12"), rows)
+        rows = []
+        for path in files_of(self.history.path):
+            digest = code(files.sha256(path.read_bytes())[:12])
+            rows.append((code(path.name), FILES.get(path.name, _guessed(path)), path.stat().st_size, digest))
+        header = ("File", "What it holds", "Bytes", "SHA-256, first 12")
+        return table(f"Files of {self.history.path}", header, rows)
+
+
+def files_of(folder: Path) -> list[Path]:
+    """Files in a folder by name, without hidden ones."""
+    return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes() if path.is_file() else b""
 
 
 def _as_typed(command: str) -> str:

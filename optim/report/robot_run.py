@@ -4,20 +4,21 @@ import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from optim.problem import Objective, Problem, objectives_of, score_of
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotDesigning
-from optim.report.charts import chart, image
+from optim.report.charts import charted, image
 from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, side_by_side, table
 from optim.report.rig import rig_section
 from optim.runs.config import problem_of
 from optim.runs.generation import Generation
 from optim.wording import counted
 from robots.hardware import PneumaticRig
-from robots.robot import KINDS, Facts, Measure, Quantity, Replay, Robot
+from robots.robot import KINDS, Facts, Quantity, Replay, Robot
 from taichi_sim.base.arrays import Floats
 
 Progress = Callable[[float], None]
@@ -30,18 +31,18 @@ class Best:
 
     Attributes:
         content: markup.
-        sections: more of the page.
         document: for machines.
+        sections: more of the page.
     """
 
     content: Sequence[Html]
-    sections: Sequence[Section] = ()
     document: dict[str, Any] = field(default_factory=dict)
+    sections: Sequence[Section] = ()
 
 
 @dataclass(frozen=True)
-class RunSubject:
-    """What a run designs.
+class Subject:
+    """What a run designs: a point of some function; see :class:`RobotSubject`.
 
     Attributes:
         problem: as its folder describes it.
@@ -49,29 +50,15 @@ class RunSubject:
 
     problem: Problem
 
-    @classmethod
-    def of(cls, folder: Path, config: Mapping[str, Any]) -> "RunSubject":
-        """The subject of a run with these settings.
-
-        Raises:
-            ValueError: for a problem that is unknown or cannot be read.
-        """
-        return cls(problem_of(folder, config, problem_of_description))
-
-    @property
-    def _robots(self) -> RobotDesigning | None:
-        return self.problem if isinstance(self.problem, RobotDesigning) else None
-
     @property
     def title(self) -> str:
         """What is designed and where, in a few words that follow a colon."""
         return str(getattr(self.problem, "subject", type(self.problem).__name__))
 
     @property
-    def score(self) -> tuple[str, str]:
+    def score(self) -> Objective:
         """What the score is, and its unit."""
-        score = score_of(objectives_of(self.problem))
-        return score.name, score.unit
+        return score_of(objectives_of(self.problem))
 
     @property
     def facts(self) -> list[tuple[str, Text]]:
@@ -85,116 +72,145 @@ class RunSubject:
     @property
     def curves(self) -> Mapping[str, str]:
         """Numbers in ``best_details`` that are worth a curve each, and what they are called."""
-        return self._robots.curves if self._robots else {}
+        return {}
 
     @property
     def plays_on_rigs(self) -> bool:
-        """Whether a rig can play designs of this run; the robot of any point says so."""
-        return self._robots is not None and self._robots.exportable
+        """Whether a rig can play designs of this run."""
+        return False
 
     def replays(self, point: Floats, frames: int, progress: Progress) -> list[Replay]:
-        """Try a point again in each world, with about so many frames of each motion; none of plain functions."""
-        if self._robots is None:
-            return []
-        problem, robot = self._robots, self._robots.robot_of(point)
-        found = []
-        for n, world in enumerate(problem.tried_in):
-            name = world.spoken or robot.name
-            tick = _part(progress, n, len(problem.tried_in))
-            settings: dict[str, Any] = {"frames": frames, "name": name, "compute": problem.compute, "progress": tick}
-            found.append(robot.replay((), world, **settings))
-        return found
+        """Try a point again in each world, with about so many frames of each motion."""
+        return []
 
     def best(self, last: Generation, point: Floats, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best:
         """The best design, of the last generation."""
         details, values = last.best_details or {}, self.problem.space.to_dict(point)
-        if self._robots is None:
-            told: list[tuple[str, Text]] = [(name, f"{value:.6g}") for name, value in values.items()]
-            shown = {name: value for name, value in details.items() if isinstance(value, int | float)}
-            more = [facts("Its details", [(name, number(value, 4)) for name, value in shown.items()])] if shown else []
-            return Best([facts("The best point", told), *more], [], {"values": values, "details": details})
-        robot = self._robots.robot_of(point)
+        content = [facts("The best point", [(name, f"{value:.6g}") for name, value in values.items()])]
+        if shown := [(name, number(value)) for name, value in details.items() if isinstance(value, int | float)]:
+            content.append(facts("Its details", shown))
+        return Best(content, {"values": values, "details": details})
+
+    def columns(self, points: Floats) -> Mapping[str, Sequence[Text]]:
+        """What a table of several designs, shape (C, D), tells of each beside its objectives."""
+        return {name: [f"{value:.4g}" for value in points[:, n]] for n, name in enumerate(self.problem.space.names)}
+
+    def commands(self, folder: Path, best: Floats | None = None) -> list[tuple[str, str]]:
+        """What can be done with the run, and with its best point: words, and a command."""
+        return []
+
+
+@dataclass(frozen=True)
+class RobotSubject(Subject):
+    """What a run designs: a robot of any kind."""
+
+    problem: RobotDesigning
+
+    @property
+    def curves(self) -> Mapping[str, str]:
+        """Numbers in ``best_details`` that are worth a curve each, and what they are called."""
+        return self.problem.curves
+
+    @property
+    def plays_on_rigs(self) -> bool:
+        """Whether a rig can play designs of this run; the robot of any point says so."""
+        return self.problem.exportable
+
+    def replays(self, point: Floats, frames: int, progress: Progress) -> list[Replay]:
+        """Try a point again in each world, with about so many frames of each motion."""
+        problem, robot = self.problem, self.problem.robot_of(point)
+        found = []
+        for n, world in enumerate(problem.tried_in):
+            tick = partial(_tick, progress, n, len(problem.tried_in))
+            name = world.spoken or robot.name
+            found.append(robot.replay((), world, frames=frames, name=name, compute=problem.compute, progress=tick))
+        return found
+
+    def best(self, last: Generation, point: Floats, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best:
+        """The best design, of the last generation."""
+        values, robot = self.problem.space.to_dict(point), self.problem.robot_of(point)
         measured, document = self._measured(robot, point, last, replays)
         own = _shown(robot.facts_of(()))
-        free: list[tuple[str, Text]] = [(name, f"{value:.4g}") for name, value in values.items()]
-        about = facts("Its body and behaviour", own) if own else facts("What was free", free)
+        free = facts("What was free", [(name, f"{value:.4g}") for name, value in values.items()])
+        about = facts("Its body and behaviour", own) if own else free
         content = [measured, about, *self._pictures(robot, replays)]
-        sections = []
-        document = {**document, **robot.document(), "values": values}
-        if self._robots.exportable:
-            section, document["rig"] = self._on_rig(robot, rig)
-            sections.append(section)
-        return Best(content, sections, document)
+        document |= {**robot.document(), "values": values}
+        if not self.problem.exportable:
+            return Best(content, document)
+        section, document["rig"] = _on_rig(robot, rig)
+        return Best(content, document, [section])
 
     def _measured(
         self, robot: Robot, point: Floats, last: Generation, replays: Sequence[Replay]
     ) -> tuple[Html, dict[str, Any]]:
         """A row for each world: what the log says, and what came of it here."""
-        problem, option = self._robots, KINDS[robot.kind].world_option
-        assert problem is not None
-        logged = problem.logged(point, last.best, last.best_details or {})
+        worlds, option = self.problem.tried_in, KINDS[robot.kind].world_option
+        logged = self.problem.logged(point, last.best, last.best_details or {})
         known = [measure for measure in robot.measures if any(measure.name in row for row in logged)]
-        again = [measure for measure in robot.measures if replays]
-        header = [option.capitalize(), *(_label(measure) for measure in known)]
-        header += [f"{_label(measure)}, replayed here" for measure in again]
+        again = robot.measures if replays else ()
+        labels = {m.name: Objective(m.name.replace("_", " ").capitalize(), m.unit).label for m in robot.measures}
+        header = [option.capitalize(), *(labels[measure.name] for measure in known)]
+        header += [f"{labels[measure.name]}, replayed here" for measure in again]
         rows, told = [], []
-        for n, world in enumerate(problem.tried_in):
+        for n, world in enumerate(worlds):
             found = {m.name: _finite(float(replays[n].outcome.measures[m.name][0])) for m in again}
             shown = [*(logged[n].get(measure.name) for measure in known), *found.values()]
             rows.append([world.spoken or world.name, *map(number, shown)])
-            first = robot.measures[0].name
-            told.append({option: world.name, **found, **logged[n], "replayed": found.get(first)})
+            told.append({option: world.name, **found, **logged[n], "replayed": found.get(robot.measures[0].name)})
         return table("The best design", header, rows), {f"{option}s": told}
 
     def _pictures(self, robot: Robot, replays: Sequence[Replay]) -> list[Html]:
         """The robot's own pictures; prints show poses above a chart instead of the player."""
         from robots.view.picture import motion_picture
 
-        assert self._robots is not None
-        drawn = [
-            (picture(chart(each.draw, each.words, size=each.size), each.words, each.style), each.style)
-            for each in robot.pictures((), replays, self._robots.compute)
-        ]
-        plain = [html for html, style in drawn if not style]
-        found = [html for html, style in drawn if style] + ([side_by_side(plain)] if plain else [])
+        own = robot.pictures((), replays, self.problem.compute)
+        styled = [charted(one.draw, one.words, size=one.size, kind=one.style) for one in own if one.style]
+        plain = [charted(one.draw, one.words, size=one.size) for one in own if not one.style]
         strips = []
-        for world, replay in zip(self._robots.tried_in, replays, strict=False):
+        for world, replay in zip(self.problem.tried_in, replays, strict=False):
             words = f"Six poses of the best design {world.spoken}".strip() + ", above the chart of what drives it"
             strip = motion_picture(replay.motion, title=replay.title or None)
             strips.append(picture(image(strip, words, pixels=PIXELS), words))
-        return [*found, *([Html(f'<div class="print-only">{joined(strips, "")}</div>')] if strips else [])]
-
-    def _on_rig(self, robot: Robot, rig: PneumaticRig | None) -> tuple[Section, dict[str, Any] | None]:
-        """What the design asks of the rig, or why no rig plays it."""
-        try:
-            found, seconds = robot.rig_report(rig)
-        except ValueError as error:
-            return Section("On the pneumatic rig", [paragraph(str(error).partition(": ")[2], "note")]), None
-        return rig_section(found, rig is None, seconds)
+        printed = [Html(f'<div class="print-only">{joined(strips, "")}</div>')] if strips else []
+        return [*styled, *([side_by_side(plain)] if plain else []), *printed]
 
     def columns(self, points: Floats) -> Mapping[str, Sequence[Text]]:
         """What a table of several designs, shape (C, D), tells of each beside its objectives."""
-        if self._robots is not None:
-            return self._robots.columns_of(points)
-        return {name: [f"{value:.4g}" for value in points[:, n]] for n, name in enumerate(self.problem.space.names)}
+        return self.problem.columns_of(points)
 
     def commands(self, folder: Path, best: Floats | None = None) -> list[tuple[str, str]]:
         """What can be done with the run, and with its best point: words, and a command."""
-        where, file = (shlex.quote(str(path)) for path in (folder, folder / "best.json"))
-        if self._robots is None:
-            return []
+        problem, (where, file) = self.problem, (shlex.quote(str(path)) for path in (folder, folder / "best.json"))
         found = [("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}")]
-        named = self._robots.command_options(folder)
-        named |= {"precision": self._robots.precision, "device": self._robots.device}
+        named = {**problem.command_options(folder), "precision": problem.precision, "device": problem.device}
         options = " ".join(f"--{name} {shlex.quote(str(value))}" for name, value in named.items() if value is not None)
-        option = KINDS[self._robots.robot_kind].world_option
-        for world in self._robots.tried_in:
+        option = KINDS[problem.robot_kind].world_option
+        for world in problem.tried_in:
             line = f"morpholab simulate --gait {file} --{option} {world.name} {options}"
             found.append((f"Simulate the best design {world.spoken}".strip(), line))
         found.append(("Watch it", f"morpholab view {where} --out best.html"))
-        if best is not None and self._robots.robot_of(best).exportable:
+        if best is not None and problem.robot_of(best).exportable:
             found.append(("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"))
         return found
+
+
+def subject_of(folder: Path, config: Mapping[str, Any]) -> Subject:
+    """The subject of a run with these settings.
+
+    Raises:
+        ValueError: for a problem that is unknown or cannot be read.
+    """
+    problem = problem_of(folder, config, problem_of_description)
+    return RobotSubject(problem) if isinstance(problem, RobotDesigning) else Subject(problem)
+
+
+def _on_rig(robot: Robot, rig: PneumaticRig | None) -> tuple[Section, dict[str, Any] | None]:
+    """What the design asks of the rig, or why no rig plays it."""
+    try:
+        found, seconds = robot.rig_report(rig)
+    except ValueError as error:
+        return Section("On the pneumatic rig", [paragraph(str(error).partition(": ")[2], "note")]), None
+    return rig_section(found, rig is None, seconds)
 
 
 def _shown(rows: Facts) -> list[tuple[str, Text]]:
@@ -205,14 +221,9 @@ def _shown(rows: Facts) -> list[tuple[str, Text]]:
     ]
 
 
-def _label(measure: Measure) -> str:
-    """A measure with its unit, as the head of a column."""
-    return Objective(measure.name.replace("_", " ").capitalize(), measure.unit).label
-
-
-def _part(report: Progress, number: int, count: int) -> Progress:
-    """Progress of one of several trials, as that of all."""
-    return lambda fraction: report((number + fraction) / count)
+def _tick(report: Progress, number: int, count: int, fraction: float) -> None:
+    """Tell the progress of one of several trials as that of all."""
+    report((number + fraction) / count)
 
 
 def _finite(value: float) -> float | None:

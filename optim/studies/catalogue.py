@@ -1,6 +1,9 @@
 """Studies by name: those of the dissertation's chapters and beyond, and those of installed packages."""
 
-from optim.experiments.study import Study
+from collections.abc import Callable
+from pathlib import Path
+
+from optim.experiments.study import Study, StudyReport
 from taichi_sim.base.registry import Registry
 
 STUDIES: Registry[Study] = Registry(
@@ -25,5 +28,16 @@ STUDIES: Registry[Study] = Registry(
         "slope-sweep": "optim.studies.chapter5.slopes:STUDY",
         "hand-gait-sensitivity": "optim.studies.chapter5.sensitivity:STUDY",
         "soft-robot-metrics": "optim.studies.chapter5.metrics:STUDY",
+    },
+)
+
+# What tells of a study's folder, by the name of its file of settings.
+REPORTS: Registry[Callable[[Path], StudyReport]] = Registry(
+    "morpholab.reports",
+    "report",
+    {
+        "sweep": "optim.studies.chapter3.sweep_report:report",
+        "training": "optim.studies.chapter4.training_report:report",
+        "interference": "optim.studies.chapter2.report:report",
     },
 )
