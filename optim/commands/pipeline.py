@@ -45,10 +45,10 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _make(args: argparse.Namespace) -> Report:
-    from optim.pipeline.candidates import NoWorkingGait
     from optim.pipeline.package import write_package
     from optim.pipeline.run import PACKAGE, run_pipeline
     from optim.pipeline.task import read_task
+    from optim.pipeline.trials import NoWorkingGait
 
     task = read_task(args.task)
     try:

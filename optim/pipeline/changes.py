@@ -2,21 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from itertools import product
 
 import numpy as np
 
 from optim.experiments.results import Progress, cached, part_of
-from optim.pipeline.candidates import slug
 from optim.pipeline.plans import core_of
-from optim.pipeline.task import PipelineTask
+from optim.pipeline.task import PipelineTask, slug
+from optim.pipeline.trials import State, Trials
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.journeys import Leg, simulate_journey
-from robots.inflatable.robustness import NOISE
+from robots.inflatable.journeys import Leg
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays
-from taichi_sim.base.results_folder import ResultsFolder
 
 RECORD_EVERY = 4000  # time steps between the poses that are looked at for contact
 # Whether the bladders empty while the core changes, and whether the feet grip.
@@ -28,8 +27,6 @@ class Change:
     """A change of shape between two gaits, simulated.
 
     Attributes:
-        before: name of the gait that the robot comes from.
-        after: name of the gait that follows.
         terrain: where the shape changes.
         design: what the robot does.
         way: the same in words.
@@ -38,8 +35,6 @@ class Change:
         faults: limits that it exceeds, a line each; none if it went well.
     """
 
-    before: str
-    after: str
     terrain: Terrain
     design: InflatableDesign
     way: str
@@ -48,51 +43,40 @@ class Change:
     faults: tuple[str, ...]
 
 
-def find_change(
-    names: tuple[str, str],
-    designs: tuple[InflatableDesign, InflatableDesign],
-    terrains: tuple[Terrain, Terrain],
-    task: PipelineTask,
-    folder: ResultsFolder,
-    progress: Progress = None,
-    threads: int | None = None,
-) -> Change:
+def find_change(before: State, after: State, trials: Trials, progress: Progress = None) -> Change:
     """The first way from a gait to another that goes well; else the one with the fewest faults.
 
     The shape changes where the robot comes from, or where it goes to. Into water and out of it, it changes there, and
     the gait before is not simulated: the robot is put there in its shape.
 
     Args:
-        names: of the gaits.
-        designs: the gaits.
-        terrains: of the gaits.
-        task: says what is well.
-        folder: keeps what is simulated.
+        before: terrain and gait that the robot comes from.
+        after: terrain and gait that follow.
+        trials: simulate; their task says what is well.
         progress: called with the fraction done.
-        threads: CPU threads.
     """
-    tried: list[Change] = []
-    apart = terrains[0].is_fluid != terrains[1].is_fluid
-    grounds = [terrains[1]] if apart else list(dict.fromkeys(terrains))
-    ways = [(ground, together, grip) for ground in grounds for together, grip in WAYS]
-    for number, (ground, together, grip) in enumerate(ways):
-        core = task.rig.channels[0]
+    task, both = trials.task, (before, after)
+    apart = before.terrain.is_fluid != after.terrain.is_fluid
+    grounds = [after.terrain] if apart else list(dict.fromkeys(state.terrain for state in both))
+    names, places = tuple(state.gait for state in both), [state.name for state in both]
+    tried = list[Change]()
+    ways = list(product(grounds, WAYS))
+    for number, (ground, (together, grip)) in enumerate(ways):
         design = change_of_shape(
-            core_of(designs[0]),
-            core_of(designs[1]),
-            designs[1].orientation,
+            core_of(before.design),
+            core_of(after.design),
+            after.design.orientation,
             grip=grip,
             together=together,
-            times=(core.rise_s, core.fall_s),
+            times=task.core_times,
             **task.robot,
         )
-        first = [] if apart else [Leg(designs[0], terrains[0])]
-        legs = [*first, Leg(design, ground), Leg(designs[1], terrains[1])]
-        key = f"change {names} {[slug(t) for t in terrains]} {slug(ground)} {together} {grip}"
-        part = part_of(progress, number, len(ways))
-        found = cached(folder, part_name(key), lambda legs=legs, part=part: _play(legs, task, part, threads))  # type: ignore[misc]
+        legs = [Leg(before.design, before.terrain), Leg(design, ground), Leg(after.design, after.terrain)]
+        key = f"change {names} {places} {slug(ground)} {together} {grip}"
+        play = partial(_play, legs[1:] if apart else legs, trials, part_of(progress, number, len(ways)))
+        found = cached(trials.folder, part_name(key), play)
         way = f"{'while' if together else 'after'} the bladders empty, feet {'grip' if grip else 'slide'}"
-        tried.append(_judged(names, ground, design, way, found, task))
+        tried.append(_judged(ground, design, way, found, task))
         if not tried[-1].faults:
             break
     return min(tried, key=lambda change: (len(change.faults), -np.nan_to_num(change.next_speed, nan=-np.inf)))
@@ -103,45 +87,30 @@ def part_name(key: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in key)
 
 
-def _play(legs: Sequence[Leg], task: PipelineTask, progress: Progress, threads: int | None) -> Arrays:
+def _play(legs: Sequence[Leg], trials: Trials, progress: Progress) -> Arrays:
     """What the runs of a change and the next gait, the last two legs, came to; and that of the next gait alone."""
-    place = len(legs) - 2
-    options: dict[str, Any] = {
-        **task.robot,
-        "runs": task.runs,
-        "precision": task.precision,
-        "threads": threads,
-        "perturbation": NOISE,
-        "seed": task.seed,
-    }
-    run = simulate_journey(legs, **options, record_every=RECORD_EVERY, progress=part_of(progress, 0, 3, 2))
-    alone = simulate_journey(legs[-1:], **options, progress=part_of(progress, 2, 3))
-    assert run.frames is not None
+    place, robots = len(legs) - 2, range(trials.task.runs)
+    run = trials.journey(legs, part_of(progress, 0, 3, 2), RECORD_EVERY)
+    alone = trials.journey(legs[-1:], part_of(progress, 2, 3))
+    frames, start, last = run.frames, run.positions[:, place], run.positions[:, place + 1]
+    assert frames is not None
     begin, end = (int(run.steps[:legs_done].sum()) // RECORD_EVERY for legs_done in (place, place + 1))
-    robots = range(task.runs)
-    start, last = run.positions[:, place], run.positions[:, place + 1]
-    frames = run.frames
+    contacts = [
+        [deepest_contact(run.body, frames.positions[f, r], frames.sizes[f, r]) for f in range(begin, end + 1)]
+        for r in robots
+    ]
     return {
         "shape_error": np.array([shape_error(last[r], alone.positions[r, 0]) for r in robots]),
-        "moved": np.linalg.norm((last - start).mean(axis=1)[:, :2], axis=1) / task.robot["geometry"].body_length,
+        "moved": np.linalg.norm((last - start).mean(axis=1)[:, :2], axis=1) / run.body_length,
         "turned": np.array([turned_by(last[r], start[r]) for r in robots]),
-        "deepest": np.array(
-            [
-                max(
-                    deepest_contact(run.body, frames.positions[f, r], frames.sizes[f, r]) for f in range(begin, end + 1)
-                )
-                for r in robots
-            ]
-        ),
+        "deepest": np.max(contacts, axis=1),
         "next": run.speeds[:, -1],
         "alone": alone.speeds[:, 0],
         "ok": (run.status == "ok").astype(float),
     }
 
 
-def _judged(
-    names: tuple[str, str], ground: Terrain, design: InflatableDesign, way: str, found: Arrays, task: PipelineTask
-) -> Change:
+def _judged(ground: Terrain, design: InflatableDesign, way: str, found: Arrays, task: PipelineTask) -> Change:
     """What the runs say of a way."""
     worst = {name: float(found[name].max()) for name in ("shape_error", "moved", "turned", "deepest")}
     judgement = TransitionJudgement(**worst, diverged=not found["ok"].all())
@@ -149,4 +118,4 @@ def _judged(
     faults = list(judgement.faults(task.limits.shape_error, task.limits.moved))
     if not judgement.diverged and not ratio >= task.limits.next_speed:
         faults.append(f"the next gait reaches {ratio:.0%} of its speed, less than {task.limits.next_speed:.0%}")
-    return Change(*names, ground, design, way, judgement, ratio, tuple(faults))
+    return Change(ground, design, way, judgement, ratio, tuple(faults))

@@ -2,20 +2,19 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from optim.pipeline.candidates import slug
 from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
-from optim.pipeline.task import PipelineTask
+from optim.pipeline.task import PipelineTask, slug
+from optim.pipeline.trials import State
 from robots.calibration import Properties
 from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.inflatable.design import InflatableDesign
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, number, whole_number
-from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.files import read_text
 
 FORMAT = "morpholab-state-machine-1"
 MACHINE = "machine.json"
@@ -27,33 +26,6 @@ RULES = (
     "A change without a table needs none: the shape stays.",
     "To stop, finish the main and play the suffix.",
 )
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A terrain and what the robot does there.
-
-    Attributes:
-        terrain: where.
-        gait: name of the gait among the candidates.
-        design: the gait.
-        speeds: with noise [body lengths/s], shape (R,).
-    """
-
-    terrain: Terrain
-    gait: str
-    design: InflatableDesign
-    speeds: Sequence[float]
-
-    @property
-    def name(self) -> str:
-        """Of the state and its files."""
-        return slug(self.terrain)
-
-    @property
-    def speed(self) -> float:
-        """Mean [body lengths/s]."""
-        return float(sum(self.speeds) / len(self.speeds))
 
 
 def machine_document(
@@ -114,11 +86,6 @@ def _change(pair: tuple[str, str], change: Change | None) -> dict[str, Any]:
     }
 
 
-def write_machine(document: Mapping[str, Any], folder: Path) -> None:
-    """Write the state machine into a package."""
-    write_text(folder / MACHINE, json.dumps(document, indent=2, allow_nan=False) + "\n")
-
-
 def read_machine(folder: Path) -> dict[str, Any]:
     """The state machine of a package.
 
@@ -135,7 +102,12 @@ def read_machine(folder: Path) -> dict[str, Any]:
     except (ValueError, KeyError, TypeError, RecursionError):
         raise ValueError(f"package: {path} is no state machine of a package") from None
     try:
-        _check_simulated(document["simulated"])
+        simulated = document["simulated"]
+        choice("geometry", simulated["geometry"], NAMED_GEOMETRIES)
+        choice("precision", simulated["precision"], ("f32", "f64"))
+        whole_number("runs", simulated["runs"], 1)
+        whole_number("seed", simulated["seed"], 0)
+        properties_of(simulated)
         for state in document["states"]:
             _check_state(state)
     except KeyError as missing:
@@ -148,14 +120,6 @@ def read_machine(folder: Path) -> dict[str, Any]:
 def properties_of(simulated: Mapping[str, Any]) -> Properties | None:
     """Of the robot that a package was made for; None if it is the published one."""
     return Properties(**simulated["properties"]) if "properties" in simulated else None
-
-
-def _check_simulated(simulated: Mapping[str, Any]) -> None:
-    choice("geometry", simulated["geometry"], NAMED_GEOMETRIES)
-    properties_of(simulated)
-    choice("precision", simulated["precision"], ("f32", "f64"))
-    whole_number("runs", simulated["runs"], 1)
-    whole_number("seed", simulated["seed"], 0)
 
 
 def _check_state(state: Mapping[str, Any]) -> None:

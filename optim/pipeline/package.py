@@ -10,14 +10,16 @@ import numpy as np
 from optim.experiments.results import write_json
 from optim.pipeline.changes import Change
 from optim.pipeline.crossing import Crossing
-from optim.pipeline.machine import State, change_name, machine_document, write_machine
+from optim.pipeline.machine import MACHINE, change_name, machine_document
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import PipelineTask
+from optim.pipeline.trials import State
 from optim.problems.inflatable.told import RIG_FILE
 from robots.calibration import save_properties
 from robots.hardware import export_csv
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.files import save_design
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
 FOLDERS = ("gaits", "tables", "pictures")
@@ -43,7 +45,7 @@ class Package:
 
     task: PipelineTask
     candidates: Mapping[str, InflatableDesign]
-    speeds: Mapping[str, np.ndarray]
+    speeds: Mapping[str, Floats]
     plan: Plan
     one_gait: Plan | None
     one_shape: Plan | None
@@ -54,18 +56,17 @@ class Package:
 
     def numbers(self) -> dict[str, Any]:
         """What was measured, for machines."""
+        names, plans = [terrain.name for terrain in self.task.terrains], (self.plan, self.one_gait, self.one_shape)
+        plan, one_gait, one_shape = (each and {"gaits": list(each.gaits), "speed": each.speed} for each in plans)
         return {
-            "terrains": [terrain.name for terrain in self.task.terrains],
+            "terrains": names,
             "candidates": {
-                name: {
-                    terrain.name: _mean_and_deviation(row)
-                    for terrain, row in zip(self.task.terrains, self.speeds[name], strict=True)
-                }
+                name: dict(zip(names, map(_mean_and_deviation, self.speeds[name]), strict=True))
                 for name in self.candidates
             },
-            "plan": _plan(self.plan),
-            "one_gait": None if self.one_gait is None else _plan(self.one_gait),
-            "one_shape": None if self.one_shape is None else _plan(self.one_shape),
+            "plan": plan,
+            "one_gait": one_gait,
+            "one_shape": one_shape,
             "rejected": list(self.rejected),
             "crossings": [
                 {
@@ -82,11 +83,7 @@ class Package:
         }
 
 
-def _plan(plan: Plan) -> dict[str, Any]:
-    return {"gaits": list(plan.gaits), "speed": plan.speed}
-
-
-def _mean_and_deviation(speeds: np.ndarray) -> list[float | None]:
+def _mean_and_deviation(speeds: Floats) -> list[float | None]:
     values = [float(speeds.mean()), float(speeds.std(ddof=1))]
     return [value if np.isfinite(value) else None for value in values]
 
@@ -102,36 +99,32 @@ def write_package(package: Package, folder: Path) -> list[str]:
     """
     from optim.pipeline.page import PLAYER, report_page
     from robots.view.picture import save_motion_picture
-    from robots.view.player import page
+    from robots.view.player import MOST_MOTIONS, page
     from robots.view.soft_motion import journey_motion
 
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
-    written = []
+    task, written = package.task, []
     designs = {state.name: state.design for state in package.states}
     designs |= {change_name(pair): change.design for pair, change in package.changes.items() if change}
     for name, design in designs.items():
-        save_design(design, folder / "gaits" / f"{name}.json")
-        export_csv(design, folder / "tables" / f"{name}.csv", package.task.rig, seed=package.task.seed)
         written += [f"gaits/{name}.json", f"tables/{name}.csv"]
+        save_design(design, folder / f"gaits/{name}.json")
+        export_csv(design, folder / f"tables/{name}.csv", task.rig, seed=task.seed)
     for state in package.states:
-        save_motion_picture(
-            state.design, state.terrain, folder / "pictures" / f"{state.name}.png", **package.task.robot
-        )
         written.append(f"pictures/{state.name}.png")
+        save_motion_picture(state.design, state.terrain, folder / written[-1], **task.robot)
     if package.crossings:
         motions = [
-            journey_motion(
-                crossing.shown, crossing.legs, actuation=package.task.robot["actuation"], name=f"{first} to {second}"
-            )
-            for (first, second), crossing in package.crossings.items()
+            journey_motion(one.shown, one.legs, actuation=task.robot["actuation"], name=f"{first} to {second}")
+            for (first, second), one in package.crossings.items()
         ]
-        write_text(folder / PLAYER, page(motions[:4], "From terrain to terrain"))
+        write_text(folder / PLAYER, page(motions[:MOST_MOTIONS], "From terrain to terrain"))
         written.append(PLAYER)
-    if package.task.calibration is not None:
-        save_properties(package.task.calibration, package.task.geometry, folder / RIG_FILE)
+    if task.calibration is not None:
+        save_properties(task.calibration, task.geometry, folder / RIG_FILE)
         written.append(RIG_FILE)
-    write_machine(machine_document(package.states, package.changes, package.task), folder)
+    write_json(folder / MACHINE, machine_document(package.states, package.changes, task))
     write_json(folder / NUMBERS, package.numbers())
     write_text(folder / REPORT, report_page(package, folder))
-    return [*written, "machine.json", NUMBERS, REPORT]
+    return [*written, MACHINE, NUMBERS, REPORT]

@@ -16,7 +16,7 @@ from robots.inflatable.cores import common_pressure, kilopascals
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
 from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
-from taichi_sim.base.checks import choice, nearest, number, whole_number
+from taichi_sim.base.checks import choice, nearest, number, positive, whole_number
 from taichi_sim.base.files import why_unread
 
 BY_HAND = {"inching": INCHING, "rolling": ROLLING}
@@ -45,8 +45,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("least_speed", "shape_error", "moved"):
-            if not number(f"limits.{name}", getattr(self, name), 0.0):
-                raise ValueError(f"limits.{name}: 0 is not allowed; give a positive number")
+            positive(f"limits.{name}", getattr(self, name))
         number("limits.next_speed", self.next_speed, 0.0, 1.0)
         whole_number("limits.most_steps", self.most_steps, 1)
 
@@ -116,16 +115,14 @@ class PipelineTask:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
             if refusal := self.refusal(design):
                 raise ValueError(f"gaits: {name}: {refusal}")
-        if self.precision not in ("f32", "f64"):
-            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
+        choice("precision", self.precision, ("f32", "f64"))
         whole_number("runs", self.runs, LEAST_RUNS)
         whole_number("seed", self.seed, 0)
         whole_number("frames", self.frames, 2)
-        if not number("stretch", self.stretch, 0.0):
-            raise ValueError("stretch: 0 is not allowed; give a positive number of body lengths")
+        positive("stretch", self.stretch)
         if self.search is not None:
             problem = self.problem(self.terrains[0])
-            build_method(self.search.method, problem.space, self.method_settings(self.search))
+            build_method(self.search.method, problem.space, self.method_settings)
 
     @property
     def robot(self) -> dict[str, Any]:
@@ -153,9 +150,22 @@ class PipelineTask:
         }
         return GaitProblem((terrain,), **given)
 
-    def method_settings(self, search: SearchSettings) -> dict[str, Any]:
-        """Of the search method, with the task's seed."""
-        return {**default_settings(search.method), **search.settings, "seed": self.seed}
+    @property
+    def method_settings(self) -> dict[str, Any]:
+        """Settings of the search method, with the task's seed."""
+        assert self.search is not None
+        return {**default_settings(self.search.method), **self.search.settings, "seed": self.seed}
+
+    @property
+    def core_times(self) -> tuple[float, float]:
+        """Times that the rig takes to bring the core up and down [s]."""
+        core = self.rig.channels[0]
+        return core.rise_s, core.fall_s
+
+
+def slug(terrain: Terrain) -> str:
+    """The name of a terrain in names of files."""
+    return terrain.name.replace(":", "-")
 
 
 def read_task(path: Path) -> PipelineTask:
@@ -169,23 +179,21 @@ def read_task(path: Path) -> PipelineTask:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {path} cannot be read ({why_unread(error)})") from None
-    known = [each.name for each in fields(PipelineTask)]
-    _check_keys(path, "", given, known)
+    _check_keys(path, "", given, [each.name for each in fields(PipelineTask)])
     if "terrains" not in given:
         raise ValueError(f"task: {path} has no terrains; give some, such as terrains = ['flat', 'hill:15']")
-    calibration, own = _calibration(path, given.get("calibration"))
-    plain = {"geometry": own, **{name: given[name] for name in PLAIN if name in given}}
-    terrains = given["terrains"]
-    if not isinstance(terrains, list) or not all(isinstance(name, str) for name in terrains):
-        raise ValueError(f"terrains: {terrains!r} is not allowed; give names, such as ['flat', 'hill:15']")
+    terrains = _names("terrains", given["terrains"], "give names, such as ['flat', 'hill:15']")
+    beside = _file("calibration", given, path, "give the calibration.json of morpholab calibrate")
+    calibration, geometry = load_calibration(beside) if beside else (None, "published")
+    rig = _file("rig", given, path, "give the name of a rig, or its file")
     return PipelineTask(
         tuple(map(Terrain.parse, terrains)),
         _gaits(path, given.get("gaits", [])),
-        _search(path, given.get("search")),
+        _search(path, given["search"]) if "search" in given else None,
         limits=_limits(path, given.get("limits", {}), calibration),
-        rig=_rig(path, given.get("rig")),
+        rig=PneumaticRig.load(str(rig if rig.is_file() else given["rig"])) if rig else PneumaticRig(),
         calibration=calibration,
-        **plain,
+        **{"geometry": geometry, **{name: given[name] for name in PLAIN if name in given}},
     )
 
 
@@ -198,12 +206,25 @@ def _check_keys(path: Path, table: str, given: Any, known: list[str]) -> None:
             raise ValueError(f"task: {path} has an unknown key {key!r}{where}{nearest(key, known)}")
 
 
-def _gaits(path: Path, names: Any) -> dict[str, InflatableDesign]:
+def _names(field: str, given: Any, hint: str) -> list[str]:
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise ValueError(f"{field}: {given!r} is not allowed; {hint}")
+    return given
+
+
+def _file(field: str, given: Mapping[str, Any], path: Path, hint: str) -> Path | None:
+    """The file beside the task that a key names; None if there is no such key."""
+    if field not in given:
+        return None
+    if not isinstance(given[field], str):
+        raise ValueError(f"{field}: {given[field]!r} is not allowed; {hint}")
+    return path.parent / given[field]
+
+
+def _gaits(path: Path, given: Any) -> dict[str, InflatableDesign]:
     """Gaits of the robot by name: those made by hand, and files or gait tables, relative to the task."""
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"gaits: {names!r} is not allowed; give names or files, such as ['rolling', 'climb.json']")
     found: dict[str, InflatableDesign] = {}
-    for name in names:
+    for name in _names("gaits", given, "give names or files, such as ['rolling', 'climb.json']"):
         label = Path(name).stem
         if label in found:
             raise ValueError(f"gaits: {label!r} is given twice; give files of different names")
@@ -211,38 +232,18 @@ def _gaits(path: Path, names: Any) -> dict[str, InflatableDesign]:
     return found
 
 
-def _search(path: Path, given: Any) -> SearchSettings | None:
-    if given is None:
-        return None
-    method = given.get("method", "genetic") if isinstance(given, dict) else ""
-    own = []
+def _search(path: Path, given: Any) -> SearchSettings:
+    method, own = "", list[str]()
     if isinstance(given, dict):
-        own = [name for name in default_settings(choice("search.method", method, METHODS)) if name != "seed"]
+        method = choice("search.method", given.get("method", "genetic"), METHODS)
+        own = [name for name in default_settings(method) if name != "seed"]
     _check_keys(path, "search", given, ["method", "generations", *PROBLEM, *own])
     generations = whole_number("search.generations", given.get("generations", 20), 0)
-    problem = {name: given[name] for name in PROBLEM if name in given}
-    return SearchSettings(method, generations, {name: given[name] for name in own if name in given}, problem)
+    settings, problem = ({name: given[name] for name in names if name in given} for names in (own, PROBLEM))
+    return SearchSettings(method, generations, settings, problem)
 
 
 def _limits(path: Path, given: Any, calibration: Properties | None) -> Limits:
     _check_keys(path, "limits", given, [each.name for each in fields(Limits)])
     drive = robot_of("published", "published", calibration)[1]
     return Limits(**{"most_steps": nominal_steps(PUBLISHED_COLUMNS, drive), **given})
-
-
-def _calibration(path: Path, given: Any) -> tuple[Properties | None, str]:
-    """Of a file beside the task: the properties, and the geometry that they belong to."""
-    if given is None:
-        return None, "published"
-    if not isinstance(given, str):
-        raise ValueError(f"calibration: {given!r} is not allowed; give the calibration.json of morpholab calibrate")
-    return load_calibration(path.parent / given)
-
-
-def _rig(path: Path, given: Any) -> PneumaticRig:
-    if given is None:
-        return PneumaticRig()
-    if not isinstance(given, str):
-        raise ValueError(f"rig: {given!r} is not allowed; give the name of a rig, or its file")
-    beside = path.parent / given
-    return PneumaticRig.load(str(beside) if beside.is_file() else given)

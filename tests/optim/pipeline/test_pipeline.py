@@ -11,13 +11,13 @@ from graded import TINY, settling
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.pipeline import candidates, changes, crossing
+from optim.pipeline import candidates, changes, crossing, trials
 from optim.pipeline import run as pipeline_run
-from optim.pipeline.candidates import NoWorkingGait, check_working, find_gaits
+from optim.pipeline.candidates import find_gaits
 from optim.pipeline.crossing import best_single_gait
-from optim.pipeline.machine import State
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.task import read_task
+from optim.pipeline.trials import NoWorkingGait, State, Trials, check_working
 from robots.calibration import Properties, load_calibration, save_properties
 from robots.hardware import export_csv, read_csv
 from robots.inflatable import ACTUATION, INCHING, NAMED_GEOMETRIES, PUBLISHED, ROLLING, SMALL, transition
@@ -60,7 +60,7 @@ def test_a_task_names_terrains_gaits_and_how_to_search(tmp_path):
     assert [terrain.name for terrain in task.terrains] == ["flat", "hill:15"]
     assert task.gaits == {"rolling": ROLLING, "climb": INCHING, "table": ROLLING}
     assert task.search.generations == 5 and task.problem(task.terrains[1]).encoding == "graded"
-    assert task.method_settings(task.search)["population"] == 12 and task.limits.least_speed == 0.01
+    assert task.method_settings["population"] == 12 and task.limits.least_speed == 0.01
     assert task.robot == {"geometry": PUBLISHED, "actuation": ACTUATION} and task.limits.most_steps == 186_719
 
 
@@ -99,7 +99,7 @@ def test_a_task_for_a_rig_has_its_robot(tmp_path, given, most):
         ("terrains = ['flat']\ngaits = ['rolling']\nprecision = 'f16'", "precision: 'f16' is unknown"),
         ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nleast_sped = 1", "least_sped.*did you mean least_speed"),
         ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nnext_speed = 2.0", "limits.next_speed: 2"),
-        ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nleast_speed = 0.0", "limits.least_speed: 0 is not"),
+        ("terrains = ['flat']\ngaits = ['rolling']\n[limits]\nleast_speed = 0.0", "limits.least_speed: 0.0 is not"),
         ("terrains = ['flat']\n[search]\nmethod = 'genetics'", "search.method: 'genetics' is unknown"),
         ("terrains = ['flat']\n[search]\ngeneration = 3", "unknown key 'generation' in \\[search\\]; did you mean gen"),
         ("terrains = ['flat']\n[search]\nencoding = 'graced'", "encoding: 'graced' is unknown"),
@@ -290,13 +290,13 @@ def test_a_crossing_is_kept_for_its_own_gaits_alone(tmp_path, monkeypatch):
         played.append([leg.name for leg in legs])
         return SimpleNamespace(speeds=np.full((2, len(legs)), 0.1), steps=np.array([10] * len(legs)))
 
-    monkeypatch.setattr(crossing, "simulate_journey", journey)
+    monkeypatch.setattr(trials, "simulate_journey", journey)
     task = task_of(tmp_path, "terrains = ['flat', 'hill:15']\ngaits = ['rolling']\nruns = 2")
-    folder = ResultsFolder(tmp_path / "kept", "pipeline", {})
+    kept = Trials(task, ResultsFolder(tmp_path / "kept", "pipeline", {}))
     rolling, inching = ([State(t, name, DESIGNS[name], [0.1, 0.1]) for t in task.terrains] for name in DESIGNS)
     for states, again in ((rolling, 3), (rolling, 1), (inching, 3)):
         played.clear()
-        crossing.cross(tuple(states), None, ("inching", INCHING), task, folder)
+        crossing.cross(tuple(states), None, ("inching", INCHING), kept)
         assert len(played) == again  # those with noise if they are new, and the one that is shown
 
 

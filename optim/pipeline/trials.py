@@ -1,0 +1,114 @@
+"""Simulations of a task's robot with noise, each kept in a folder, so that it is done once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.results import Progress, cached, part_of
+from optim.pipeline.task import PipelineTask, slug
+from robots.inflatable import simulation
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.journeys import JourneyResult, Leg, simulate_journey
+from robots.inflatable.robustness import NOISE
+from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.results_folder import ResultsFolder
+
+
+class NoWorkingGait(RuntimeError):
+    """A terrain has no gait that works."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A terrain and what the robot does there.
+
+    Attributes:
+        terrain: where.
+        gait: name of the gait among the candidates.
+        design: the gait.
+        speeds: with noise [body lengths/s], shape (R,).
+    """
+
+    terrain: Terrain
+    gait: str
+    design: InflatableDesign
+    speeds: Sequence[float]
+
+    @property
+    def name(self) -> str:
+        """Of the state and its files."""
+        return slug(self.terrain)
+
+    @property
+    def speed(self) -> float:
+        """Mean [body lengths/s]."""
+        return float(sum(self.speeds) / len(self.speeds))
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """What simulates for a task, and keeps what comes of it.
+
+    Attributes:
+        task: says which robot, how often and how precisely.
+        folder: keeps what is simulated.
+        threads: CPU threads.
+    """
+
+    task: PipelineTask
+    folder: ResultsFolder
+    threads: int | None = None
+
+    @property
+    def noisy(self) -> dict[str, Any]:
+        """Options of simulations of several runs."""
+        noise = {"perturbation": NOISE, "seed": self.task.seed, "precision": self.task.precision}
+        return {**self.task.robot, **noise, "threads": self.threads}
+
+    def journey(self, legs: Sequence[Leg], progress: Progress, record_every: int | None = None) -> JourneyResult:
+        """What several noisy runs of some legs come to."""
+        return simulate_journey(legs, **self.noisy, runs=self.task.runs, progress=progress, record_every=record_every)
+
+    def shown(self, legs: Sequence[Leg], steps: int, progress: Progress) -> JourneyResult:
+        """One run without noise, of so many steps, with the frames that the player shows."""
+        every = -(-steps // self.task.frames)
+        settings: dict[str, Any] = {**self.task.robot, "precision": "f32", "threads": self.threads}
+        return simulate_journey(legs, **settings, record_every=every, progress=progress)
+
+    def speeds(self, name: str, design: InflatableDesign, terrain: Terrain, progress: Progress) -> Floats:
+        """Speeds of a gait on a terrain, with noise [body lengths/s], shape (runs,); NaN of failures."""
+
+        def play() -> dict[str, Floats]:
+            copies = [design] * self.task.runs
+            return {"speeds": simulation.simulate(copies, terrain, **self.noisy, progress=progress).speed}
+
+        return cached(self.folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play)["speeds"]
+
+
+def speeds_of(designs: Mapping[str, InflatableDesign], trials: Trials, progress: Progress = None) -> dict[str, Floats]:
+    """Speeds of gaits by name on all terrains, as :meth:`Trials.speeds`, shape (terrains, runs) each."""
+    terrains, found = trials.task.terrains, {}
+    total = len(designs) * len(terrains)
+    for number, (name, design) in enumerate(designs.items()):
+        parts = [part_of(progress, number * len(terrains) + place, total) for place in range(len(terrains))]
+        rows = [trials.speeds(name, design, terrain, part) for terrain, part in zip(terrains, parts, strict=True)]
+        found[name] = np.array(rows)
+    return found
+
+
+def check_working(speeds: Mapping[str, Floats], task: PipelineTask) -> None:
+    """Refuse a task of which a terrain has no gait that works.
+
+    Raises:
+        NoWorkingGait: with what was tried and how fast it was.
+    """
+    for place, terrain in enumerate(task.terrains):
+        means = {name: float(each[place].mean()) for name, each in speeds.items()}
+        if not any(speed >= task.limits.least_speed for speed in means.values()):
+            tried = ", ".join(f"{name} {'diverged' if np.isnan(v) else f'{v:.4f}'}" for name, v in means.items())
+            raise NoWorkingGait(
+                f"{terrain.name}: no gait reaches {task.limits.least_speed:g} BL/s; tried: {tried or 'none'}"
+            )
