@@ -10,11 +10,11 @@ import numpy as np
 
 from optim.experiments.results import Progress, part_of
 from optim.experiments.tables import write_table
-from optim.studies.chapter2.evolution import Run, evolve
+from optim.studies.chapter2.evolution import Runs, by_treatment, evolve
 from optim.studies.chapter2.settings import Interference, Treatment
 from optim.studies.chapter2.tables import measure
 from robots.quadruped import TIME_STEP
-from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.files import write_text
 
 FRAMES = 500  # of a signal, at most
@@ -40,15 +40,12 @@ class Champions:
     distance: Floats
 
 
-def champions_of(
-    settings: Interference, found: Mapping[Run, Arrays], threads: int | None = None
-) -> dict[Treatment, Champions]:
+def champions_of(settings: Interference, found: Runs, threads: int | None = None) -> dict[Treatment, Champions]:
     """Run the champions of all runs again, treatment by treatment."""
-    measured = measure(found)
     seen = {}
-    for treatment in dict.fromkeys(treatment for treatment, _ in found):
-        runs = [key for key in found if key[0] == treatment]
-        weights = np.stack([found[key]["weights"][measured[key].champion] for key in runs])
+    for treatment, measured in measure(found).items():
+        pairs = zip(found[treatment], measured, strict=True)
+        weights = np.stack([state["weights"][run.champion] for state, run in pairs])
         seen[treatment] = follow(settings, treatment.robot, weights, threads)
     return seen
 
@@ -118,7 +115,7 @@ def train_alone(
     for n, light in enumerate(settings.lights):
         single = replace(settings, lights=(light,))
         folder, share = out / "alone" / f"{light[0]:g},{light[1]:g}", part_of(progress, n, len(settings.lights))
-        found = evolve(single, chosen, runs, generations, folder, threads, share)
+        found = by_treatment(evolve(single, chosen, runs, generations, folder, threads, share))
         for treatment, seen in champions_of(single, found, threads).items():
             near, waiting = time_near(seen, single.lights)
             numbers = np.column_stack([seen.distance, near, waiting])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from optim.experiments.tables import write_table
 from optim.measures.catastrophic_interference import RunMeasures
 from optim.measures.statistics import mean_band
-from optim.studies.chapter2.evolution import Run, by_treatment
+from optim.studies.chapter2.evolution import Runs
 from optim.studies.chapter2.settings import FITNESS, Treatment
 from taichi_sim.base.arrays import Arrays, Floats
 
@@ -32,16 +32,13 @@ def curve(state: Arrays, fitness: str) -> Floats:
     return found
 
 
-def write_curves(found: Mapping[Run, Arrays], path: Path) -> dict[Treatment, Floats]:
+def write_curves(found: Runs, path: Path) -> dict[Treatment, Floats]:
     """Write mean and 95 % bootstrap interval over runs for each generation as CSV.
 
     Returns:
         By treatment, quantities of ``QUANTITIES`` of its runs, (R, G, 2).
     """
-    stacked = {
-        treatment: np.stack([curve(state, treatment.fitness) for state in states])
-        for treatment, states in by_treatment(found).items()
-    }
+    stacked = {each: np.stack([curve(state, each.fitness) for state in states]) for each, states in found.items()}
     rows = []
     for treatment, values in stacked.items():
         low, high = mean_band(values)
@@ -70,9 +67,12 @@ def mutations(state: Arrays, only: Sequence[int] | None = None) -> tuple[Floats,
 
 
 def all_mutations(
-    found: Mapping[Run, Arrays], champions: Mapping[Run, RunMeasures] | None = None
+    found: Runs, measured: Mapping[Treatment, Sequence[RunMeasures]] | None = None
 ) -> dict[Treatment, tuple[Floats, NDArray[np.int32]]]:
-    """Beneficial mutations of all runs by treatment; of the lines of run champions only, if these are given."""
-    each = {run: mutations(s, None if champions is None else [champions[run].champion]) for run, s in found.items()}
-    joined = {treatment: zip(*parts, strict=True) for treatment, parts in by_treatment(each).items()}
-    return {treatment: tuple(map(np.concatenate, parts)) for treatment, parts in joined.items()}  # type: ignore[misc]
+    """Beneficial mutations of all runs by treatment; of the lines of champions only, if runs are given as measured."""
+    every = {}
+    for treatment, states in found.items():
+        only = [None] * len(states) if measured is None else [[run.champion] for run in measured[treatment]]
+        parts = [mutations(*each) for each in zip(states, only, strict=True)]
+        every[treatment] = np.concatenate([c for c, _ in parts]), np.concatenate([born for _, born in parts])
+    return every

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ KIND = "interference"
 SECONDS_BETWEEN_FILES = 60.0  # a kill loses so much
 
 Run = tuple[Treatment, int]
-_Part = TypeVar("_Part")
+Runs = Mapping[Treatment, Sequence[Arrays]]  # what the climbers of each run kept, see :meth:`Climbers.state`
 KEPT = ("born", "climber", "light", "distance")
 
 
@@ -115,11 +115,11 @@ class Climbers:
         self.method.restore(state)
 
 
-def by_treatment(found: Mapping[Run, _Part]) -> dict[Treatment, list[_Part]]:
-    """Collect parts of runs, such as the states of their climbers, by treatment."""
-    parts: dict[Treatment, list[_Part]] = {}
-    for (treatment, _), part in found.items():
-        parts.setdefault(treatment, []).append(part)
+def by_treatment(found: Mapping[Run, Arrays]) -> Runs:
+    """Collect the runs of each treatment, in their order."""
+    parts: dict[Treatment, list[Arrays]] = {}
+    for (treatment, _), state in found.items():
+        parts.setdefault(treatment, []).append(state)
     return parts
 
 

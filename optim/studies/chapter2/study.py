@@ -13,7 +13,7 @@ from optim.experiments.results import Progress, check_folder, part_of, write_jso
 from optim.experiments.study import Study
 from optim.studies.chapter2.champions import champions_of, train_alone, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
-from optim.studies.chapter2.evolution import evolve
+from optim.studies.chapter2.evolution import by_treatment, evolve
 from optim.studies.chapter2.likeness import likeness, write_likeness
 from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
 from optim.studies.chapter2.tables import measure, write_tables
@@ -64,7 +64,7 @@ def train(
     """
     drawn = [path.with_suffix(suffix).name for path in map(Path, (*PICTURES, *PICTURES_OF_TWO)) for suffix in DRAWN]
     check_folder(out, (*TABLES, *drawn, "runs", "alone", "alone.csv"))
-    found = evolve(settings, chosen, runs, generations, out / "runs", threads, progress)
+    found = by_treatment(evolve(settings, chosen, runs, generations, out / "runs", threads, progress))
     about = {**asdict(settings), "runs": runs, "generations": generations}
     summary = write_tables(found, out, about)
     champions = champions_of(settings, found, threads)

@@ -18,9 +18,9 @@ from optim.experiments.results import write_json
 from optim.experiments.tables import markdown, write_records, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
-from optim.studies.chapter2.evolution import Run, by_treatment
+from optim.studies.chapter2.evolution import Runs
 from optim.studies.chapter2.settings import Treatment
-from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
 Cells = Mapping[Treatment, Floats]
@@ -50,20 +50,22 @@ PUBLISHED: Mapping[tuple[int, str], Mapping[tuple[str, str], float]] = {
 PUBLISHED_DEVIATION = {(2, "M1"): _grid(1.55, 2.44, 2.29, 1.20, 1.62, 0.54, 0.68, 1.07, 0.45)}
 
 
-def measure(found: Mapping[Run, Arrays], definition: str = "defined") -> dict[Run, RunMeasures]:
+def measure(found: Runs, definition: str = "defined") -> dict[Treatment, list[RunMeasures]]:
     """M1 to M4 of each run, as defined or as computed."""
     if definition == "defined":
-        return {run: measure_run(state["climber"], state["distance"]) for run, state in found.items()}
+        return {t: [measure_run(s["climber"], s["distance"]) for s in states] for t, states in found.items()}
     with np.errstate(divide="ignore"):
-        apparent = {run: state["light"] ** -0.5 for run, state in found.items()}
-    each = {run: (state["climber"], state["distance"], apparent[run]) for run, state in found.items()}
-    return {run: measure_run_as_computed(*arrays) for run, arrays in each.items()}
+        return {
+            t: [measure_run_as_computed(s["climber"], s["distance"], s["light"] ** -0.5) for s in states]
+            for t, states in found.items()
+        }
 
 
-def cells_of(measured: Mapping[Run, RunMeasures]) -> dict[str, dict[Treatment, Floats]]:
+def cells_of(measured: Mapping[Treatment, Sequence[RunMeasures]]) -> dict[str, dict[Treatment, Floats]]:
     """By measure and treatment, the numbers of its runs, without those of runs that have none."""
-    rows = by_treatment({run: (m.worst, m.angle, m.length, 100 * m.share) for run, m in measured.items()})
-    columns = {treatment: np.array(values).T for treatment, values in rows.items()}
+    columns = {
+        t: np.array([(m.worst, m.angle, m.length, 100 * m.share) for m in runs]).T for t, runs in measured.items()
+    }
     return {
         name: {treatment: each[n][np.isfinite(each[n])] for treatment, each in columns.items()}
         for n, name in enumerate(MEASURES)
@@ -109,15 +111,15 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
     return rows
 
 
-def write_tables(found: Mapping[Run, Arrays], out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
+def write_tables(found: Runs, out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
     """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last.
 
     Args:
-        found: of every treatment and run, what its climbers kept.
+        found: by treatment, what the climbers of its runs kept.
         out: folder.
         about: the study, to stand in the summary.
     """
-    environments = next(iter(found.values()))["distance"].shape[1]
+    environments = next(iter(found.values()))[0]["distance"].shape[1]
     runs, rows, tests, text, definitions = [], list[Any](), [], list[str](), {}
     for definition in DEFINITIONS:
         measured = measure(found, definition)
@@ -129,11 +131,12 @@ def write_tables(found: Mapping[Run, Arrays], out: Path, about: Mapping[str, Any
         definitions[definition] = part
         runs += [
             (definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
-            for (t, run), m in measured.items()
+            for t, each in measured.items()
+            for run, m in enumerate(each)
         ]
         rows += [{"definition": definition, **row} for row in part["cells"]]
-        for name, each in part["tests"].items():
-            for t in each:
+        for name, pairs in part["tests"].items():
+            for t in pairs:
                 pair = " ".join(t["first"]), " ".join(t["second"])
                 effects = t["difference"], *t["interval"], t["A12"], t["p"], t["p_bonferroni"]
                 tests.append((definition, name, *pair, *effects))

@@ -116,11 +116,7 @@ def state_of(climber, distance, born=None):
 
 def runs_of(worst):
     """Runs by treatment, each of one climber that comes from (9, 9) to its worst distance in both environments."""
-    return {
-        (treatment, run): state_of([0, 0], [[9, 9], [value, value]])
-        for treatment, values in worst.items()
-        for run, value in enumerate(values)
-    }
+    return {t: [state_of([0, 0], [[9, 9], [value, value]]) for value in values] for t, values in worst.items()}
 
 
 def test_tests_are_between_all_cells_of_a_row_and_of_a_column():
@@ -153,7 +149,7 @@ def test_tables_hold_means_intervals_published_values_and_marks(tmp_path):
 
 def test_runs_without_beneficial_mutations_count_for_the_worst_distance_only():
     treatment = Treatment("legged", "min")
-    found = runs_of({treatment: [8.0]}) | {(treatment, 1): state_of([0], [[9, 9]])}
+    found = {treatment: [*runs_of({treatment: [8.0]})[treatment], state_of([0], [[9, 9]])]}
     cells = cells_of(measure(found))
     assert cells["M1"][treatment].tolist() == [8, 9] and cells["M2"][treatment].tolist() == [0]
     (row,) = summarise(cells["M2"], "M2", 2)
