@@ -86,7 +86,7 @@ def build_parser() -> argparse.ArgumentParser:
         calibrate,
         bench,
     ):
-        command.add_parser(commands)
+        command.COMMAND.declare(commands, command.run)
     return parser
 
 

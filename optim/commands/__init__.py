@@ -1,7 +1,8 @@
 """The commands of ``morpholab``, one a file. They import what is heavy only when they run."""
 
+from argparse import Namespace
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143  # exit codes; the last two as shells report signals
@@ -31,7 +32,14 @@ class Report:
     code: int = 0
 
 
-def interrupted(folder: Path, interrupt: KeyboardInterrupt) -> Report:
-    """What a command says that goes on in its folder when it is given again."""
-    text = f"interrupted; {folder} keeps what is done, the same command goes on from there"
-    return Report({"folder": str(folder), "interrupted": True}, text, stopped_by(interrupt))
+def goes_on(run: Callable[[Namespace], Report]) -> Callable[[Namespace], Report]:
+    """Let a command that goes on in its folder, when it is given again, say so when it is interrupted."""
+
+    def run_or_stop(args: Namespace) -> Report:
+        try:
+            return run(args)
+        except KeyboardInterrupt as interrupt:
+            text = f"interrupted; {args.out} keeps what is done, the same command goes on from there"
+            return Report({"folder": str(args.out), "interrupted": True}, text, stopped_by(interrupt))
+
+    return run_or_stop

@@ -3,9 +3,10 @@
 import argparse
 import subprocess
 from pathlib import Path
-from typing import Any
 
-from optim.commands import Report, options
+from optim.commands import Report
+from optim.commands.options import Command, Option
+from taichi_sim.base.compute import PRECISIONS
 
 # Of which robot options are.
 WHOSE = {
@@ -14,35 +15,21 @@ WHOSE = {
     "vehicle_prototype": "vehicle",
     "rigid_prototype": "rigid",
 }
-
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "bench",
-        help="measure the simulator",
-        description="Measure how fast the simulator is on this machine.",
-    )
-    parser.add_argument(
-        "robot",
-        nargs="?",
-        choices=("all", "inflatable", "vehicle", "rigid"),
-        default="all",
-        help="which (default: all)",
-    )
-    parser.add_argument("--quick", action="store_true", help="shorter, less exact")
-    parser.add_argument("--precision", choices=("f32", "f64"), help="of the inflatable robot (default: both)")
-    parser.add_argument(
-        "--prototype", type=Path, metavar="PATH", help="a program to compare the inflatable robot with, in the same run"
-    )
-    parser.add_argument(
-        "--vehicle-prototype", type=Path, metavar="PATH", help="a program to compare the vehicle with, in the same run"
-    )
-    parser.add_argument(
-        "--rigid-prototype", type=Path, metavar="PATH", help="a program to compare quadrupeds with, in the same run"
-    )
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+ROBOTS = ("all", "inflatable", "vehicle", "rigid")
+PROTOTYPE = "a program to compare {} with, in the same run"
+COMMAND = Command(
+    "bench",
+    "measure the simulator",
+    "Measure how fast the simulator is on this machine.",
+    (
+        Option("robot", "which (default: all)", choices=ROBOTS, default="all", words="?"),
+        Option("quick", "shorter, less exact", None),
+        Option("precision", "of the inflatable robot (default: both)", choices=PRECISIONS),
+        Option("prototype", PROTOTYPE.format("the inflatable robot"), Path, "PATH"),
+        Option("vehicle_prototype", PROTOTYPE.format("the vehicle"), Path, "PATH"),
+        Option("rigid_prototype", PROTOTYPE.format("quadrupeds"), Path, "PATH"),
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> Report:

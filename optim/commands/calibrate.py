@@ -3,55 +3,44 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
+from optim.commands.options import QUIET, THREADS, Command, Option
 from optim.progress import shown_progress
 from robots.inflatable.kind import GAITS, GEOMETRIES, load_gait
 
 if TYPE_CHECKING:
     from robots.inflatable.design import InflatableDesign
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "calibrate",
-        help="fit friction, modulus and inflation rate to a rig",
-        description="Fit properties of the inflatable robot to measurements: dragged feet, diameters of the pouch, "
-        "gaits; see docs/calibration.md.",
-    )
-    parser.add_argument("data", nargs="?", type=Path, metavar="DATA", help="file of measurements (TOML)")
-    parser.add_argument(
-        "--fit",
-        metavar="NAMES",
-        help="of friction, low_friction, modulus, inflation_rate (default: all that the experiments are made for)",
-    )
-    parser.add_argument(
-        "--bounds",
-        action="append",
-        default=[],
-        metavar="NAME=LOW:HIGH",
-        help="of a property, such as modulus=200e3:800e3 (Pa) or inflation_rate=0.5:8 (1/s); may be repeated",
-    )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="new folder for calibration.json and calibration.png")
-    parser.add_argument(
-        "--example",
-        type=Path,
-        metavar="FILE",
-        help="write measurements of a robot of known properties instead, with 2 %% noise",
-    )
-    parser.add_argument(
-        "--geometry",
-        choices=GEOMETRIES,
-        help="of the example's robot (default: small); files name theirs",
-    )
-    parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="of all noise (default: 0)")
-    parser.add_argument("--precision", choices=("f32", "f64"), default="f32", help="of the numbers (default: f32)")
-    parser.add_argument("--threads", type=options.whole(1), metavar="N", help="CPU threads (default: all)")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "calibrate",
+    "fit friction, modulus and inflation rate to a rig",
+    "Fit properties of the inflatable robot to measurements: dragged feet, diameters of the pouch, gaits; see "
+    "docs/calibration.md.",
+    (
+        Option("data", "file of measurements (TOML)", Path, "DATA", words="?"),
+        Option(
+            "fit",
+            "of friction, low_friction, modulus, inflation_rate (default: all that the experiments are made for)",
+            options.names,
+            "NAMES",
+        ),
+        Option(
+            "bounds",
+            "of a property, such as modulus=200e3:800e3 (Pa) or inflation_rate=0.5:8 (1/s); may be repeated",
+            metavar="NAME=LOW:HIGH",
+            several=True,
+        ),
+        Option("out", "new folder for calibration.json and calibration.png", Path, "DIR"),
+        Option("example", "write measurements of a robot of known properties instead, with 2 %% noise", Path, "FILE"),
+        Option("geometry", "of the example's robot (default: small); files name theirs", choices=GEOMETRIES),
+        Option("seed", "of all noise (default: 0)", options.whole(0), "N", default=0),
+        options.precision("f32", "f32"),
+        THREADS,
+        QUIET,
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -81,7 +70,7 @@ def _write_example(args: argparse.Namespace) -> Report:
 
 def _fit(args: argparse.Namespace) -> Report:
     from optim.calibration import calibrate, check_names, document, table
-    from robots.calibration import CALIBRATION_FORMAT, Laboratory, read_measurements
+    from robots.calibration import CALIBRATION_FORMAT, NAMES, Laboratory, read_measurements
     from robots.inflatable.body import NAMED_GEOMETRIES
     from taichi_sim.base.files import write_record
 
@@ -89,8 +78,10 @@ def _fit(args: argparse.Namespace) -> Report:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
     options.claim_folder(args)
     found = read_measurements(args.data, lambda *gait: _load(args.data.parent, *gait))
-    names, bounds = _names(args.fit, found.experiments), _bounds(args.bounds)
-    if unused := [text for text in args.bounds if text.partition("=")[0] not in names]:
+    made_for = {experiment.informs[0] for experiment in found.experiments}
+    names = args.fit or tuple(name for name in NAMES if name in made_for)
+    bounds = _bounds(args.bounds or ())
+    if unused := [text for text in args.bounds or () if text.partition("=")[0] not in names]:
         raise ValueError(f"bounds: {unused[0]!r} is not used; fitted are {', '.join(names)}")
     check_names(found.experiments, names)
     geometry = NAMED_GEOMETRIES[found.geometry]
@@ -120,15 +111,6 @@ def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> 
     if not isinstance(schedule, GaitSchedule):
         raise ValueError(f"gait: {name} is graded, which is not allowed here; give one of on and off")
     return InflatableDesign(design.pressure, design.orientation, schedule)
-
-
-def _names(text: str | None, experiments: Sequence[Any]) -> tuple[str, ...]:
-    from robots.calibration import NAMES
-
-    if text is not None:
-        return tuple(part.strip() for part in text.split(","))
-    made_for = {experiment.informs[0] for experiment in experiments}
-    return tuple(name for name in NAMES if name in made_for)
 
 
 def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands.robots import early, kind_of_run, named_by, refuse_foreign
+from optim.commands import options
+from optim.commands.options import Option
+from optim.commands.robots import early, kind_of_run, named_by
 from optim.problem import FILE, Objective, objectives_of, score_of
-from optim.problems.designer import COMPUTE, Design, Request, designer_of, kind_of_description
-from optim.search import check_objectives, check_settings, default_settings, takes_several
-from robots.robot import KINDS, Option, RobotKind
+from optim.problems.designer import Design, Request, designer_of, kind_of_description
+from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
+from robots.robot import RobotKind
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -20,7 +22,58 @@ if TYPE_CHECKING:
 METHOD = "hill-climb"
 GENERATIONS = 200
 # Options that are settings of the method by the same name, where they are given.
-SETTINGS = ("climbers", "population", "seed", "rule", "learning_rate", "gradient", "samples", "smoothing")
+SETTINGS = (
+    Option("climbers", "independent searches (default: 60)", options.whole(1), "N"),
+    Option("population", "points of a method that moves one population (default: 60)", options.whole(1), "N"),
+    Option("seed", "of all random numbers (default: 0)", options.whole(0), "N"),
+)
+SEARCH_BY_GRADIENTS = (
+    Option("rule", "of the steps (default: adam)", choices=("adam", "l-bfgs")),
+    Option(
+        "learning_rate",
+        "typical step, in ranges of the variables (default: 0.05; of memetic 0.3)",
+        options.number(0.0),
+        "RATE",
+    ),
+    Option(
+        "gradient",
+        "of the simulation, or estimated from perturbed points (default: exact)",
+        choices=("exact", "smoothed"),
+    ),
+    Option(
+        "samples",
+        "pairs of perturbed points a climber (default: 8), or around the mean of cma-gradient (default: 0)",
+        options.whole(0),
+        "N",
+    ),
+    Option(
+        "smoothing",
+        "of the perturbations, in ranges of the variables (default: 0.05)",
+        options.number(0.0),
+        "DEVIATION",
+    ),
+)
+SEARCH_OPTIONS = (
+    Option(
+        "method",
+        f"one of {', '.join(METHODS.builtin)}, or of an installed package (default: {METHOD})",
+        options.checked(METHODS.check),
+        "METHOD",
+    ),
+    *SETTINGS,
+    Option(
+        "generations",
+        f"after the random starts (default: {GENERATIONS}); may be raised when a run is continued",
+        options.whole(0),
+        "N",
+    ),
+    Option(
+        "set",
+        "any other setting of the method; a wrong name lists them; may be repeated",
+        metavar="NAME=VALUE",
+        several=True,
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -104,12 +157,9 @@ def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method
         raise ValueError(f"out: the run in {args.out} designs no robot")
     if known and args.robot is not None and named.kind.name != kind.name:
         raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
-    refuse_foreign(args)
-    designer = designer_of(kind)
-    asked = {name: getattr(args, name, None) for name in (*(option.name for option in designer.options), *COMPUTE)}
-    given = {name: value for name, value in asked.items() if value is not None}
+    given = {**args.parser.values(args, kind), **options.given_compute(args)}
     source = named.source if args.robot is not None else None
-    return designer.design(Request(source, given, method, takes_several(method), last, args.out, args.resume))
+    return designer_of(kind).design(Request(source, given, method, takes_several(method), last, args.out, args.resume))
 
 
 def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> "Problem":
@@ -120,10 +170,9 @@ def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> 
     """
     from optim.problems.user_file import check_file, load_problem
 
-    refused = [option for kind in KINDS.builtin for option in designer_of(KINDS[kind]).options]
-    for option in (*refused, *(Option(name, "") for name in ("robot", "precision", "device"))):
-        if getattr(args, option.name, None) is not None:
-            raise ValueError(f"{option.flag[2:]}: the file of --problem says what is designed; leave it out")
+    for name in (*args.parser.known_to, "robot", "precision", "device"):
+        if getattr(args, name, None) is not None:
+            raise ValueError(f"{name.replace('_', '-')}: the file of --problem says what is designed; leave it out")
     if args.problem is None:
         file = known["problem"].get("file") if known else None
         raise ValueError(f"problem: the run in {args.out} needs its file again; give --problem {file}")
@@ -137,7 +186,7 @@ def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> 
 
 def _method(args: argparse.Namespace, name: str, design: Design, known: dict[str, Any] | None) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
-    given = {option: getattr(args, option) for option in SETTINGS if getattr(args, option) is not None}
+    given = options.given((*SETTINGS, *SEARCH_BY_GRADIENTS), args)
     if design.start:
         given["start"] = dict(design.start)
     given |= dict(_setting(text) for text in args.set or ())

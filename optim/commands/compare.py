@@ -6,34 +6,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
+from optim.commands.options import Command, Option
 from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.runs.comparison import Curve, Difference
 
 PICTURES = (".png", ".svg", ".pdf")
-
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "compare",
-        help="compare runs",
-        description="Compare the best scores of runs: curves with confidence bands, effect sizes. Runs that differ in "
-        "their seed only are one group.",
-    )
-    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder of a run, or a folder of such")
-    parser.add_argument(
-        "--by", choices=("evaluations", "generations", "seconds"), default="evaluations", help="(default: evaluations)"
-    )
-    parser.add_argument("--out", type=Path, metavar="FILE", help=f"picture of the curves ({', '.join(PICTURES)})")
-    parser.add_argument(
-        "--names",
-        metavar="NAMES",
-        help="of the groups, in their order, with commas between (default: methods)",
-    )
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "compare",
+    "compare runs",
+    "Compare the best scores of runs: curves with confidence bands, effect sizes. Runs that differ in their seed only "
+    "are one group.",
+    (
+        options.RUNS,
+        options.by("(default: evaluations)"),
+        Option("out", f"picture of the curves ({', '.join(PICTURES)})", Path, "FILE"),
+        Option("names", "of the groups, in their order, with commas between (default: methods)", metavar="NAMES"),
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> Report:

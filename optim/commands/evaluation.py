@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeVar
 
-from optim.commands import options
+from optim.commands.options import Option, whole
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -17,23 +17,18 @@ if TYPE_CHECKING:
 
 AnyProblem = TypeVar("AnyProblem", bound="Problem")
 MOST_WORKERS = 10_000
+WORKERS = (
+    Option(
+        "workers",
+        "processes that evaluate (default: this one, with all threads; on Ray as many as the cluster has cores)",
+        whole(1, MOST_WORKERS),
+        "N",
+    ),
+    Option(
+        "ray", "evaluate on a Ray cluster: HOST:PORT, auto, or local for one that is started here", metavar="ADDRESS"
+    ),
+)
 LANES = {"f32": 16, "f64": 8}  # robots that a CPU thread simulates side by side, see docs/architecture.md
-
-
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Options about where to evaluate."""
-    group = parser.add_argument_group("where it runs (the results are the same bits everywhere)")
-    group.add_argument(
-        "--workers",
-        type=options.whole(1, MOST_WORKERS),
-        metavar="N",
-        help="processes that evaluate (default: this one, with all threads; on Ray as many as the cluster has cores)",
-    )
-    group.add_argument(
-        "--ray",
-        metavar="ADDRESS",
-        help="evaluate on a Ray cluster: HOST:PORT, auto, or local for one that is started here",
-    )
 
 
 @contextlib.contextmanager

@@ -2,9 +2,10 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
+from optim.commands.options import Command, Option
 from optim.commands.robots import loaded, named_source
 from optim.wording import counted
 from robots.robot import Robot
@@ -15,51 +16,48 @@ if TYPE_CHECKING:
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
 LONGER = 1.02  # times the gait's own length: what whole samples make of it is told from there on
-
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "export",
-        help="write a gait for the hardware",
-        description="Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
-    )
-    parser.add_argument(
-        "source",
-        type=Path,
-        metavar="RUN",
-        help="inching or rolling, folder of a run, file of a design, or a gait table as CSV",
-    )
-    parser.add_argument("--csv", type=Path, metavar="FILE", help="to write; replaced if it exists")
-    parser.add_argument("--units", choices=("kpa", "psi"), default="kpa", help="(default: kpa)")
-    parser.add_argument(
-        "--rig",
-        metavar="RIG",
-        default="dissertation",
-        help="dissertation, dissertation-gentle, or a TOML file with channels and limits (default: dissertation)",
-    )
-    parser.add_argument(
-        "--rate",
-        type=options.number(0.0, unit="Hz"),
-        metavar="HZ",
-        help="rows per second (default: rows where pressures turn, to be joined by lines)",
-    )
-    parser.add_argument(
-        "--on-violation",
-        choices=("refuse", "clip"),
-        default="refuse",
-        help="what to do with pressures and rates beyond the rig's limits (default: refuse)",
-    )
-    parser.add_argument("--dry-run", action="store_true", help="show what would happen when; write no table")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="picture of the pressures to write: PNG, SVG or PDF")
-    parser.add_argument(
-        "--member",
-        type=options.whole(1),
-        metavar="N",
-        help="the Nth design that the search keeps, as in front.json (default: the best design)",
-    )
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "export",
+    "write a gait for the hardware",
+    "Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
+    (
+        Option(
+            "source",
+            "inching or rolling, folder of a run, file of a design, or a gait table as CSV",
+            Path,
+            "RUN",
+            words="1",
+        ),
+        Option("csv", "to write; replaced if it exists", Path, "FILE"),
+        Option("units", "(default: kpa)", choices=("kpa", "psi"), default="kpa"),
+        Option(
+            "rig",
+            "dissertation, dissertation-gentle, or a TOML file with channels and limits (default: dissertation)",
+            metavar="RIG",
+            default="dissertation",
+        ),
+        Option(
+            "rate",
+            "rows per second (default: rows where pressures turn, to be joined by lines)",
+            options.number(0.0, unit="Hz"),
+            "HZ",
+        ),
+        Option(
+            "on_violation",
+            "what to do with pressures and rates beyond the rig's limits (default: refuse)",
+            choices=("refuse", "clip"),
+            default="refuse",
+        ),
+        Option("dry_run", "show what would happen when; write no table", None),
+        Option("plot", "picture of the pressures to write: PNG, SVG or PDF", Path, "FILE"),
+        Option(
+            "member",
+            "the Nth design that the search keeps, as in front.json (default: the best design)",
+            options.whole(1),
+            "N",
+        ),
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> Report:

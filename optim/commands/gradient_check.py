@@ -1,57 +1,54 @@
 """``morpholab gradient-check``: where the exact gradient of a robot can be trusted."""
 
 import argparse
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optim.commands import Report, options
-from optim.commands.robots import RobotOptions, early, named_by, refuse_foreign, world_and_own
+from optim.commands.options import QUIET, Command, Option
+from optim.commands.robots import kinds_of_robot, named_by, world_and_own
+from optim.problems.designer import designer_of
 from optim.progress import shown_progress
 
 if TYPE_CHECKING:
     from optim.problem import RelaxableProblem
 
 INSIDE = 0.15  # of its range: how far the point keeps from every bound
-
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: RobotOptions = commands.add_parser(
-        "gradient-check",
-        help="compare gradients with differences",
-        description="Compare the exact gradient of the speed, by pressure, orientation and levels of the gait, with "
-        "central differences over step sizes and horizons, and with the gradient of the smoothed speed. Speeds of "
-        "gaits with times of their own are counted by the time that they take.",
-    )
-    options.add_robot(parser, "checked by all that is free of it")
-    parser.add_argument("--gait", metavar="GAIT", help="inching, rolling, or the file of a design (default: inching)")
-    parser.add_argument(
-        "--horizons",
-        metavar="LENGTHS",
-        help="of trials: of a gait columns that are played, some of it, or all of it several times (default: 1,2,4,8); "
-        "of a lattice robot cycles (default: 1,2,4); of other robots a unit of their own",
-    )
-    parser.add_argument("--directions", type=options.whole(2), default=6, metavar="N", help="random ones (default: 6)")
-    parser.add_argument(
-        "--samples", type=options.whole(2), default=48, metavar="N", help="pairs of the smoothed gradient (default: 48)"
-    )
-    parser.add_argument(
-        "--smoothing",
-        type=options.number(1e-6, INSIDE / 3),
-        default=0.05,
-        metavar="S",
-        help="its standard deviation in ranges of the variables, at most 0.05 (default: 0.05)",
-    )
-    parser.add_argument("--seed", type=options.whole(0), default=0, metavar="N", help="(default: 0)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for gradient.png and gradient.json")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
-    options.add_compute(parser, precision="f64")
-    find = lambda words: [named_by(*vars(early(words, "--robot", "--gait")).values()).kind]  # noqa: E731
-    parser.take_robots(find, world_and_own("gradient-check"))
-    parser.set_defaults(run=run, parser=parser)
+COMMAND = Command(
+    "gradient-check",
+    "compare gradients with differences",
+    "Compare the exact gradient of the speed, by pressure, orientation and levels of the gait, with central "
+    "differences over step sizes and horizons, and with the gradient of the smoothed speed. Speeds of gaits with times "
+    "of their own are counted by the time that they take.",
+    (
+        options.robot("checked by all that is free of it"),
+        Option("gait", "inching, rolling, or the file of a design (default: inching)", metavar="GAIT"),
+        Option(
+            "horizons",
+            "of trials: of a gait columns that are played, some of it, or all of it several times (default: 1,2,4,8); "
+            "of a lattice robot cycles (default: 1,2,4); of other robots a unit of their own",
+            metavar="LENGTHS",
+        ),
+        Option("directions", "random ones (default: 6)", options.whole(2), "N", default=6),
+        Option("samples", "pairs of the smoothed gradient (default: 48)", options.whole(2), "N", default=48),
+        Option(
+            "smoothing",
+            "its standard deviation in ranges of the variables, at most 0.05 (default: 0.05)",
+            options.number(1e-6, INSIDE / 3),
+            "S",
+            default=0.05,
+        ),
+        Option("seed", "(default: 0)", options.whole(0), "N", default=0),
+        Option("out", "folder for gradient.png and gradient.json", Path, "DIR"),
+        QUIET,
+    ),
+    options.simulation("f64"),
+    kinds_of_robot,
+    world_and_own("gradient-check"),
+)
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -72,8 +69,6 @@ def run(args: argparse.Namespace) -> Report:
         )
     document, text = report.document(), report.text()
     if args.out:
-        import json
-
         args.out.mkdir(parents=True, exist_ok=True)
         write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
         save_plot(report, args.out / "gradient.png")
@@ -83,15 +78,10 @@ def run(args: argparse.Namespace) -> Report:
 
 def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np.ndarray]]":
     """What to check, by name, each with a point that keeps away from the bounds."""
-    from optim.problems.designer import COMPUTE, designer_of
-
     named = named_by(args.robot, args.gait)
-    refuse_foreign(args)
-    own = [option.name for option in world_and_own("gradient-check")(named.kind)]
-    values = {name: getattr(args, name, None) for name in (*own, *COMPUTE)}
-    asked = {name: value for name, value in values.items() if value is not None}
+    asked = {**args.parser.values(args, named.kind), **options.given_compute(args)}
     found = designer_of(named.kind).horizons(named.source, asked, _horizons(args.horizons))
-    return {name: (problem, _inside(problem, point)) for name, (problem, point) in found.items()}
+    return {name: (problem, inside(problem, point)) for name, (problem, point) in found.items()}
 
 
 def _horizons(text: str | None) -> list[int] | None:
@@ -107,7 +97,7 @@ def _horizons(text: str | None) -> list[int] | None:
     return wanted
 
 
-def _inside(problem: "RelaxableProblem", point: np.ndarray) -> np.ndarray:
+def inside(problem: "RelaxableProblem", point: np.ndarray) -> np.ndarray:
     """The point, drawn away from the bounds so that differences reach both sides."""
     space = problem.space
     return np.clip(point, space.low + INSIDE * space.span, space.high - INSIDE * space.span)

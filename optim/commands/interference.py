@@ -4,84 +4,77 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from optim.commands import Report, interrupted, options
+from optim.commands import Report, goes_on, options
+from optim.commands.options import DEVICE, QUIET, THREADS, Command, Option
 from optim.progress import shown_progress
 from optim.wording import counted
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "interference",
-        help="train quadrupeds in several environments, and measure how these interfere",
-        description="Train controllers of legged, wheeled and whegged robots by parallel hill climbers to reach the "
-        "light in two or four environments, and measure how much what helps in one harms in another. The same command "
-        "goes on where an earlier one was, also with more robots, fitness functions, runs and generations.",
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study")
-    parser.add_argument("--robots", metavar="NAMES", help="(default: legged,wheeled,whegged)")
-    parser.add_argument(
-        "--fitness", metavar="NAMES", help="how environments make one fitness (default: sum,product,min)"
-    )
-    parser.add_argument("--trainers", metavar="NAMES", help="hill-climb, gradient or both (default: hill-climb)")
-    parser.add_argument("--environments", type=int, choices=(2, 4), default=2, help="places of the light (default: 2)")
-    parser.add_argument("--runs", type=options.whole(1), default=5, metavar="N", help="of each (default: 5)")
-    parser.add_argument("--generations", type=options.whole(0), default=400, metavar="N", help="(default: 400)")
-    parser.add_argument("--population", type=options.whole(1), default=100, metavar="N", help="climbers (default: 100)")
-    parser.add_argument(
-        "--variant",
-        choices=("as-run", "text"),
-        default="as-run",
-        help="the published experiment, or its text where that differs (default: as-run)",
-    )
-    parser.add_argument("--alone", action="store_true", help="also train each robot on each light alone")
-    parser.add_argument("--figures", action="store_true", help="also draw mutations, curves and paths")
-    group = parser.add_argument_group("simulation")
-    group.add_argument("--steps", type=options.whole(2), default=1000, metavar="N", help="(default: 1000)")
-    group.add_argument("--precision", choices=("f32", "f64"), default="f64", help="of the numbers (default: f64)")
-    group.add_argument("--device", choices=("cpu", "cuda", "vulkan", "metal"), default="cpu", help="(default: cpu)")
-    group.add_argument("--threads", type=options.whole(1), metavar="N", help="CPU threads (default: all)")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "interference",
+    "train quadrupeds in several environments, and measure how these interfere",
+    "Train controllers of legged, wheeled and whegged robots by parallel hill climbers to reach the light in two or "
+    "four environments, and measure how much what helps in one harms in another. The same command goes on where an "
+    "earlier one was, also with more robots, fitness functions, runs and generations.",
+    (
+        Option("out", "folder of the study", Path, "DIR", required=True),
+        Option("robots", "(default: legged,wheeled,whegged)", options.names, "NAMES"),
+        Option("fitness", "how environments make one fitness (default: sum,product,min)", options.names, "NAMES"),
+        Option("trainers", "hill-climb, gradient or both (default: hill-climb)", options.names, "NAMES"),
+        Option("environments", "places of the light, 2 or 4 (default: 2)", int, "N", (2, 4), default=2),
+        Option("runs", "of each (default: 5)", options.whole(1), "N", default=5),
+        Option("generations", "(default: 400)", options.whole(0), "N", default=400),
+        Option("population", "climbers (default: 100)", options.whole(1), "N", default=100),
+        Option(
+            "variant",
+            "the published experiment, or its text where that differs (default: as-run)",
+            choices=("as-run", "text"),
+            default="as-run",
+        ),
+        Option("alone", "also train each robot on each light alone", None),
+        Option("figures", "also draw mutations, curves and paths", None),
+        QUIET,
+    ),
+    {
+        "simulation": (
+            Option("steps", "(default: 1000)", options.whole(2), "N", default=1000),
+            options.precision("f64"),
+            DEVICE,
+            THREADS,
+        )
+    },
+)
 
 
+@goes_on
 def run(args: argparse.Namespace) -> Report:
     """Train, then write tables of all that was asked for."""
     from optim.studies.chapter2.champions import train_alone
     from optim.studies.chapter2.settings import FITNESS, HILL_CLIMB, LIGHTS, ROBOTS, Interference, treatments
     from optim.studies.chapter2.study import files_of, train
 
-    settings = Interference(
-        LIGHTS[args.environments], args.population, args.steps, args.variant, args.precision, args.device
-    )
-    robots = _names(args.robots, ROBOTS)
-    chosen = treatments(robots, _names(args.fitness, FITNESS), _names(args.trainers, (HILL_CLIMB,)))
+    where: Any = options.compute(args, "f64")
+    lights = LIGHTS[args.environments]
+    settings = Interference(lights, args.population, args.steps, args.variant, where.precision, where.device)
+    robots = args.robots or tuple(ROBOTS)
+    chosen = treatments(robots, args.fitness or tuple(FITNESS), args.trainers or (HILL_CLIMB,))
     alone = None
-    try:
-        with shown_progress(counted(len(chosen), "treatment"), 1.0, args.quiet) as update:
-            summary = train(
-                settings,
-                chosen,
-                args.runs,
-                args.generations,
-                args.out,
-                figures=args.figures,
-                threads=args.threads,
-                progress=update,
-            )
-            if args.alone:
-                update(0.0, "each light alone")
-                effort = args.runs, args.generations
-                alone = train_alone(settings, robots, *effort, args.out, args.threads, update)
-    except KeyboardInterrupt as interrupt:
-        return interrupted(args.out, interrupt)
+    with shown_progress(counted(len(chosen), "treatment"), 1.0, args.quiet) as update:
+        summary = train(
+            settings,
+            chosen,
+            args.runs,
+            args.generations,
+            args.out,
+            figures=args.figures,
+            threads=args.threads,
+            progress=update,
+        )
+        if args.alone:
+            update(0.0, "each light alone")
+            effort = args.runs, args.generations
+            alone = train_alone(settings, robots, *effort, args.out, args.threads, update)
     files = [*files_of(settings, args.figures), *(("alone.csv",) if args.alone else ())]
     return _report(summary, alone, args.out, files)
-
-
-def _names(text: str | None, default: Any) -> list[str]:
-    return list(default) if text is None else [name.strip() for name in text.split(",")]
 
 
 def _report(summary: dict[str, Any], alone: list[dict[str, Any]] | None, out: Path, files: list[str]) -> Report:

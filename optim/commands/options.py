@@ -1,41 +1,103 @@
-"""Options that commands share, and the checks of their values."""
+"""What a command line knows of a command, and the options that commands share."""
 
 import argparse
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from optim.commands.robots import OptionsOf, RobotOptions
+from robots.robot import RobotKind
 from taichi_sim.base import files
 from taichi_sim.base.compute import DEVICES, PRECISIONS, Compute
+from taichi_sim.base.options import Option as Option
 from taichi_sim.base.options import checked as checked
+from taichi_sim.base.options import given as given
 from taichi_sim.base.options import number as number
 from taichi_sim.base.options import whole as whole
 
+QUIET = Option("quiet", "no progress", None)
+JSON = Option("json", "print one JSON document, and nothing else, on stdout", None)
+THREADS = Option("threads", "CPU threads (default: all)", whole(1), "N")
+DEVICE = Option("device", "(default: cpu)", choices=DEVICES)
+RUNS = Option("runs", "folder of a run, or a folder of such", Path, "RUN", words="+")
+AXES = ("evaluations", "generations", "seconds")  # by which searches are compared
 
-def add_compute(parser: argparse.ArgumentParser, precision: str) -> None:
-    """Options about the simulation; ``precision`` is what the help calls the default."""
-    group = parser.add_argument_group("simulation")
-    group.add_argument("--precision", choices=PRECISIONS, help=f"of the numbers (default: {precision})")
-    group.add_argument("--device", choices=DEVICES, help="(default: cpu)")
-    group.add_argument("--threads", type=whole(1), metavar="N", help="CPU threads (default: all)")
+
+@dataclass(frozen=True)
+class Command:
+    """A command; its module has a function ``run`` beside it, which takes the values of the options.
+
+    Attributes:
+        name: as it is typed.
+        help: of the list of commands.
+        description: of its own help.
+        options: all but ``--json``, which every command has.
+        groups: further options by the title that the help gives them.
+        kinds: the kinds of robots that its words name; options of these kinds are added. None has none.
+        options_of: the options of a kind that it has.
+    """
+
+    name: str
+    help: str
+    description: str
+    options: Sequence[Option]
+    groups: Mapping[str, Sequence[Option]] = field(default_factory=dict)
+    kinds: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
+    options_of: OptionsOf | None = None
+
+    def declare(self, commands: Any, run: Callable[[argparse.Namespace], Any]) -> None:
+        """Add the parser of the command to those of a command line."""
+        parser: RobotOptions = commands.add_parser(self.name, help=self.help, description=self.description)
+        for option in (*self.options, JSON):
+            option.add(parser)
+        for title, options in self.groups.items():
+            group = parser.add_argument_group(title)
+            for option in options:
+                option.add(group)
+        if self.kinds is not None and self.options_of is not None:
+            parser.take_robots(self.kinds, self.options_of)
+        parser.set_defaults(run=run, parser=parser)
+
+
+def precision(told: str, default: str | None = None) -> Option:
+    """The option of the precision; ``told`` is what the help calls the default."""
+    return Option("precision", f"of the numbers (default: {told})", choices=PRECISIONS, default=default)
+
+
+def simulation(told: str) -> dict[str, Sequence[Option]]:
+    """The group of options about where and how to simulate; ``told`` is what the help calls the default precision."""
+    return {"simulation": (precision(told), DEVICE, THREADS)}
 
 
 def compute(args: argparse.Namespace, precision: str) -> Compute:
-    """What the options of :func:`add_compute` say, in this precision by default."""
+    """What the options of :func:`simulation` say, in this precision by default."""
     return Compute(args.device or "cpu", args.precision or precision, args.threads)
 
 
-def add_robot(parser: Any, told: str) -> None:
+def given_compute(args: argparse.Namespace) -> dict[str, Any]:
+    """Those of precision, device and threads that were given."""
+    return given((precision(""), DEVICE, THREADS), args)
+
+
+def robot(told: str) -> Option:
     """The option that names the robot; ``told`` says what else to give."""
-    parser.add_argument(
-        "--robot",
-        metavar="KIND|FILE",
-        help="a kind of robot (inflatable, lattice, walker, vehicle, quadruped, rover, articulated, or of an installed "
+    return Option(
+        "robot",
+        "a kind of robot (inflatable, lattice, walker, vehicle, quadruped, rover, articulated, or of an installed "
         f"package) or the file of one (default: inflatable); {told}",
+        metavar="KIND|FILE",
     )
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """The option to speak to machines."""
-    parser.add_argument("--json", action="store_true", help="print one JSON document, and nothing else, on stdout")
+def by(told: str) -> Option:
+    """The option of the axis along which searches are compared."""
+    return Option("by", told, choices=AXES, default=AXES[0])
+
+
+def names(text: str) -> tuple[str, ...]:
+    """The type of an option with several names, separated by commas."""
+    return tuple(name.strip() for name in text.split(","))
 
 
 def claim_folder(args: argparse.Namespace) -> None:

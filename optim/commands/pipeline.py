@@ -2,33 +2,25 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from optim.commands import FAILED, Report, interrupted, options
+from optim.commands import FAILED, Report, goes_on
+from optim.commands.options import QUIET, THREADS, Command, Option
 from optim.progress import shown_progress
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "pipeline",
-        help="from terrains to a hardware package",
-        description="Find a shape and a gait for each terrain, and the changes of shape between them, and write what a "
-        "machine needs: tables, a state machine, pictures, a report; see docs/pipeline.md. The same command goes on "
-        "where an earlier one was.",
-    )
-    parser.add_argument("task", nargs="?", type=Path, metavar="TASK", help="file of the task (TOML)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results; the package is in DIR/package")
-    parser.add_argument(
-        "--replay",
-        type=Path,
-        metavar="PACKAGE",
-        help="play a package by its tables alone instead, and compare",
-    )
-    parser.add_argument("--threads", type=options.whole(1), metavar="N", help="CPU threads (default: all)")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "pipeline",
+    "from terrains to a hardware package",
+    "Find a shape and a gait for each terrain, and the changes of shape between them, and write what a machine needs: "
+    "tables, a state machine, pictures, a report; see docs/pipeline.md. The same command goes on where an earlier one "
+    "was.",
+    (
+        Option("task", "file of the task (TOML)", Path, "TASK", words="?"),
+        Option("out", "folder of the results; the package is in DIR/package", Path, "DIR"),
+        Option("replay", "play a package by its tables alone instead, and compare", Path, "PACKAGE"),
+        THREADS,
+        QUIET,
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -44,6 +36,7 @@ def run(args: argparse.Namespace) -> Report:
     return _make(args)
 
 
+@goes_on
 def _make(args: argparse.Namespace) -> Report:
     from optim.pipeline.package import write_package
     from optim.pipeline.run import PACKAGE, run_pipeline
@@ -57,8 +50,6 @@ def _make(args: argparse.Namespace) -> Report:
             files = write_package(found, args.out / PACKAGE)
     except NoWorkingGait as error:
         return Report({"folder": str(args.out), "failed": str(error)}, f"failed: {error}", FAILED)
-    except KeyboardInterrupt as interrupt:
-        return interrupted(args.out, interrupt)
     faults = [fault for change in found.changes.values() if change for fault in change.faults]
     lines = [f"{state.terrain.name}: {state.gait}, {state.speed:.4f} BL/s" for state in found.states]
     lines += [f"change of shape: {fault}" for fault in faults]

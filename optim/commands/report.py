@@ -3,46 +3,29 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from optim.commands import Report, options
+from optim.commands.options import Command, Option
 from optim.progress import shown_progress
 from optim.wording import spoken_size
 
 SUFFIXES = (".html", ".htm")
-
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "report",
-        help="write a page about runs",
-        description="Write a page about a run: settings, curves, the best design in motion, its gait and what the "
-        "hardware's limits say of it, how to reproduce it. Several runs that are judged alike are compared. Also takes "
-        "the folder of a sweep, of train or of interference. The page is one file, up to 15 MB, that needs no network.",
-    )
-    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder of a run, or a folder of such")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="page to write, such as report.html")
-    parser.add_argument(
-        "--no-player",
-        action="store_true",
-        help="without the motion of the best design: small, and nothing is simulated",
-    )
-    parser.add_argument(
-        "--frames", type=options.whole(2), metavar="N", help="of the player, at most, of each motion (default: 400)"
-    )
-    parser.add_argument(
-        "--rig", metavar="RIG", help="that shall play the gait: a preset or a TOML file (default: dissertation)"
-    )
-    parser.add_argument(
-        "--by",
-        choices=("evaluations", "generations", "seconds"),
-        default="evaluations",
-        help="what several runs are compared by (default: evaluations)",
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress and no notes")
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "report",
+    "write a page about runs",
+    "Write a page about a run: settings, curves, the best design in motion, its gait and what the hardware's limits "
+    "say of it, how to reproduce it. Several runs that are judged alike are compared. Also takes the folder of a "
+    "sweep, of train or of interference. The page is one file, up to 15 MB, that needs no network.",
+    (
+        options.RUNS,
+        Option("out", "page to write, such as report.html", Path, "FILE", required=True),
+        Option("no_player", "without the motion of the best design: small, and nothing is simulated", None),
+        Option("frames", "of the player, at most, of each motion (default: 400)", options.whole(2), "N"),
+        Option("rig", "that shall play the gait: a preset or a TOML file (default: dissertation)", metavar="RIG"),
+        options.by("what several runs are compared by (default: evaluations)"),
+        Option("quiet", "no progress and no notes", None),
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> Report:

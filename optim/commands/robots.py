@@ -5,16 +5,18 @@ Options of a kind of robot join a command when its command line names the kind; 
 
 import argparse
 import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
+from optim.problems.designer import options_for
 from optim.wording import counted
 from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, make_robot
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.options import given
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -54,7 +56,7 @@ class RobotOptions(argparse.ArgumentParser):
         super().__init__(*args, **settings)
         self._find: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
         self._options_of: OptionsOf = world_and_own("")
-        self.foreign: dict[str, str] = {}
+        self.known_to: dict[str, list[str]] = {}  # titles of the kinds that have an option, by its name
 
     def take_robots(self, find: Callable[[Sequence[str]], Iterable[RobotKind]], options_of: OptionsOf) -> None:
         """Add the options of kinds before the command line is parsed.
@@ -76,49 +78,60 @@ class RobotOptions(argparse.ArgumentParser):
         return super().format_help()
 
     def _add_kinds(self, words: Sequence[str]) -> None:
-        """Add options of kinds, once."""
+        """Add options of kinds, once; those of other kinds are hidden, and refused by :meth:`values`."""
         if self._find is None:
             return
         find, self._find = self._find, None
         kinds: list[RobotKind] = []
         with contextlib.suppress(ValueError, OSError):  # told when the command runs
             kinds = list({kind.name: kind for kind in find(words)}.values())
-        own = {action.dest for action in self._actions}
-        added: set[str] = set()
+        taken = {action.dest for action in self._actions}
+        own = frozenset(taken)
         for kind in kinds or [KINDS[DEFAULT]]:
             group = self.add_argument_group(kind.title)
             for option in self._options_of(kind):
-                if option.name not in own | added:
+                if option.name not in taken:
                     option.add(group)
-                    added.add(option.name)
+                    taken.add(option.name)
         for name in KINDS.builtin:
             for option in self._options_of(KINDS[name]):
-                if option.name in self.foreign:
-                    self.foreign[option.name] += f", {KINDS[name].title}"
-                elif option.name not in own | added:
+                if option.name not in taken:
                     option.add_hidden(self)
-                    self.foreign[option.name] = KINDS[name].title
+                    taken.add(option.name)
+                if option.name not in own:
+                    self.known_to.setdefault(option.name, []).append(KINDS[name].title)
+
+    def values(self, args: argparse.Namespace, kind: RobotKind, *others: RobotKind) -> dict[str, Any]:
+        """Values of the options of a kind that were given, by name.
+
+        Args:
+            args: result of this parser.
+            kind: of a robot that the command is about.
+            others: further kinds that it is about.
+
+        Raises:
+            ValueError: for an option that none of these kinds has.
+        """
+        known = {option.name for each in (kind, *others) for option in self._options_of(each)}
+        for name, titles in self.known_to.items():
+            if name not in known and getattr(args, name, None) is not None:
+                which = ", ".join(titles)
+                raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({which}); leave it out")
+        return given(self._options_of(kind), args)
 
 
 def world_and_own(command: str) -> OptionsOf:
     """The options of a kind that a command has: those of one world, and those that make its robots."""
 
     def options_of(kind: RobotKind) -> Sequence[Option]:
-        own = [option for option in kind.options if not option.commands or command in option.commands]
-        return [*kind.world_options, *own]
+        return [*kind.world_options, *options_for(kind, command)]
 
     return options_of
 
 
-def refuse_foreign(args: argparse.Namespace) -> None:
-    """Refuse options of kinds of robots that the command is not about.
-
-    Raises:
-        ValueError: for the first of them.
-    """
-    for name, title in args.parser.foreign.items():
-        if getattr(args, name, None) is not None:
-            raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({title}); leave it out")
+def kinds_of_robot(words: Sequence[str]) -> list[RobotKind]:
+    """The kind of robot that ``--robot`` and ``--gait`` name."""
+    return [named_by(*vars(early(words, "--robot", "--gait")).values()).kind]
 
 
 def named_by(robot: str | None, gait: str | None = None) -> Named:
@@ -189,27 +202,32 @@ def early(words: Sequence[str], *flags: str) -> argparse.Namespace:
     return parser.parse_known_args([word for word in words if word != "--help"])[0]
 
 
-def loaded(named: Named, options: dict[str, Any], member: int | None = None) -> tuple[Robot, tuple[World, ...]]:
+def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -> tuple[Robot, tuple[World, ...]]:
     """The robot that is named, with nothing free, and the worlds that it is tried in.
 
     Args:
         named: what the command line names.
-        options: values of the kind's options.
+        values: of the kind's options; one of them may name the world.
         member: of a run, which of the designs that it keeps, counted from 1; None for the best.
 
     Raises:
         ValueError: for options that are not allowed, and designs that are not there.
     """
+    world = named.kind.chosen_world(values)
+    places = {option.name for option in named.kind.world_options}
+    options = {name: value for name, value in values.items() if name not in places}
     if named.run is None:
         robot = make_robot(named.kind, named.source, options)
-        return robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
-    from optim.runs.history import read_history
+        robot, worlds = robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
+    else:
+        from optim.problems.robot import RobotDesigning
+        from optim.runs.history import read_history
 
-    problem, point = kept_point(read_history(named.run), member)
-    robot_of = getattr(problem, "robot_of", None)
-    if robot_of is None:
-        raise ValueError(f"source: {named.run} designs no robot")
-    return robot_of(point).changed(options), problem.tried_in  # type: ignore[attr-defined]
+        problem, point = kept_point(read_history(named.run), member)
+        if not isinstance(problem, RobotDesigning):
+            raise ValueError(f"source: {named.run} designs no robot")
+        robot, worlds = problem.robot_of(point).changed(options), problem.tried_in
+    return robot, worlds if world is None else (world,)
 
 
 def kept_point(history: "History", member: int | None = None) -> "tuple[Problem, Floats]":

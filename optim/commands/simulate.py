@@ -9,46 +9,38 @@ from typing import Any
 import numpy as np
 
 from optim.commands import FAILED, Report, options
-from optim.commands.robots import RobotOptions, early, loaded, named_by, refuse_foreign, world_and_own
+from optim.commands.options import Command, Option
+from optim.commands.robots import kinds_of_robot, loaded, named_by, world_and_own
 from optim.progress import shown_progress
 from robots.robot import OK, Outcome, Robot, World
-from taichi_sim.base.options import given
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: RobotOptions = commands.add_parser(
-        "simulate",
-        help="simulate a robot",
-        description="Simulate a robot and say how far and how fast it goes, or what else it is judged by.",
-    )
-    options.add_robot(parser, "one of a kind does what --gait says, or what searches of it start with")
-    parser.add_argument(
-        "--gait", metavar="GAIT", help="inching, rolling, the file of a design of any kind, or a gait table as CSV"
-    )
-    parser.add_argument(
-        "--record-every",
-        type=options.whole(1),
-        metavar="STEPS",
-        help="with --out: write the pose at every so many steps to frames.npz",
-    )
-    parser.add_argument(
-        "--judge",
-        action="store_true",
-        help="tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
-        "nm, what remains of it under harder conditions, and how far feet slip while they grip",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="new folder for design.json, result.json and robot.png, of gaits also gait.csv",
-    )
-    options.add_compute(parser, precision="f64")
-    options.add_json(parser)
-    find = lambda words: [named_by(*vars(early(words, "--robot", "--gait")).values()).kind]  # noqa: E731
-    parser.take_robots(find, world_and_own("simulate"))
-    parser.set_defaults(run=run, parser=parser)
+COMMAND = Command(
+    "simulate",
+    "simulate a robot",
+    "Simulate a robot and say how far and how fast it goes, or what else it is judged by.",
+    (
+        options.robot("one of a kind does what --gait says, or what searches of it start with"),
+        Option("gait", "inching, rolling, the file of a design of any kind, or a gait table as CSV", metavar="GAIT"),
+        Option(
+            "record_every",
+            "with --out: write the pose at every so many steps to frames.npz",
+            options.whole(1),
+            "STEPS",
+        ),
+        Option(
+            "judge",
+            "tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
+            "nm, what remains of it under harder conditions, and how far feet slip while they grip",
+            None,
+        ),
+        Option(
+            "out", "new folder for design.json, result.json and robot.png, of gaits also gait.csv", Path, metavar="DIR"
+        ),
+    ),
+    options.simulation("f64"),
+    kinds_of_robot,
+    world_and_own("simulate"),
+)
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -59,13 +51,12 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("record-every: the poses need a folder; give --out")
     options.claim_folder(args)
     named = named_by(args.robot, args.gait)
-    refuse_foreign(args)
-    own = [option for option in named.kind.options if not option.commands or "simulate" in option.commands]
-    robot, worlds = loaded(named, given(own, args))
-    world = named.kind.chosen_world(given(named.kind.world_options, args)) or worlds[0]
+    robot, (world, *_) = loaded(named, args.parser.values(args, named.kind))
     compute, what = options.compute(args, "f64"), args.gait or args.robot
     title = f"{what} {world.where}".strip()
-    about = {"gait" if args.gait else "robot": what, named.kind.world_option: world.name}
+    measured = {measure.name for measure in robot.measures}
+    place = named.kind.world_option if named.kind.world_option not in measured else "world"
+    about = {"gait" if args.gait else "robot": what, place: world.name}
     if args.judge:
         if args.out:
             raise ValueError(f"out: {args.out} is not allowed with --judge, which plays both weights with noise")

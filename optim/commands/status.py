@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options
@@ -12,17 +11,12 @@ from optim.wording import counted, spoken_duration
 if TYPE_CHECKING:
     from optim.runs.history import History
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "status",
-        help="tell how far runs are",
-        description="Tell how far runs are, what they have found, and whether their files are whole.",
-    )
-    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder of a run, or a folder of such")
-    options.add_json(parser)
-    parser.set_defaults(run=run)
+COMMAND = options.Command(
+    "status",
+    "tell how far runs are",
+    "Tell how far runs are, what they have found, and whether their files are whole.",
+    (options.RUNS,),
+)
 
 
 def run(args: argparse.Namespace) -> Report:

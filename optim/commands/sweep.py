@@ -2,43 +2,34 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from optim.commands import Report, interrupted, options
-from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
+from optim.commands import Report, goes_on, options
+from optim.commands.options import QUIET, Command, Option
+from optim.commands.vehicle_options import SIMULATION, designs_option, task_settings
 from optim.progress import shown_progress
 from optim.wording import counted
 
 if TYPE_CHECKING:
     from optim.studies.chapter3.sweep_table import SweepTable
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "sweep",
-        help="sweep controllers of Braitenberg vehicles",
-        description="Count the controllers that lead bodies of Braitenberg vehicles to the light in all of four "
-        "environments, and in any. The same command goes on where an earlier one was, also with other bodies.",
-    )
-    parser.add_argument(
-        "--designs",
-        type=options.checked(design_numbers),
-        required=True,
-        metavar="NUMBERS",
-        help="bodies of the published grid, from 1 to 6561: 162,6553 or 1-100, or all",
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the sweep")
-    parser.add_argument(
-        "--weights", type=options.whole(2), default=121, metavar="N", help="values of each weight (default: 121)"
-    )
-    parser.add_argument("--figures", action="store_true", help="also draw metrics, success matrices and paths")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
-    add_vehicle_task(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "sweep",
+    "sweep controllers of Braitenberg vehicles",
+    "Count the controllers that lead bodies of Braitenberg vehicles to the light in all of four environments, and in "
+    "any. The same command goes on where an earlier one was, also with other bodies.",
+    (
+        designs_option(required=True),
+        Option("out", "folder of the sweep", Path, "DIR", required=True),
+        Option("weights", "values of each weight (default: 121)", options.whole(2), "N", default=121),
+        Option("figures", "also draw metrics, success matrices and paths", None),
+        QUIET,
+    ),
+    SIMULATION,
+)
 
 
+@goes_on
 def run(args: argparse.Namespace) -> Report:
     """Sweep, then write the table of all that is in the folder."""
     from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table
@@ -46,18 +37,15 @@ def run(args: argparse.Namespace) -> Report:
 
     settings = Sweep(weights=args.weights, precision=args.precision, **task_settings(args))
     bodies = [VehicleBody.published(design) for design in args.designs]
-    try:
-        with shown_progress(counted(len(bodies), "body", "bodies"), 1.0, args.quiet) as update:
-            overlaps_of(bodies, settings, args.out, threads=args.threads, progress=update)
-        table = read_sweep_table(args.out)
-        table.write(args.out / "table.csv")
-        files = ["table.csv"]
-        if args.figures:
-            from optim.studies.chapter3.sensor_placement_figures import save_figures
+    with shown_progress(counted(len(bodies), "body", "bodies"), 1.0, args.quiet) as update:
+        overlaps_of(bodies, settings, args.out, threads=args.threads, progress=update)
+    table = read_sweep_table(args.out)
+    table.write(args.out / "table.csv")
+    files = ["table.csv"]
+    if args.figures:
+        from optim.studies.chapter3.sensor_placement_figures import save_figures
 
-            files += save_figures(table, args.out, args.out)
-    except KeyboardInterrupt as interrupt:
-        return interrupted(args.out, interrupt)
+        files += save_figures(table, args.out, args.out)
     return _report(table.rows(args.designs), args.out, files)
 
 

@@ -6,20 +6,17 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from optim.commands.options import Option
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import why_unread
 
+TASK = Option(
+    "task",
+    "TOML with options by name, such as terrain = ['flat', 'hill:15']; the command line counts more",
+    Path,
+    "FILE",
+)
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
-
-
-def add_task(parser: argparse.ArgumentParser) -> None:
-    """The option to read the others from a file."""
-    parser.add_argument(
-        "--task",
-        type=Path,
-        metavar="FILE",
-        help="TOML with options by name, such as terrain = ['flat', 'hill:15']; the command line counts more",
-    )
 
 
 def take_task(args: argparse.Namespace) -> None:

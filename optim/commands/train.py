@@ -3,10 +3,11 @@
 import argparse
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from optim.commands import Report, interrupted, options
-from optim.commands.vehicle_options import add_vehicle_task, design_numbers, task_settings
+from optim.commands import Report, goes_on, options
+from optim.commands.options import QUIET, Command, Option
+from optim.commands.vehicle_options import SIMULATION, designs_option, task_settings
 from optim.progress import shown_progress
 from optim.wording import counted
 
@@ -16,60 +17,45 @@ if TYPE_CHECKING:
     from optim.studies.chapter4.training import Training
     from optim.studies.chapter4.training_table import TrainingTable
 
-
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "train",
-        help="train controllers of Braitenberg vehicles",
-        description="Count the evaluations that search methods need to find a controller that solves all four "
-        "environments, in each of many bodies, and how these go with what a sweep says of the bodies. The same command "
-        "goes on where an earlier one was, also with other bodies and methods.",
-    )
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument(
-        "--designs",
-        type=options.checked(design_numbers),
-        metavar="NUMBERS",
-        help="bodies of the published grid, from 1 to 6561: 162,6553 or 1-100, or all",
-    )
-    which.add_argument("--sample", type=options.whole(1), metavar="N", help="of them, at random (default: 500)")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study")
-    parser.add_argument("--methods", metavar="NAMES", help="(default: random,generating-set,nes,de)")
-    parser.add_argument(
-        "--repetitions", type=options.whole(1), default=5, metavar="R", help="of each method, a body (default: 5)"
-    )
-    parser.add_argument(
-        "--budget-evaluations", type=options.whole(1), default=500, metavar="N", help="of a run (default: 500)"
-    )
-    parser.add_argument("--seed", type=options.whole(0), default=1, metavar="N", help="of runs and sample (default: 1)")
-    parser.add_argument(
-        "--sweep", type=Path, metavar="PATH", help="its folder or table, with these bodies, to compare with"
-    )
-    parser.add_argument("--figures", action="store_true", help="also draw evaluations against metrics; needs --sweep")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_json(parser)
-    add_vehicle_task(parser)
-    parser.set_defaults(run=run)
+COMMAND = Command(
+    "train",
+    "train controllers of Braitenberg vehicles",
+    "Count the evaluations that search methods need to find a controller that solves all four environments, in each of "
+    "many bodies, and how these go with what a sweep says of the bodies. The same command goes on where an earlier one "
+    "was, also with other bodies and methods.",
+    (
+        designs_option(),
+        Option("sample", "of them, at random (default: 500)", options.whole(1), "N"),
+        Option("out", "folder of the study", Path, "DIR", required=True),
+        Option("methods", "(default: random,generating-set,nes,de)", options.names, "NAMES"),
+        Option("repetitions", "of each method, a body (default: 5)", options.whole(1), "R", default=5),
+        Option("budget_evaluations", "of a run (default: 500)", options.whole(1), "N", default=500),
+        Option("seed", "of runs and sample (default: 1)", options.whole(0), "N", default=1),
+        Option("sweep", "its folder or table, with these bodies, to compare with", Path, "PATH"),
+        Option("figures", "also draw evaluations against metrics; needs --sweep", None),
+        QUIET,
+    ),
+    SIMULATION,
+)
 
 
+@goes_on
 def run(args: argparse.Namespace) -> Report:
     """Train, then write the table of these runs."""
     from optim.studies.chapter3.sweep_table import sample_designs
     from optim.studies.chapter4.training import TRAINERS, Training, train
     from robots.braitenberg import PUBLISHED
 
+    if args.designs and args.sample:
+        raise ValueError("argument --sample: not allowed with argument --designs")
     task = dataclasses.replace(PUBLISHED, **task_settings(args))
     settings = Training(args.repetitions, args.budget_evaluations, args.seed, task, args.precision)
     designs = args.designs or sample_designs(args.sample or 500, args.seed)
-    methods = TRAINERS if args.methods is None else [name.strip() for name in args.methods.split(",")]
+    methods = args.methods or TRAINERS
     sweep = _sweep(args, settings, designs)
-    try:
-        text = f"{counted(len(designs), 'body', 'bodies')}, {counted(len(methods), 'method')}"
-        with shown_progress(text, 1.0, args.quiet) as update:
-            table = train(designs, methods, settings, threads=args.threads, out=args.out, progress=update)
-    except KeyboardInterrupt as interrupt:
-        return interrupted(args.out, interrupt)
+    text = f"{counted(len(designs), 'body', 'bodies')}, {counted(len(methods), 'method')}"
+    with shown_progress(text, 1.0, args.quiet) as update:
+        table = train(designs, methods, settings, threads=args.threads, out=args.out, progress=update)
     table.write(args.out / "runs.csv")
     files = ["runs.csv"]
     if sweep and args.figures:

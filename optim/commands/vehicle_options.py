@@ -4,24 +4,20 @@ import argparse
 from typing import Any
 
 from optim.commands import options
+from optim.commands.options import Option
 
-
-def add_vehicle_task(parser: argparse.ArgumentParser) -> None:
-    """Options about the environments and their simulation; without them they are the published ones."""
-    group = parser.add_argument_group("task and simulation")
-    group.add_argument("--radius", type=options.number(unit="m"), metavar="M", help="of success (default: 0.075)")
-    group.add_argument(
-        "--time-step", type=options.number(unit="s"), metavar="S", help="of Euler's method (default: 0.05)"
-    )
-    group.add_argument("--steps", type=options.whole(1), metavar="N", help="of a rollout (default: 10000)")
-    group.add_argument("--precision", choices=("f32", "f64"), default="f64", help="of the numbers (default: f64)")
-    group.add_argument("--threads", type=options.whole(1), metavar="N", help="CPU threads (default: all)")
+# Without them the environments and their simulation are the published ones.
+TASK = (
+    Option("radius", "of success (default: 0.075)", options.number(unit="m"), "M"),
+    Option("time_step", "of Euler's method (default: 0.05)", options.number(unit="s"), "S"),
+    Option("steps", "of a rollout (default: 10000)", options.whole(1), "N"),
+)
+SIMULATION = {"task and simulation": (*TASK, options.precision("f64", "f64"), options.THREADS)}
 
 
 def task_settings(args: argparse.Namespace) -> dict[str, Any]:
     """Those of radius, time step and steps that are given."""
-    given = {name: getattr(args, name) for name in ("radius", "time_step", "steps")}
-    return {name: value for name, value in given.items() if value is not None}
+    return options.given(TASK, args)
 
 
 def design_numbers(text: str) -> list[int]:
@@ -44,3 +40,9 @@ def design_numbers(text: str) -> list[int]:
             raise ValueError(f"designs: {part.strip()} is not allowed; give numbers from 1 to {DESIGNS}")
         found.update(range(low, high + 1))
     return sorted(found)
+
+
+def designs_option(required: bool = False) -> Option:
+    """The option that names bodies of the published grid."""
+    told = "bodies of the published grid, from 1 to 6561: 162,6553 or 1-100, or all"
+    return Option("designs", told, options.checked(design_numbers), "NUMBERS", required=required)

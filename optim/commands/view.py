@@ -2,51 +2,54 @@
 
 import argparse
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
-from optim.commands.robots import Named, RobotOptions, loaded, named_source, refuse_foreign, world_and_own
-from optim.commands.view_files import add_outputs, check_outputs, write_outputs
+from optim.commands.options import QUIET, Command, Option
+from optim.commands.robots import loaded, named_source, world_and_own
+from optim.commands.view_files import APPEARANCE, OUTPUTS, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
 from optim.wording import counted, spoken_size
-from robots.robot import KINDS, RobotKind
-from taichi_sim.base.options import given
+from robots.robot import RobotKind
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 
-def add_parser(commands: Any) -> None:
-    """Declare the command."""
-    parser: RobotOptions = commands.add_parser(
-        "view",
-        help="see robots move, in a browser and in pictures",
-        description="Simulate robots and write a page that plays their motions side by side, with their actuation. It "
-        "is one file that needs no network; any browser opens it. Or write pictures, films and files for Blender and "
-        "ParaView.",
-    )
-    parser.add_argument(
-        "sources",
-        nargs="+",
-        metavar="ROBOT",
-        help="inching or rolling; folder of a run, file of a robot, a design or a gait table; legged, wheeled or "
-        "whegged quadruped; vehicle, rover or another kind of robot; up to four",
-    )
-    add_outputs(parser)
-    parser.add_argument("--title", default="", help="of the page")
-    parser.add_argument(
-        "--frames", type=options.whole(2), default=1000, metavar="N", help="at most, of each robot (default: 1000)"
-    )
-    parser.add_argument(
-        "--member", type=options.whole(1), metavar="N", help="the Nth design that a run keeps (default: the best)"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
-    options.add_compute(parser, precision="f32, of rigid robots and vehicles f64")
-    options.add_json(parser)
-    parser.take_robots(_kinds, world_and_own("view"))
-    parser.set_defaults(run=run, parser=parser)
+def kinds_of_words(words: Sequence[str]) -> list[RobotKind]:
+    """The kinds of robots among the words of a command line; words that name none are other things."""
+    found = []
+    for word in words:
+        with contextlib.suppress(ValueError, OSError):
+            found.append(named_source(word).kind)
+    return found
+
+
+COMMAND = Command(
+    "view",
+    "see robots move, in a browser and in pictures",
+    "Simulate robots and write a page that plays their motions side by side, with their actuation. It is one file that "
+    "needs no network; any browser opens it. Or write pictures, films and files for Blender and ParaView.",
+    (
+        Option(
+            "sources",
+            "inching or rolling; folder of a run, file of a robot, a design or a gait table; legged, wheeled or "
+            "whegged quadruped; vehicle, rover or another kind of robot; up to four",
+            metavar="ROBOT",
+            words="+",
+        ),
+        *(output.option for output in OUTPUTS),
+        Option("title", "of the page", default=""),
+        Option("frames", "at most, of each robot (default: 1000)", options.whole(2), "N", default=1000),
+        Option("member", "the Nth design that a run keeps (default: the best)", options.whole(1), "N"),
+        QUIET,
+    ),
+    {"pictures and films": APPEARANCE, **options.simulation("f32, of rigid robots and vehicles f64")},
+    kinds_of_words,
+    world_and_own("view"),
+)
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -58,14 +61,21 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(f"sources: {count} robots are not allowed; give up to {MOST_MOTIONS}")
     check_outputs(args)
     named = [named_source(source) for source in args.sources]
-    _check_options(args, named)
+    if args.member is not None and not any(each.run for each in named):
+        raise ValueError("member: it is of runs; leave it out")
+    kinds = [each.kind for each in named]
+    robots = [
+        loaded(each, args.parser.values(args, each.kind, *kinds), args.member if each.run else None) for each in named
+    ]
+    motions: list[Motion] = []
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
-        motions = []
-        for done, (source, each) in enumerate(zip(args.sources, named, strict=True)):
-            update(float(done), source)
-            motions.append(_motion(each, args, partial(_tick, update, done)))
+        for done, (each, (robot, (world, *_))) in enumerate(zip(named, robots, strict=True)):
+            update(float(done), args.sources[done])
+            name = f"{each.label or robot.name} {world.where}".strip()
+            compute, tick = options.compute(args, each.kind.view_precision), partial(_tick, update, done)
+            replay = robot.replay((), world, frames=args.frames, name=name, compute=compute, progress=tick)
+            motions.append(replay.motion)
     files = write_outputs(motions, args)
-    lines = [f"{path}: {spoken_size(size)}" for path, size in files]
     about = [
         {
             "source": source,
@@ -81,43 +91,7 @@ def run(args: argparse.Namespace) -> Report:
         f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {a['seconds']:.1f} s"
         for a in about
     ]
-    return Report(document, "\n".join([*told, *lines]))
-
-
-def _kinds(words: Sequence[str]) -> list[RobotKind]:
-    """The kinds of robots among the words of a command line; words that name none are other things."""
-    found = []
-    for word in words:
-        with contextlib.suppress(ValueError, OSError):
-            found.append(named_source(word).kind)
-    return found
-
-
-def _check_options(args: argparse.Namespace, named: list[Named]) -> None:
-    """Refuse options that say nothing of any of the robots.
-
-    Raises:
-        ValueError: for the first of them.
-    """
-    refuse_foreign(args)
-    options_of = world_and_own("view")
-    known = {option.name for each in named for option in options_of(each.kind)}
-    for name in {option.name for kind in KINDS.builtin for option in options_of(KINDS[kind])} - known:
-        if getattr(args, name, None) is not None:  # a file that is written was taken for a robot
-            raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds; leave it out")
-    if args.member is not None and not any(each.run for each in named):
-        raise ValueError("member: it is of runs; leave it out")
-
-
-def _motion(named: Named, args: argparse.Namespace, progress: Callable[[float], None]) -> "Motion":
-    """Let a robot move."""
-    kind = named.kind
-    own = [option for option in kind.options if not option.commands or "view" in option.commands]
-    robot, worlds = loaded(named, given(own, args), args.member if named.run else None)
-    world = kind.chosen_world(given(kind.world_options, args)) or worlds[0]
-    name = f"{named.label or robot.name} {world.where}".strip()
-    compute = options.compute(args, kind.view_precision)
-    return robot.replay((), world, frames=args.frames, name=name, compute=compute, progress=progress).motion
+    return Report(document, "\n".join([*told, *(f"{path}: {spoken_size(size)}" for path, size in files)]))
 
 
 def _tick(update: Update, done: int, part: float) -> None:

@@ -1,12 +1,14 @@
 """What ``morpholab view`` can write: pages, pictures, films, and files for other programs."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
+from optim.commands.options import Option
 from taichi_sim.base.files import claimed_path
 
 if TYPE_CHECKING:
@@ -14,6 +16,23 @@ if TYPE_CHECKING:
 
 COLOURS = ("material", "strain", "contact", "friction", "beams")
 LONGEST_FILM = 10.0  # unless asked for [s]
+PICTURES = (".png", ".pdf", ".svg")
+APPEARANCE = (
+    Option("at", "time of the picture (default: the end)", options.number(0.0, unit="s"), "SECONDS"),
+    Option(
+        "colour",
+        "of voxel robots: material; strain of links; contact with the floor and the robot itself; friction of feet; or "
+        "beams and pressure (default: material)",
+        choices=COLOURS,
+        default="material",
+    ),
+    Option(
+        "seconds",
+        f"that films take (default: as long as the motion, at most {LONGEST_FILM:g})",
+        options.number(0.5, 600.0, "s"),
+        "S",
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -21,44 +40,77 @@ class Output:
     """A file or folder that can be asked for.
 
     Attributes:
-        option: of the command line.
-        metavar: what is given to it.
+        name: of its option.
         told: what it is, for people.
-        write: writes motions to a path, and tells the bytes.
+        writer: module and name of the function that writes a motion, or several, to a path, and tells the bytes.
+        settings: options that the writer takes, by the same name.
         several: whether it can hold several robots.
         endings: that its name may have; any if there are none.
+        metavar: what is given to the option.
     """
 
-    option: str
-    metavar: str
+    name: str
     told: str
-    write: Callable[[Sequence["Motion"], Path, argparse.Namespace], int]
+    writer: str
+    settings: tuple[str, ...] = ()
     several: bool = False
     endings: tuple[str, ...] = ()
+    metavar: str = "FILE"
+
+    @property
+    def option(self) -> Option:
+        """The option that asks for it."""
+        return Option(self.name, self.told, Path, self.metavar)
+
+    def write(self, motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
+        """Write motions to a path; the bytes."""
+        module, _, name = self.writer.partition(":")
+        settings: dict[str, Any] = {name: getattr(args, name) for name in self.settings}
+        if "seconds" in settings and args.seconds is None:
+            longest = max(float(m.times[-1] - m.times[0]) for m in motions)
+            settings["seconds"] = max(min(longest, LONGEST_FILM), 0.5)
+        if "title" in settings:
+            settings["title"] = args.title or ", ".join(args.sources)
+        write = getattr(import_module(module), name)
+        return int(write(list(motions) if self.several else motions[0], path, **settings))
 
 
-def add_outputs(parser: argparse.ArgumentParser) -> None:
-    """Options for all of them, and for how they look."""
-    for output in OUTPUTS:
-        parser.add_argument(f"--{output.option}", type=Path, metavar=output.metavar, help=output.told)
-    group = parser.add_argument_group("pictures and films")
-    group.add_argument(
-        "--at", type=options.number(0.0, unit="s"), metavar="SECONDS", help="time of the picture (default: the end)"
-    )
-    group.add_argument(
-        "--colour",
-        choices=COLOURS,
-        default="material",
-        help="of voxel robots: material; strain of "
-        "links; contact with the floor and the robot itself; friction of feet; or beams and pressure "
-        "(default: material)",
-    )
-    group.add_argument(
-        "--seconds",
-        type=options.number(0.5, 600.0, "s"),
-        metavar="S",
-        help=f"that films take (default: as long as the motion, at most {LONGEST_FILM:g})",
-    )
+# What may be refused for a robot comes first, so that nothing is written then.
+OUTPUTS = (
+    Output(
+        "picture",
+        "picture to write, of one robot (png, pdf, svg)",
+        "robots.view.still:save_still",
+        ("at", "colour"),
+        endings=PICTURES,
+    ),
+    Output(
+        "strip",
+        "film strip to write, of one robot (png, pdf, svg)",
+        "robots.view.film:save_strip",
+        ("colour",),
+        endings=PICTURES,
+    ),
+    Output("gif", "moving picture to write", "robots.view.film:save_gif", ("seconds", "colour"), True, (".gif",)),
+    Output(
+        "mp4",
+        "video to write; needs the extra 'video'",
+        "robots.view.film:save_mp4",
+        ("seconds", "colour"),
+        True,
+        (".mp4",),
+    ),
+    Output(
+        "paraview",
+        "folder to write, of one robot, for ParaView",
+        "robots.view.paraview:save_paraview",
+        metavar="FOLDER",
+    ),
+    Output("glb", "animation to write, of one robot, for Blender", "robots.view.glb:save_glb", endings=(".glb",)),
+    Output(
+        "out", "page to write, such as gait.html", "robots.view.player:save_player", ("title",), True, (".html", ".htm")
+    ),
+)
 
 
 def check_outputs(args: argparse.Namespace) -> None:
@@ -72,12 +124,12 @@ def check_outputs(args: argparse.Namespace) -> None:
     if not asked:
         raise ValueError("out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png")
     for output, path in asked:
-        args.held.enter_context(claimed_path(output.option, path, output.metavar.lower()))
+        args.held.enter_context(claimed_path(output.name, path, output.metavar.lower()))
         if output.endings and path.suffix.lower() not in output.endings:
             endings = " or ".join(output.endings)
-            raise ValueError(f"{output.option}: {path} is not allowed; give a name that ends in {endings}")
+            raise ValueError(f"{output.name}: {path} is not allowed; give a name that ends in {endings}")
         if not output.several and len(args.sources) > 1:
-            raise ValueError(f"{output.option}: {len(args.sources)} robots are not allowed in one file; give one")
+            raise ValueError(f"{output.name}: {len(args.sources)} robots are not allowed in one file; give one")
     if args.at is not None and args.picture is None:
         raise ValueError("at: there is no picture; give --picture file.png")
     films = args.gif is not None or args.mp4 is not None
@@ -99,68 +151,5 @@ def write_outputs(motions: Sequence["Motion"], args: argparse.Namespace) -> list
 
 
 def _asked(args: argparse.Namespace) -> list[tuple[Output, Path]]:
-    given = [(output, getattr(args, output.option)) for output in OUTPUTS]
-    return [(output, path) for output, path in given if path is not None]
-
-
-def _picture(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.still import save_still
-
-    return save_still(motions[0], path, at=args.at, colour=args.colour)
-
-
-def _strip(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.film import save_strip
-
-    return save_strip(motions[0], path, colour=args.colour)
-
-
-def _gif(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.film import save_gif
-
-    return save_gif(motions, path, seconds=_film_seconds(motions, args), colour=args.colour)
-
-
-def _mp4(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.film import save_mp4
-
-    return save_mp4(motions, path, seconds=_film_seconds(motions, args), colour=args.colour)
-
-
-def _film_seconds(motions: Sequence["Motion"], args: argparse.Namespace) -> float:
-    longest = max(float(m.times[-1] - m.times[0]) for m in motions)
-    return args.seconds or max(min(longest, LONGEST_FILM), 0.5)
-
-
-def _paraview(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.paraview import save_paraview
-
-    return save_paraview(motions[0], path)
-
-
-def _glb(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.glb import save_glb
-
-    return save_glb(motions[0], path)
-
-
-def _page(motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
-    from robots.view.player import save_player
-
-    return save_player(list(motions), path, title=args.title or ", ".join(args.sources))
-
-
-# What may be refused for a robot comes first, so that nothing is written then.
-OUTPUTS = (
-    Output(
-        "picture", "FILE", "picture to write, of one robot (png, pdf, svg)", _picture, endings=(".png", ".pdf", ".svg")
-    ),
-    Output(
-        "strip", "FILE", "film strip to write, of one robot (png, pdf, svg)", _strip, endings=(".png", ".pdf", ".svg")
-    ),
-    Output("gif", "FILE", "moving picture to write", _gif, several=True, endings=(".gif",)),
-    Output("mp4", "FILE", "video to write; needs the extra 'video'", _mp4, several=True, endings=(".mp4",)),
-    Output("paraview", "FOLDER", "folder to write, of one robot, for ParaView", _paraview),
-    Output("glb", "FILE", "animation to write, of one robot, for Blender", _glb, endings=(".glb",)),
-    Output("out", "FILE", "page to write, such as gait.html", _page, several=True, endings=(".html", ".htm")),
-)
+    paths = [(output, getattr(args, output.name)) for output in OUTPUTS]
+    return [(output, path) for output, path in paths if path is not None]

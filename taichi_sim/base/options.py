@@ -24,15 +24,21 @@ class Option:
         choices: the values that are allowed, if these are few.
         several: whether it may be repeated, to give a list.
         commands: names of the commands that have it; empty for all.
+        default: the value if it is not given.
+        required: whether it must be given.
+        words: of an argument without a flag, how many there may be: ``"1"``, ``"?"`` or ``"+"``.
     """
 
     name: str
     help: str
     type: Callable[[str], Any] | None = str
     metavar: str | None = None
-    choices: tuple[str, ...] = ()
+    choices: tuple[Any, ...] = ()
     several: bool = False
     commands: tuple[str, ...] = ()
+    default: Any = None
+    required: bool = False
+    words: str = ""
 
     @property
     def flag(self) -> str:
@@ -40,16 +46,21 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
     def add(self, parser: Any) -> None:
-        """Declare the option to a parser or group; it is None if not given."""
-        settings: dict[str, Any] = {"dest": self.name, "help": self.help}
+        """Declare the option to a parser or group."""
+        settings: dict[str, Any] = {"help": self.help, "default": self.default}
         if self.type is None:
-            parser.add_argument(self.flag, action="store_true", default=None, **settings)
+            parser.add_argument(self.flag, dest=self.name, action="store_true", **settings)
             return
+        settings["type"] = self.type
         if self.choices:
             settings["choices"] = self.choices
         elif self.metavar:
             settings["metavar"] = self.metavar
-        parser.add_argument(self.flag, type=self.type, action="append" if self.several else "store", **settings)
+        if self.words:
+            parser.add_argument(self.name, nargs=None if self.words == "1" else self.words, **settings)
+            return
+        action = "append" if self.several else "store"
+        parser.add_argument(self.flag, dest=self.name, action=action, required=self.required, **settings)
 
     def add_hidden(self, parser: Any) -> None:
         """Declare the option to a parser that will refuse it: the help leaves it out, and any text is a value."""
