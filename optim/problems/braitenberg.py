@@ -4,23 +4,21 @@ Source: dissertation, chapter 4: the loss is the sum over the environments of th
 these distances are objectives of their own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import VEHICLE, Evaluation, check_kind
-from optim.problems.robot import RobotDesigning
-from optim.space import Space
+from optim.problems.robot import JudgedRobot
 from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import CONTROLLERS
 from robots.braitenberg.offered import VehicleRobot
-from robots.robot import Facts, Robot, World
+from robots.robot import Facts, World
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import choice
 from taichi_sim.vehicle import VehicleBatch, differentiate, rollout
@@ -29,7 +27,7 @@ OBJECTIVES = ("total", "environments")
 
 
 @dataclass(frozen=True, eq=False)
-class VehicleProblem(RobotDesigning):
+class VehicleProblem(JudgedRobot):
     """Objectives: minus the smallest distances from the light [m], their sum or one for each environment.
 
     Variables: x and y of each sensor, ``l1x``, ``l1y``, ... [m], unless the body is fixed; then the weights, ``w1`` and
@@ -44,10 +42,6 @@ class VehicleProblem(RobotDesigning):
         clip: gradients of single environments longer than this are shortened to it, as the distance is nearly flat far
             from the light and steep near it, and environments that are solved add nothing; None gives the true gradient
             of the sum.
-        precision: ``"f64"`` or ``"f32"``.
-        device: ``"cpu"``, ``"cuda"``, ...
-        threads: CPU threads, all available if None; changes no result.
-        progress: called during an evaluation with the fraction done.
     """
 
     body: VehicleBody | None = None
@@ -56,12 +50,6 @@ class VehicleProblem(RobotDesigning):
     sensors: int = 2
     task: VehicleTask = PUBLISHED
     clip: float | None = 1.0
-    precision: str = "f64"
-    device: str = "cpu"
-    threads: int | None = None
-    progress: Callable[[float], None] | None = None
-
-    robot_kind = "vehicle"
 
     def __post_init__(self) -> None:
         choice("controller", self.controller, CONTROLLERS)
@@ -92,18 +80,9 @@ class VehicleProblem(RobotDesigning):
         """Metres."""
         return ("m",) * len(self.objective_names)
 
-    @cached_property
-    def space(self) -> Space:
-        """Sites, if they are free, and weights."""
-        return Space(self.offered.parameters)
-
     def split(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Sites, shape (N, S, 2), and controllers, shape (N, 1, 2, S), of points, shape (N, D)."""
         return self.offered.split(self.space.validate(np.atleast_2d(points)))
-
-    def robot_of(self, point: ArrayLike) -> Robot:
-        """The vehicle of a point, shape (D,)."""
-        return self.offered.design(self.space.validate(point))
 
     @property
     def subject(self) -> str:
@@ -121,10 +100,6 @@ class VehicleProblem(RobotDesigning):
             ("Simulation", f"{self.precision} on {self.device}"),
         ]
 
-    def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
-        """The weights."""
-        return self.offered.columns(points)
-
     @property
     def curves(self) -> Mapping[str, str]:
         """In how many environments the best vehicle reaches the light."""
@@ -140,7 +115,7 @@ class VehicleProblem(RobotDesigning):
         Details: ``solved``, in how many environments the light is reached, shape (N,).
         """
         done = rollout(self._batch(points), self.task, until="closest", **self.compute.options, progress=self.progress)
-        return self._judged(done.closest[:, 0], done.diverged[:, 0])
+        return self._distances(done.closest[:, 0], done.diverged[:, 0])
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """The same, as nothing is binary; with gradients of the total, see ``clip``."""
@@ -155,9 +130,10 @@ class VehicleProblem(RobotDesigning):
                 length = np.linalg.norm(slopes, axis=-1, keepdims=True)
             slopes = slopes * np.minimum(1.0, self.clip / np.maximum(length, 1e-300))
             slopes[closest < self.task.radius] = 0.0
-        return self._judged(closest, np.isnan(closest), -slopes.sum(axis=1))
+        return self._distances(closest, np.isnan(closest), -slopes.sum(axis=1))
 
-    def _judged(self, closest: Floats, diverged: Bools, gradients: Floats | None = None) -> Evaluation:
+    def _distances(self, closest: Floats, diverged: Bools, gradients: Floats | None = None) -> Evaluation:
+        """The judgement of the smallest distances, shape (N, environments)."""
         reached = closest < self.task.radius
         status = np.where((diverged & ~reached).any(axis=1), "diverged", "ok")
         objectives = -closest if self.objectives == "environments" else -closest.sum(axis=1)
@@ -165,10 +141,6 @@ class VehicleProblem(RobotDesigning):
 
     def _batch(self, points: ArrayLike) -> VehicleBatch:
         return self.offered.batch(self.space.validate(np.atleast_2d(points)))
-
-    def save(self, point: ArrayLike, path: Path) -> None:
-        """Write body and controller of a point as JSON."""
-        self.offered.save(self.space.validate(point), path)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""
@@ -182,22 +154,11 @@ class VehicleProblem(RobotDesigning):
         return {"kind": VEHICLE, **options, **body, "task": task, "clip": self.clip or 0.0}
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> "VehicleProblem":
-        """The problem that :meth:`describe` described.
-
-        Raises:
-            ValueError: in one line, that names what is missing, unknown or not allowed.
-        """
+    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of what was described."""
         check_kind(description, VEHICLE)
-        try:
-            settings = {name: value for name, value in description.items() if name != "kind"}
-            settings["task"] = VehicleTask(**description["task"])
-            settings["clip"] = settings["clip"] or None
-            if "body" in settings:
-                settings["body"] = VehicleBody(tuple(map(tuple, settings["body"])))
-            unknown = set(settings) - {f.name for f in fields(cls)}
-            if unknown:
-                raise KeyError(", ".join(sorted(unknown)))
-            return cls(**settings)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"problem: its description is damaged ({error})") from None
+        settings = {name: value for name, value in description.items() if name != "kind"}
+        settings |= {"task": VehicleTask(**description["task"]), "clip": settings["clip"] or None}
+        if "body" in settings:
+            settings["body"] = VehicleBody(tuple(map(tuple, settings["body"])))
+        return settings

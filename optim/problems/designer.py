@@ -85,18 +85,17 @@ class Designer:
     @property
     def options(self) -> tuple[Option, ...]:
         """What ``codesign`` can be asked, beside the search method."""
-        world = self.kind.world_option
-        told = f"{self.kind.world_hint}; repeat it for several"
+        worlds = self.kind.world_options
         return (
-            Option(world, told, self.kind.world_type, world.upper(), several=True),
+            *(dataclasses.replace(option, help=_of_several(option), several=True) for option in worlds),
             Option(
                 "objective",
-                f"of several {world}s: the mean, each, the worst, or an objective of an installed package (default: "
-                "mean; each with methods for several objectives)",
+                f"of several {worlds[0].name}s: the mean, each, the worst, or an objective of an installed package "
+                "(default: mean; each with methods for several objectives)",
                 metavar="NAME",
             ),
             Option("measure", "of the robot that the objective is about (default: its first)", metavar="NAME"),
-            *(option for option in self.kind.options if not option.commands or "codesign" in option.commands),
+            *options_for(self.kind, "codesign"),
         )
 
     def design(self, asked: Request) -> Design:
@@ -109,7 +108,7 @@ class Designer:
 
         settings = asked.chosen(COMPUTE)
         settings.setdefault("precision", getattr(asked.known, "precision", self.kind.search_precision))
-        if worlds := self._worlds(asked):
+        if worlds := self.worlds(asked):
             settings["worlds"] = worlds
         settings |= asked.chosen(("objective", "measure"))
         if asked.known is not None:
@@ -117,8 +116,11 @@ class Designer:
         settings.setdefault("objective", "each" if asked.several else "mean")
         return Design(RobotProblem(self._robot(asked), **settings))
 
-    def _worlds(self, asked: Request) -> tuple[World, ...]:
-        return tuple(self.kind.world(each) for each in asked.given.get(self.kind.world_option) or ())
+    def worlds(self, asked: Request) -> tuple[World, ...]:
+        """The worlds asked for, in whichever way each of them is named."""
+        names = [option.name for option in self.kind.world_options]
+        found = (self.kind.chosen_world({name: value}) for name in names for value in asked.given.get(name, ()))
+        return tuple(world for world in found if world is not None)
 
     def _robot(self, asked: Request) -> Robot:
         names = [option.name for option in self.kind.options]
@@ -184,7 +186,7 @@ class VehicleDesigner(Designer):
         from optim.problems.braitenberg import VehicleProblem
 
         settings = asked.chosen(COMPUTE)
-        if self._worlds(asked) or (asked.known is not None and hasattr(asked.known, "worlds")):
+        if self.worlds(asked) or (asked.known is not None and hasattr(asked.known, "worlds")):
             general = {"total": "mean", "environments": "each"}
             given = {**asked.given}
             if "objective" in given:
@@ -199,6 +201,21 @@ class VehicleDesigner(Designer):
         objectives = asked.given.get("objective") or ("environments" if asked.several else "total")
         body = {"body": robot.body, "controller": robot.controller, "sensors": robot.sensors}
         return Design(VehicleProblem(**body, objectives=objectives, **settings))
+
+
+def options_of(kind: RobotKind) -> tuple[Option, ...]:
+    """What ``codesign`` can be asked of a kind of robot."""
+    return designer_of(kind).options
+
+
+def options_for(kind: RobotKind, command: str) -> list[Option]:
+    """The options that make robots of a kind, as far as a command has them."""
+    return [option for option in kind.options if not option.commands or command in option.commands]
+
+
+def _of_several(option: Option) -> str:
+    """What the help says of an option that names a world, where it may be repeated."""
+    return f"{option.help.partition(' (default')[0]}; repeat it for several"
 
 
 def designer_of(kind: RobotKind) -> Designer:

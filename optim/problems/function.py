@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import Evaluation, Problem
+from optim.problem import Evaluation, Objective, Problem
 from optim.space import Space, Variable
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.variables import Kind
@@ -17,7 +17,38 @@ FIELDS = ("name", "low", "high", "kind", "step")  # of a variable, as run folder
 STEP = 0.1  # standard deviation of a mutation, as a share of a variable's range
 
 
-class FunctionProblem(Problem):
+class PlainProblem(Problem):
+    """A problem whose variables and objectives are given as they are."""
+
+    def __init__(self, space: Space, objectives: Sequence[Objective]) -> None:
+        """Keep them."""
+        self._space, self._objectives = space, tuple(objectives)
+
+    @property
+    def space(self) -> Space:
+        """The variables."""
+        return self._space
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the K objectives."""
+        return tuple(objective.name for objective in self._objectives)
+
+    @property
+    def objective_units(self) -> tuple[str, ...]:
+        """Units of the K objectives."""
+        return tuple(objective.unit for objective in self._objectives)
+
+    def table(self) -> dict[str, Any]:
+        """Variables and objectives as values that fit JSON and TOML."""
+        return {
+            "variables": [{field: getattr(v, field) for field in FIELDS} for v in self.space.variables],
+            "objective_names": list(self.objective_names),
+            "objective_units": list(self.objective_units),
+        }
+
+
+class FunctionProblem(PlainProblem):
     """A function to be maximised; made by :func:`problem_of`.
 
     Attributes:
@@ -26,30 +57,10 @@ class FunctionProblem(Problem):
     """
 
     def __init__(
-        self,
-        function: Function,
-        space: Space,
-        objective_names: tuple[str, ...],
-        objective_units: tuple[str, ...],
-        gradient: Function | None,
+        self, function: Function, space: Space, objectives: Sequence[Objective], gradient: Function | None
     ) -> None:
+        super().__init__(space, objectives)
         self.function, self.gradient = function, gradient
-        self._space, self._names, self._units = space, objective_names, objective_units
-
-    @property
-    def space(self) -> Space:
-        """The variables, in the order of the bounds."""
-        return self._space
-
-    @property
-    def objective_names(self) -> tuple[str, ...]:
-        """Names of the K objectives."""
-        return self._names
-
-    @property
-    def objective_units(self) -> tuple[str, ...]:
-        """Units of the K objectives."""
-        return self._units
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Call the function with all points, shape (N, D)."""
@@ -65,11 +76,11 @@ class FunctionProblem(Problem):
     def _judged(self, points: Floats, gradients: bool) -> Evaluation:
         found = self.function(points)
         evaluation = found if isinstance(found, Evaluation) else Evaluation(np.asarray(found, float))
-        shape = len(points), len(self._names)
+        shape = len(points), len(self.objective_names)
         if evaluation.objectives.shape != shape:
             raise ValueError(
                 f"function: it gave objectives of shape {evaluation.objectives.shape} for {len(points)} points; "
-                f"give {shape}, one column for each of {', '.join(self._names)}"
+                f"give {shape}, one column for each of {', '.join(self.objective_names)}"
             )
         if not gradients or self.gradient is None:
             return evaluation
@@ -83,19 +94,8 @@ class FunctionProblem(Problem):
         return {
             "kind": "function",
             "name": getattr(self.function, "__qualname__", type(self.function).__name__),
-            **problem_table(self),
+            **self.table(),
         }
-
-
-def problem_table(problem: Problem) -> dict[str, Any]:
-    """Variables and objectives of a problem as values that fit JSON and TOML."""
-    names = tuple(problem.objective_names)
-    units = getattr(problem, "objective_units", ("",) * len(names))
-    return {
-        "variables": [{field: getattr(v, field) for field in FIELDS} for v in problem.space.variables],
-        "objective_names": list(names),
-        "objective_units": list(units),
-    }
 
 
 def problem_of(
@@ -136,7 +136,7 @@ def problem_of(
     if gradient is not None and len(names) > 1:
         raise ValueError("gradient: not allowed with several objectives")
     space = bounds if isinstance(bounds, Space) else Space(tuple(_variable(*item) for item in bounds.items()))
-    return FunctionProblem(function, space, names, units, gradient)
+    return FunctionProblem(function, space, [Objective(*each) for each in zip(names, units, strict=True)], gradient)
 
 
 def _variable(name: str, bounds: Sequence[Any]) -> Variable:

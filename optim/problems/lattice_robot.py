@@ -1,7 +1,7 @@
 """Designing a lattice robot on one terrain, by its speed: the problem of version 1.0."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -28,15 +28,10 @@ class LatticeRobotProblem(JudgedRobot):
     Attributes:
         robot: that is designed.
         terrain: where it moves.
-        precision, device, threads, progress: see :class:`JudgedRobot`.
     """
 
     robot: LatticeRobot
     terrain: Terrain = field(default_factory=Terrain)
-    precision: str = "f64"
-    device: str = "cpu"
-    threads: int | None = None
-    progress: Callable[[float], None] | None = None
 
     def __post_init__(self) -> None:
         _ = self.space, self.robot.on(self.terrain)
@@ -65,17 +60,9 @@ class LatticeRobotProblem(JudgedRobot):
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> "LatticeRobotProblem":
-        """The problem that :meth:`describe` described.
-
-        Raises:
-            ValueError: that names what is missing, unknown or not allowed.
-        """
+    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of what was described."""
         check_kind(description, ROBOT)
         settings = {name: value for name, value in description.items() if name != "kind"}
-        try:
-            settings["terrain"] = Terrain(**description["terrain"])
-            settings["robot"] = robot_of_record(json.loads(description["robot"]))
-            return cls(**settings)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"problem: its description is damaged ({error})") from None
+        robot = robot_of_record(json.loads(description["robot"]))
+        return {**settings, "terrain": Terrain(**description["terrain"]), "robot": robot}

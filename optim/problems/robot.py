@@ -1,5 +1,6 @@
 """Designing a robot of any kind: what is free of it becomes a space, what it does in some worlds its objectives."""
 
+import dataclasses
 import json
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -14,11 +15,12 @@ from numpy.typing import ArrayLike
 from optim.problem import OK, Evaluation, Objective, Problem
 from optim.problems.objectives import OBJECTIVES, RobotObjective
 from optim.space import Space
-from robots.robot import KINDS, Facts, Measure, Outcome, Robot, World
+from robots.robot import KINDS, Facts, Measure, Outcome, Robot, World, part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RobotDesigning(Problem):
     """A problem whose points are robots: what commands and reports ask of it, beside its judgement.
 
@@ -29,12 +31,17 @@ class RobotDesigning(Problem):
         progress: called now and then during an evaluation with the fraction done; not part of it either.
     """
 
-    precision: str
-    device: str
-    threads: int | None
-    progress: Callable[[float], None] | None
+    precision: str = "f64"
+    device: str = "cpu"
+    threads: int | None = None
+    progress: Callable[[float], None] | None = None
+
     exportable = False  # whether hardware plays robots of this kind
-    robot_kind: str
+
+    @property
+    @abstractmethod
+    def robot_kind(self) -> str:
+        """Name of the kind of robot."""
 
     @property
     @abstractmethod
@@ -58,6 +65,31 @@ class RobotDesigning(Problem):
     @abstractmethod
     def facts(self) -> Facts:
         """Rows for a report: the robot, its worlds, the objective and the simulation."""
+
+    @classmethod
+    @abstractmethod
+    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
+        """Fields of the problem that :meth:`describe` described.
+
+        Raises:
+            KeyError, TypeError: if something is missing or of another type.
+            ValueError: for what is not allowed.
+        """
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Self:
+        """The problem that :meth:`describe` described. No code of it is run.
+
+        Raises:
+            ValueError: that names what is missing, unknown or not allowed.
+        """
+        try:
+            settings = cls.settings_of(description)
+            if unknown := settings.keys() - {field.name for field in dataclasses.fields(cls)}:
+                raise KeyError(", ".join(sorted(unknown)))
+            return cls(**settings)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"problem: its description is damaged ({error})") from None
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
         """What a table of several points, shape (C, D), tells of each beside its objectives: values by name."""
@@ -96,16 +128,17 @@ class RobotDesigning(Problem):
         """Write what a new run folder needs beside the run itself."""
 
 
-def worlds_spoken(worlds: Sequence[World]) -> str:
-    """Where a robot is, after its name."""
-    return " and ".join(world.spoken for world in worlds if world.spoken)
+def subject_of(name: str, worlds: Sequence[World]) -> str:
+    """A robot and where it is, in a few words."""
+    places = " and ".join(world.spoken for world in worlds if world.spoken)
+    return f"{name}, {places}" if places else name
 
 
 class JudgedRobot(RobotDesigning):
     """A robot of any kind, judged by an objective. Subclasses say which robot, and how to describe that."""
 
-    objective: str = "mean"
-    measure: str = ""
+    objective = "mean"
+    measure = ""
 
     @property
     @abstractmethod
@@ -113,7 +146,7 @@ class JudgedRobot(RobotDesigning):
         """The robot, with what is free of it."""
 
     @property
-    def robot_kind(self) -> str:  # type: ignore[override]
+    def robot_kind(self) -> str:
         """Name of its kind."""
         return self.offered.kind
 
@@ -183,11 +216,10 @@ class JudgedRobot(RobotDesigning):
 
     def _tried(self, points: ArrayLike, attempt: Callable[..., Outcome]) -> list[Outcome]:
         points, count = self.space.validate(np.atleast_2d(points)), len(self.tried_in)
-        outcomes = []
-        for number, world in enumerate(self.tried_in):
-            tick = _part(self.progress, number, count) if self.progress else None
-            outcomes.append(attempt(points, world, compute=self.compute, progress=tick))
-        return outcomes
+        return [
+            attempt(points, world, compute=self.compute, progress=part_of(self.progress, number, count))
+            for number, world in enumerate(self.tried_in)
+        ]
 
     def _judged(self, outcomes: list[Outcome], values: Floats, gradients: Floats | None) -> Evaluation:
         status = np.full(len(values), OK, dtype=object)
@@ -207,7 +239,7 @@ class JudgedRobot(RobotDesigning):
     @property
     def subject(self) -> str:
         """What is designed and where."""
-        return ", ".join(filter(None, (self.offered.name, worlds_spoken(self.tried_in))))
+        return subject_of(self.offered.name, self.tried_in)
 
     @property
     def curves(self) -> Mapping[str, str]:
@@ -251,17 +283,12 @@ class RobotProblem(JudgedRobot):
         worlds: where it is tried; its own by default.
         objective: name in ``OBJECTIVES``: ``"mean"`` over the worlds, ``"each"`` world, ``"worst"`` world.
         measure: of the robot, that the objective is about; the first by default.
-        precision, device, threads, progress: see :class:`JudgedRobot`.
     """
 
     robot: Robot
     worlds: tuple[World, ...] = ()
     objective: str = "mean"
     measure: str = ""
-    precision: str = "f64"
-    device: str = "cpu"
-    threads: int | None = None
-    progress: Callable[[float], None] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "worlds", tuple(self.worlds) or self.robot.worlds)
@@ -294,22 +321,9 @@ class RobotProblem(JudgedRobot):
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Self:
-        """The problem that :meth:`describe` described.
-
-        Raises:
-            ValueError: that names what is missing, unknown or not allowed.
-        """
+    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of what was described."""
         settings = {name: value for name, value in description.items() if name != "kind"}
-        try:
-            kind = KINDS.find(description["kind"])
-            settings["worlds"] = tuple(kind.world_of(record) for record in description["worlds"])
-            settings["robot"] = kind.from_description(json.loads(description["robot"]))
-            return cls(**settings)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"problem: its description is damaged ({error})") from None
-
-
-def _part(report: Callable[[float], None], number: int, count: int) -> Callable[[float], None]:
-    """Progress of one of several worlds, as that of the evaluation."""
-    return lambda fraction: report((number + fraction) / count)
+        kind = KINDS.find(description["kind"])
+        worlds = tuple(kind.world_of(record) for record in description["worlds"])
+        return {**settings, "worlds": worlds, "robot": kind.from_description(json.loads(description["robot"]))}

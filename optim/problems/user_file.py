@@ -10,8 +10,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from optim.problem import FILE, Evaluation, Problem, check_kind, objectives_of
-from optim.problems.function import problem_of, problem_table
+from optim.problem import FILE, Evaluation, Objective, Problem, check_kind, objectives_of
+from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
 from optim.wording import counted
 from taichi_sim.base.files import sha256, why_unread
@@ -19,7 +19,7 @@ from taichi_sim.base.files import sha256, why_unread
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
 
 
-class FileProblem(Problem):
+class FileProblem(PlainProblem):
     """The problem that a file's source defines; the file is run to build it, here and in every worker.
 
     Attributes:
@@ -41,26 +41,12 @@ class FileProblem(Problem):
         """
         self.file, self.source, self._folder = file, source, folder
         self._problem = _defined(_run(file, source, folder), file)
+        super().__init__(self._problem.space, objectives_of(self._problem))
         if hasattr(self._problem, "evaluate_relaxed"):
             self.evaluate_relaxed = self._problem.evaluate_relaxed
 
     def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
         return FileProblem, (self.file, self.source, self._folder)
-
-    @property
-    def space(self) -> Space:
-        """The variables."""
-        return self._problem.space
-
-    @property
-    def objective_names(self) -> tuple[str, ...]:
-        """Names of the objectives."""
-        return tuple(self._problem.objective_names)
-
-    @property
-    def objective_units(self) -> tuple[str, ...]:
-        """Units of the objectives."""
-        return tuple(getattr(self._problem, "objective_units", ("",) * len(self.objective_names)))
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Judge points, shape (N, D)."""
@@ -76,10 +62,10 @@ class FileProblem(Problem):
 
     def describe(self) -> dict[str, Any]:
         """The file's name and checksum, variables and objectives; neither its source nor where it is."""
-        return {"kind": FILE, "file": self.file, "sha256": sha256(self.source), **problem_table(self)}
+        return {"kind": FILE, "file": self.file, "sha256": sha256(self.source), **self.table()}
 
 
-class RecordedProblem(Problem):
+class RecordedProblem(PlainProblem):
     """What a run folder knows of a problem from a file: enough to read the run, not to evaluate."""
 
     def __init__(self, description: Mapping[str, Any]) -> None:
@@ -91,26 +77,11 @@ class RecordedProblem(Problem):
         check_kind(description, FILE)
         try:
             self.file, self.checksum = str(description["file"]), str(description["sha256"])
-            self._space = Space(tuple(Variable(**variable) for variable in description["variables"]))
-            self._names = tuple(map(str, description["objective_names"]))
-            self._units = tuple(map(str, description["objective_units"]))
+            space = Space(tuple(Variable(**variable) for variable in description["variables"]))
+            names, units = description["objective_names"], description["objective_units"]
+            super().__init__(space, [Objective(str(name), str(unit)) for name, unit in zip(names, units, strict=True)])
         except (KeyError, TypeError) as error:
             raise ValueError(f"problem: its description is damaged ({error})") from None
-
-    @property
-    def space(self) -> Space:
-        """The variables."""
-        return self._space
-
-    @property
-    def objective_names(self) -> tuple[str, ...]:
-        """Names of the objectives."""
-        return self._names
-
-    @property
-    def objective_units(self) -> tuple[str, ...]:
-        """Units of the objectives."""
-        return self._units
 
     @property
     def subject(self) -> str:
@@ -122,7 +93,7 @@ class RecordedProblem(Problem):
         objectives = ", ".join(objective.label for objective in objectives_of(self))
         return [
             ("Problem", f"{self.file}, SHA-256 {self.checksum[:12]}"),
-            ("Objectives" if len(self._names) > 1 else "Objective", f"{objectives}, maximised"),
+            ("Objectives" if len(self.objective_names) > 1 else "Objective", f"{objectives}, maximised"),
             ("Free", counted(self.space.size, "variable")),
         ]
 

@@ -1,7 +1,7 @@
 """Designing the body of a soft voxel walker for one terrain, by its speed: the problem of version 1.0."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -30,17 +30,12 @@ class WalkerProblem(JudgedRobot):
         encoding: of the body, ``"direct"`` or ``"pattern"``.
         terrain: where it walks.
         actuation: of active voxels, and how long.
-        precision, device, threads, progress: see :class:`JudgedRobot`.
     """
 
     shape: tuple[int, ...] = (4, 4, 3)
     encoding: str = "direct"
     terrain: Terrain = field(default_factory=Terrain)
     actuation: WalkerActuation = field(default_factory=WalkerActuation)
-    precision: str = "f64"
-    device: str = "cpu"
-    threads: int | None = None
-    progress: Callable[[float], None] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape", self.offered.shape)
@@ -80,18 +75,12 @@ class WalkerProblem(JudgedRobot):
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> "WalkerProblem":
-        """The problem that :meth:`describe` described.
-
-        Raises:
-            ValueError: that names what is missing, unknown or not allowed.
-        """
+    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of what was described."""
         check_kind(description, WALKER)
-        settings = {name: value for name, value in description.items() if name != "kind"}
-        try:
-            settings["terrain"] = Terrain(**description["terrain"])
-            settings["actuation"] = WalkerActuation(**description["actuation"])
-            settings["shape"] = tuple(description["shape"])
-            return cls(**settings)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"problem: its description is damaged ({error})") from None
+        return {
+            **{name: value for name, value in description.items() if name != "kind"},
+            "terrain": Terrain(**description["terrain"]),
+            "actuation": WalkerActuation(**description["actuation"]),
+            "shape": tuple(description["shape"]),
+        }

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 RELAXED = ("bits", "graded")  # encodings with gradients
 ENCODING_NAMES = ("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave")
 HORIZONS = (1, 2, 4, 8)  # columns that ``gradient-check`` plays
+# Options that are fields of the problem by the same name.
+SETTINGS = (
+    *("columns", "repeats", "geometry", "weight"),
+    *("steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort"),
+)
 INSIDE = 0.15  # how far levels keep from off and on there
 OPTIONS = (
     Option("free", "what may change (default: orientation,shape,control)", metavar="PARTS"),
@@ -118,15 +123,14 @@ class InflatableDesigner(Designer):
     @property
     def options(self) -> tuple[Option, ...]:
         """What ``codesign`` can be asked."""
-        world, *_ = super().options
-        told = "flat, hill:15 for 15 degrees, or water; repeat it for several"
+        worlds = super().options[: len(self.kind.world_options)]
         objective = Option(
             "objective",
             "the mean speed over the terrains, or that on each of them (default: mean; terrains with methods for "
             "several objectives)",
             choices=("mean", "terrains"),
         )
-        return (dataclasses.replace(world, help=told), objective, *OPTIONS)
+        return (*worlds, objective, *OPTIONS)
 
     def design(self, asked: Request) -> Design:
         """The gait problem asked for, and what was fixed by default."""
@@ -134,7 +138,7 @@ class InflatableDesigner(Designer):
 
         known: Any = asked.known
         args = SimpleNamespace(**{option.name: asked.given.get(option.name) for option in self.options})
-        args.gait = args.gait or asked.source
+        args.gait, args.terrain = args.gait or asked.source, self.worlds(asked)
         settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
         if known and known.schedule is None:
             asked.same("problem.encoding", args.encoding, known.encoding)
@@ -171,7 +175,7 @@ def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: R
     if asked.known is not None:
         asked.same("problem.objectives", args.objective, settings["objectives"])
     settings.setdefault("objectives", args.objective or ("terrains" if asked.several else "mean"))
-    count = len(set(args.terrain)) if args.terrain else 0
+    count = len(set(args.terrain))
     if settings["objectives"] == "terrains" and not asked.several:
         why = f"needs a method for several objectives; {asked.method} takes one, the mean"
         raise ValueError(f"objective: 'terrains' {why}")
@@ -181,15 +185,12 @@ def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: R
 
 def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
     """Body, terrains, simulation, and what belongs to graded gaits."""
-    from optim.problems.inflatable.description import OPTIONS as DESCRIBED
-
     if args.calibration is not None:
         from robots.calibration import load_calibration
 
         settings["properties"], own = load_calibration(args.calibration)
         settings.setdefault("geometry", own)
-    names = (*DESCRIBED, "steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort", *COMPUTE)
-    settings |= asked.chosen(names)
+    settings |= asked.chosen((*SETTINGS, *COMPUTE))
     settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
     if not settings["terrains"]:
         new = f", and {asked.out} holds no run to continue" if asked.resume else ""
@@ -198,7 +199,7 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
 
 def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> str:
     """Set what is not free; a note on what was fixed by default."""
-    from optim.problems.inflatable.problem import PARTS
+    from optim.problems.inflatable.settings import PARTS
 
     free: Collection[str] = args.free.split(",") if args.free is not None else getattr(asked.known, "free", PARTS)
     unknown = [part for part in free if part not in PARTS]

@@ -1,6 +1,5 @@
-"""Batches of gaits, the conditions under which they are simulated, what comes out, and what their strokes cost."""
+"""The conditions under which gaits are simulated, what comes out, and what their strokes cost."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -45,94 +44,59 @@ class Condition:
         return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > self.least
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Designs to be simulated by ``run``; with their points, shape (N, D), to be differentiated.
+# Simulates some gaits, by their places, under the condition of a number: speeds, status and slopes.
+Simulate = Callable[[int, Indices], tuple[Floats, NDArray[Any], Floats]]
 
-    ``relaxed`` says whether they are designs of relaxed points.
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What N gaits did under K conditions.
+
+    Attributes:
+        conditions: those that others follow come first; the first follows none.
+        speeds: [body lengths/s], shape (K, N).
+        status: shape (K, N).
+        slopes: of the speeds by the D variables, shape (K, N, D); D is 0 if nobody asked for them.
     """
 
-    run: Callable[..., Any]
-    designs: Sequence[Any]
-    points: Floats | None = None
-    sharpness: float = 0.0
-    relaxed: bool = False
-
-    def part(self, chosen: Indices) -> "Batch":
-        """Some of them."""
-        points = None if self.points is None else self.points[chosen]
-        return dataclasses.replace(self, designs=[self.designs[i] for i in chosen], points=points)
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Speeds, shape (N,), status, shape (N,), and slopes of speeds, shape (N, D) or None, of a simulation."""
-
+    conditions: Sequence[Condition]
     speeds: Floats
     status: NDArray[Any]
-    slopes: Floats | None
+    slopes: Floats
 
-    @property
-    def nothing(self) -> "Outcome":
-        """Speeds of 0 that nothing changes, and the same status."""
-        slopes = None if self.slopes is None else np.zeros_like(self.slopes)
-        return Outcome(np.zeros_like(self.speeds), self.status, slopes)
+    @classmethod
+    def simulated(cls, conditions: Sequence[Condition], count: int, variables: int, simulate: Simulate) -> "Outcomes":
+        """Simulate ``count`` gaits under each condition in turn, those that get so far."""
+        names = [condition.name for condition in conditions]
+        speeds, slopes = np.zeros((len(names), count)), np.zeros((len(names), count, variables))
+        status = np.full((len(names), count), OK, dtype=object)
+        for number, condition in enumerate(conditions):
+            chosen = np.arange(count)
+            if condition.follows is not None:
+                before = names.index(condition.follows)
+                status[number] = status[before]
+                if condition.carries:
+                    speeds[number], slopes[number] = speeds[before], slopes[before]
+                chosen = np.flatnonzero((speeds[before] > condition.least) & (status[before] == OK))
+            if chosen.size:
+                speeds[number, chosen], status[number, chosen], slopes[number, chosen] = simulate(number, chosen)
+        return cls(conditions, speeds, status, slopes)
 
-    def replaced(self, chosen: Indices, other: "Outcome | None") -> "Outcome":
-        """The same with what another simulation said of some robots."""
-        if other is None:
-            return self
-        speeds, status, slopes = self.speeds.copy(), self.status.copy(), self.slopes
-        speeds[chosen], status[chosen] = other.speeds, other.status
-        if slopes is not None and other.slopes is not None:
-            slopes = slopes.copy()
-            slopes[chosen] = other.slopes
-        return Outcome(speeds, status, slopes)
+    def capped(self, most: float) -> "Outcomes":
+        """The same with speeds of at most so much on all terrains but the last; those that are cut have no slope.
 
+        On a ladder nobody gains by being faster on easy ground than is asked for there, but loses by sliding down the
+        next slope.
 
-def outcomes(
-    conditions: Sequence[Condition], count: int, simulate: Callable[[int, Condition, Indices], Outcome]
-) -> dict[str, Outcome]:
-    """Of a batch of so many gaits under some conditions, one after the other, by their names.
-
-    Args:
-        conditions: those that others follow come first; the first follows none.
-        count: N.
-        simulate: some gaits, by their places, under the condition of that number.
-    """
-    found: dict[str, Outcome] = {}
-    for number, condition in enumerate(conditions):
-        before = found.get(condition.follows or "")
-        if before is None:
-            found[condition.name] = simulate(number, condition, np.arange(count))
-            continue
-        ahead = np.flatnonzero((before.speeds > condition.least) & (before.status == OK))
-        again = simulate(number, condition, ahead) if ahead.size else None
-        found[condition.name] = (before if condition.carries else before.nothing).replaced(ahead, again)
-    return found
-
-
-def capped(found: Mapping[str, Outcome], conditions: Sequence[Condition], most: float) -> dict[str, Outcome]:
-    """The same with speeds of at most so much on all terrains but the last; those that are cut have no slope.
-
-    On a ladder nobody gains by being faster on easy ground than is asked for there, but loses by sliding down the next
-    slope.
-
-    Args:
-        found: what came out under the conditions, by their names.
-        conditions: of the ladder, in order; the harder ones of the last terrain, if any, come last.
-        most: [body lengths/s].
-    """
-    last = conditions[-1]
-    spared = {last.name, last.follows if last.carries else None}  # what carries is the same terrain, harder
-    result = dict(found)
-    for condition in conditions:
-        if condition.name in spared:
-            continue
-        outcome = found[condition.name]
-        slopes = None if outcome.slopes is None else np.where((outcome.speeds < most)[:, None], outcome.slopes, 0.0)
-        result[condition.name] = Outcome(np.minimum(outcome.speeds, most), outcome.status, slopes)
-    return result
+        Args:
+            most: [body lengths/s].
+        """
+        last = self.conditions[-1]
+        spared = {last.name, last.follows if last.carries else None}  # what carries is the same terrain, harder
+        easy = np.array([condition.name not in spared for condition in self.conditions])[:, None]
+        cut = easy & ~(self.speeds < most)
+        speeds = np.where(easy, np.minimum(self.speeds, most), self.speeds)
+        return Outcomes(self.conditions, speeds, self.status, np.where(cut[..., None], 0.0, self.slopes))
 
 
 def effort(design: InflatableDesign, steps: int, actuation: InflatableActuation) -> tuple[float, Floats]:

@@ -5,198 +5,59 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation
-from optim.problems.inflatable.description import LATER_OPTIONS, description_of, problem_of_description
 from optim.problems.inflatable.encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
-from optim.problems.inflatable.outcomes import NEXT, Batch, Condition, Outcome, capped, effort, outcomes
-from optim.problems.inflatable.shape import EMPTY_CORE, ShapeGenes
-from optim.problems.inflatable.told import GaitDesigning
+from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
+from optim.problems.inflatable.settings import GRADED_OPTIONS, GaitSettings
+from optim.problems.inflatable.told import RIG_FILE, facts_of
+from optim.problems.robot import subject_of
 from optim.space import Space
-from robots.calibration import Properties, robot_of
+from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
-from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
-from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
-from robots.inflatable.cores import Pressure, checked_pressure, each_pressure
+from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.files import save_design
+from robots.inflatable.offered import InflatableRobot, kilopascals
 from robots.inflatable.program import Counting
 from robots.inflatable.robustness import harder
-from robots.inflatable.schedule import FEET, MOST_COLUMNS, MOST_REPEATS, GaitSchedule
+from robots.inflatable.schedule import FEET
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
-from robots.world import Terrain
-from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.checks import choice, number, whole_number
+from robots.robot import Facts, Robot, part_of
+from taichi_sim.base.arrays import Floats, Indices, Ints
 
-# What may be free to change, and the attribute of a design that holds it.
-PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
-GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
-OBJECTIVES = ("mean", "terrains")
-LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
 @dataclass(frozen=True, eq=False)
-class GaitProblem(GaitDesigning):
+class GaitProblem(GaitSettings):
     """Objective: the speed [body lengths/s], by the published convention; mean over the terrains, or one each.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
     ``pressure`` 0 to 12,000 Pa, and the genes of the schedule, see ``encoding``. Beside graded genes
     the pressure begins at ``EMPTY_CORE``, and is cut as they are: the flat robot is found, and kept, easily.
     A body with N cores has ``pressure_1`` to ``pressure_N`` instead.
-
-    Attributes:
-        terrains: where the robot travels, one simulation each.
-        orientation: [degrees], or None.
-        pressure: of the core [Pa], the body's shape, or None; of several cores one for all, or a tuple.
-        schedule: the control, or None.
-        columns: of a free schedule.
-        repeats: of a free schedule.
-        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``,
-            ``"graded-pattern"``, ``"graded-wave"``; only bits and graded levels have gradients.
-        objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
-        ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
-            pressure is free: as published, the length of the ramp depends on it, and jumps.
-        steps: time steps that a gait with times of its own may take, by which its speed is counted; None is those of a
-            published gait, 186,719 of the published robot. Fewer are a cheaper judgement of the same gait.
-        warm_up: time steps of a graded gait that do not count, nor does the cycle in which they end: what a robot does
-            while it finds its stride. The time of the whole cycles that follow counts the speed.
-        stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
-            speed: a gait that goes on beats one that lurches once.
-        ladder: whether a terrain is for those gaits alone that are faster than ``ahead`` on the one before; the
-            others are not simulated there, their speed is 0. In the mean all terrains but the last count ``ahead``
-            at most. So gaits are led from easy ground to hard.
-        ahead: speed that leads to the next terrain of the ladder [body lengths/s].
-        hard: whether terrains count twice: as they are, and under the harder conditions of ``robustness``, where
-            gaits fail that slide for their living; details end with ``_hard`` there. A gait
-            that does not get ahead as it is counts so for both, and is not simulated again.
-        effort: what moving the bladders costs [body lengths/s], subtracted from the mean of the speeds: so much where
-            every one makes a full stroke in every column, see ``outcomes.effort``. Gaits become cleaner.
-        geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
-        weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
-        properties: of the robot on a rig, as fitted to it; None is as published.
-        precision: ``"f32"`` or ``"f64"``.
-        device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
-        threads: CPU threads, all available if None; changes no result, so it is not part of the description.
-        progress: called now and then during an evaluation with the fraction done; not part of it either.
     """
 
-    terrains: tuple[Terrain, ...]
-    orientation: float | None = None
-    pressure: Pressure | None = None
-    schedule: GaitSchedule | None = None
-    columns: int = 8
-    repeats: int = 2
-    encoding: str = "codes"
-    objectives: str = "mean"
-    ramp_steps: int | None = None
-    steps: int | None = None
-    warm_up: int = 0
-    stages: int = 1
-    ladder: bool = False
-    ahead: float = NEXT
-    hard: bool = False
-    effort: float = 0.0
-    geometry: str = "published"
-    weight: str = "published"
-    properties: Properties | None = None
-    precision: str = "f32"
-    device: str = "cpu"
-    threads: int | None = None
-    progress: Callable[[float], None] | None = None
+    exportable = True
+    robot_kind = "inflatable"
 
     def __post_init__(self) -> None:
-        names = [terrain.name for terrain in self.terrains]
-        if not names or len(set(names)) < len(names):
-            raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
-        choice("geometry", self.geometry, NAMED_GEOMETRIES)
-        if self.pressure is not None:
-            object.__setattr__(self, "pressure", checked_pressure(self.pressure))
-            each_pressure(self.pressure, self.body)
-        if not self.free:
-            raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
-        if self.schedule is not None:
-            object.__setattr__(self, "columns", self.schedule.columns)
-            object.__setattr__(self, "repeats", self.schedule.repeats)
-            object.__setattr__(self, "encoding", "codes")  # of nothing
-        choice("encoding", self.encoding, ENCODINGS)
-        if self.properties is not None and self._timed:
-            self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
-        choice("objectives", self.objectives, OBJECTIVES)
-        for name, low, high in (
-            ("columns", 1, MOST_COLUMNS),
-            ("repeats", 1, MOST_REPEATS),
-            ("stages", 1, MOST_COLUMNS),
-            ("warm_up", 0, LONGEST_GAIT),
-        ):
-            object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))
-        for name in GRADED_OPTIONS:
-            if (value := getattr(self, name)) != LATER_OPTIONS[name] and not self.graded:
-                what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
-                raise ValueError(f"{name}: {value} is not allowed with {what}; they are of a free graded gait")
-        if self.steps is not None:
-            whole_number("steps", self.steps, 1, LONGEST_GAIT)
-        if not 0 <= 2 * self.warm_up <= self.most_steps:
-            raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
-        if self.ladder and len(self.terrains) < 2:
-            raise ValueError("ladder: one terrain is not allowed; give several, the easiest first")
-        object.__setattr__(self, "ahead", number("ahead", self.ahead, 0.0))
-        if self.ahead != NEXT and not self.ladder:
-            raise ValueError(f"ahead: {self.ahead:g} is not allowed without a ladder")
+        super().__post_init__()
         _ = self.conditions  # refuses terrains that have no harder ones
-        object.__setattr__(self, "effort", number("effort", self.effort, 0.0))
-        if self.effort and self.objectives != "mean":
-            raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
-        if self.ramp_steps is not None:
-            whole_number("ramp_steps", self.ramp_steps, 1)
         # What is fixed is checked where it is used: better now than in the first evaluation. Of any point: the lowest
         # moves nothing, and is played again and again to fill its time.
         self.design(self.space.sample(np.random.default_rng(0), 1)[0])
-
-    @cached_property
-    def _robot(self) -> tuple[InflatableGeometry, InflatableActuation]:
-        return robot_of(self.geometry, self.weight, self.properties)
-
-    @property
-    def body(self) -> InflatableGeometry:
-        """The robot's geometry."""
-        return self._robot[0]
-
-    @property
-    def actuation(self) -> InflatableActuation:
-        """How it is driven."""
-        return self._robot[1]
-
-    @property
-    def most_steps(self) -> int:
-        """Time steps that a gait with times of its own may take."""
-        return nominal_steps(PUBLISHED_COLUMNS, self.actuation) if self.steps is None else self.steps
-
-    @property
-    def shape(self) -> ShapeGenes:
-        """Variables of orientation and the body's shape."""
-        least = EMPTY_CORE if self.graded else 0.0
-        return ShapeGenes(self.orientation, self.pressure, self.body.cores, least)
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Which of ``PARTS`` are free to change."""
-        return tuple(part for part, attribute in PARTS.items() if getattr(self, attribute) is None)
-
-    @property
-    def graded(self) -> bool:
-        """Whether a schedule is searched that may have levels between 0 and 1, and has times of its own."""
-        return self.schedule is None and issubclass(ENCODINGS[self.encoding], GradedGait)
 
     @property
     def objective_names(self) -> tuple[str, ...]:
@@ -262,8 +123,7 @@ class GaitProblem(GaitDesigning):
 
         Details: ``speed_flat``, ``speed_hill:15`` and so on [body lengths/s], each of shape (N,).
         """
-        designs = [self.design(point) for point in self.space.validate(np.atleast_2d(points))]
-        return self._judged(Batch(simulation.simulate, designs))
+        return self._judged([self.design(point) for point in self.space.validate(np.atleast_2d(points))])
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """Like :meth:`evaluate` for points of the relaxed space, with the gradient of the mean speed if wanted.
@@ -273,9 +133,7 @@ class GaitProblem(GaitDesigning):
         """
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
-        if not gradients:
-            return self._judged(Batch(simulation.simulate, designs, relaxed=True))
-        return self._judged(Batch(gradient.differentiate, designs, points, sharpness, relaxed=True))
+        return self._judged(designs, True, points if gradients else None, sharpness)
 
     @property
     def _relaxed_actuation(self) -> InflatableActuation:
@@ -306,76 +164,87 @@ class GaitProblem(GaitDesigning):
             return np.maximum(result.steps, self.most_steps)
         return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self.actuation))
 
-    @property
-    def _timed(self) -> bool:
-        """Whether gaits have times of their own."""
-        return self.graded if self.schedule is None else self.schedule.has_own_times
-
     def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
-        if all(getattr(self, name) == LATER_OPTIONS[name] for name in GRADED_OPTIONS):
+        if self._set.isdisjoint(GRADED_OPTIONS):
             return result.speed
         lengths = self.stages * result.stages.min(axis=1) / self.body.body_length
         return lengths / (self._counted(result) * result.time_step)
 
-    def _judged(self, batch: Batch) -> Evaluation:
-        """Simulate a batch under all conditions: speeds on all terrains, or their mean; the first failure counts."""
-        found = outcomes(
-            self.conditions,
-            len(batch.designs),
-            lambda number, condition, chosen: self._outcome(batch.part(chosen), condition, number),
-        )
+    def _judged(
+        self,
+        designs: Sequence[InflatableDesign],
+        relaxed: bool = False,
+        points: Floats | None = None,
+        sharpness: float = 0.0,
+    ) -> Evaluation:
+        """Simulate designs under all conditions: speeds on all terrains, or their mean; the first failure counts.
+
+        Args:
+            designs: of N points.
+            relaxed: whether the points are relaxed.
+            points: shape (N, D), for gradients by them; None for none.
+            sharpness: of the relaxed points.
+        """
+
+        def simulate(number: int, chosen: Indices) -> tuple[Floats, NDArray[Any], Floats]:
+            some = None if points is None else points[chosen]
+            return self._simulated([designs[place] for place in chosen], number, relaxed, some, sharpness)
+
+        variables = 0 if points is None else self.space.size
+        found = Outcomes.simulated(self.conditions, len(designs), variables, simulate)
         mean = self.objectives == "mean"
-        counted = capped(found, self.conditions, self.ahead) if self.ladder and mean else found
-        each = np.stack([outcome.speeds for outcome in counted.values()], axis=1)
-        status = np.full(len(each), OK, dtype=object)
-        for outcome in found.values():
-            status = np.where(status == OK, outcome.status, status)
-        slopes = [outcome.slopes for outcome in counted.values() if outcome.slopes is not None]
+        counted = found.capped(self.ahead) if self.ladder and mean else found
+        each = np.stack(list(counted.speeds), axis=1)
         objectives = each.mean(axis=1) if mean else each
-        gradients: Floats | None = np.mean(slopes, axis=0) if slopes else None
-        details = {name: outcome.speeds for name, outcome in found.items()}
+        gradients: Floats | None = None if points is None else counted.slopes.mean(axis=0)
+        details = {condition.name: speeds for condition, speeds in zip(self.conditions, found.speeds, strict=True)}
         if self.effort:
-            details["effort"], by_effort = self._efforts(batch)
+            details["effort"], by_effort = self._efforts(designs, points, sharpness)
             objectives = objectives - self.effort * details["effort"]
             gradients = None if gradients is None else gradients - self.effort * by_effort
+        status = np.full(len(designs), OK, dtype=object)
+        for told in found.status:
+            status = np.where(status == OK, told, status)
         return Evaluation(objectives, status, details, gradients)
 
-    def _efforts(self, batch: Batch) -> tuple[Floats, Floats]:
-        """Efforts of a batch, shape (N,), and their derivatives by the points, shape (N, D), if it has some."""
-        each = [effort(design, self.counted_steps(design), self.actuation) for design in batch.designs]
+    def _efforts(
+        self, designs: Sequence[InflatableDesign], points: Floats | None, sharpness: float
+    ) -> tuple[Floats, Floats]:
+        """Efforts of designs, shape (N,), and their derivatives by the points, shape (N, D), if these are given."""
+        each = [effort(design, self.counted_steps(design), self.actuation) for design in designs]
         slopes = np.zeros((len(each), self.space.size))
-        for row, (_, by_level), point in zip(slopes, each, () if batch.points is None else batch.points, strict=False):
+        for row, (_, by_level), point in zip(slopes, each, () if points is None else points, strict=False):
             genes = self._genes(point)
             levels = np.concatenate([by_level, np.zeros((FEET, by_level.shape[1]))])
-            row[len(point) - len(genes) :] = self._control.slopes(genes, batch.sharpness, levels)
+            row[len(point) - len(genes) :] = self._control.slopes(genes, sharpness, levels)
         return np.array([used for used, _ in each]), slopes
 
-    def _outcome(self, batch: Batch, condition: Condition, number: int) -> Outcome:
-        """Of one simulation of a batch, under the condition of that number."""
-        where = {name: getattr(self, name) for name in ("precision", "device", "threads")}
+    def _simulated(
+        self,
+        designs: Sequence[InflatableDesign],
+        number: int,
+        relaxed: bool,
+        points: Floats | None,
+        sharpness: float,
+    ) -> tuple[Floats, NDArray[Any], Floats]:
+        """Speeds, status and slopes under the condition of a number, see :meth:`_judged`."""
+        condition = self.conditions[number]
         actuation = condition.actuation
-        if batch.relaxed:
+        if relaxed:
             actuation = dataclasses.replace(actuation, ramp_steps=self._relaxed_actuation.ramp_steps)
-        run = batch.run(
-            batch.designs,
-            condition.terrain,
-            geometry=self.body,
-            actuation=actuation,
-            counting=Counting(self.warm_up, self.stages),
-            **where,
-            progress=self._progress_on(number),
-        )
-        if batch.points is None:
-            return Outcome(self.speeds(run), np.asarray(run.status, object), None)
-        slopes = self._slopes(run, batch.points, batch.sharpness)
-        return Outcome(self.speeds(run.result), np.asarray(run.result.status, object), slopes)
-
-    def _progress_on(self, number: int) -> Callable[[float], None] | None:
-        """Turns the progress under one condition into that of the evaluation."""
-        if (report := self.progress) is None:
-            return None
-        return lambda fraction: report((number + fraction) / len(self.conditions))
+        settings: dict[str, Any] = {
+            "geometry": self.body,
+            "actuation": actuation,
+            "counting": Counting(self.warm_up, self.stages),
+            **self.compute.options,
+            "progress": part_of(self.progress, number, len(self.conditions)),
+        }
+        if points is None:
+            result = simulation.simulate(designs, condition.terrain, **settings)
+            return self.speeds(result), result.status, np.zeros((len(designs), 0))
+        run = gradient.differentiate(designs, condition.terrain, **settings)
+        return self.speeds(run.result), run.result.status, self._slopes(run, points, sharpness)
 
     def robot_steps(
         self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
@@ -394,19 +263,58 @@ class GaitProblem(GaitDesigning):
         each = np.array([predicted_steps(design, drive) for design in designs])
         return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
+    def robot_of(self, point: ArrayLike) -> Robot:
+        """The inflatable robot with the gait of a point, shape (D,); its speeds are counted as the search counts."""
+        gait = self.design(point)
+        return InflatableRobot(
+            gait,
+            geometry=self.geometry,
+            weight=self.weight,
+            properties=self.properties,
+            speeds=self.speeds,
+            counted_steps=None if self.steps is None else self.counted_steps(gait),
+        )
+
+    @property
+    def subject(self) -> str:
+        """Where the robot travels."""
+        return subject_of("inflatable robot", self.terrains)
+
+    def facts(self) -> Facts:
+        """Terrains, what is free, what is fixed, and the simulation."""
+        return facts_of(self)
+
+    def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
+        """Pressures and orientation."""
+        designs = [self.design(point) for point in points]
+        each = [kilopascals("Pressure", design) for design in designs]
+        found = {f"{name} [kPa]": [f"{pressures[name]:.2f}" for pressures in each] for name in each[0]} if each else {}
+        return {**found, "Orientation [°]": [f"{design.orientation:.1f}" for design in designs]}
+
+    @property
+    def curves(self) -> Mapping[str, str]:
+        """The speed on each terrain, of several."""
+        several = self.terrains if len(self.terrains) > 1 else ()
+        return {f"speed_{terrain.name}": terrain.spoken for terrain in several}
+
+    def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
+        """Speed on each terrain, and the distance that it comes to [m]."""
+        metres = self.body.body_length * self.counted_steps(self.design(point)) * self.body.time_step
+        speeds = [details.get(f"speed_{terrain.name}") for terrain in self.terrains]
+        return [{} if v is None else {"speed": v, "distance": float(v * metres)} for v in speeds]
+
+    def command_options(self, folder: Path) -> dict[str, Any]:
+        """Body and rig."""
+        rig = {} if self.properties is None else {"calibration": folder / RIG_FILE}
+        return {"geometry": self.geometry, "weight": self.weight, **rig}
+
+    def prepare(self, folder: Path) -> None:
+        """Write the properties of the rig, if the robot has some, for ``robots.calibration.load_calibration``."""
+        if self.properties is None:
+            (folder / RIG_FILE).unlink(missing_ok=True)  # of a run that ended before it began
+        else:
+            save_properties(self.properties, self.geometry, folder / RIG_FILE)
+
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of a point as JSON, for ``robots.inflatable.load_design``."""
         save_design(self.design(point), path)
-
-    def describe(self) -> dict[str, Any]:
-        """All that results depend on; :meth:`from_description` builds the problem again."""
-        return description_of(self)
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> "GaitProblem":
-        """The problem that :meth:`describe` described.
-
-        Raises:
-            ValueError: in one line, that names what is missing, unknown or not allowed.
-        """
-        return problem_of_description(cls, description)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from run_products import log, products
 
-from optim.problems.inflatable.problem import PARTS, GaitProblem
+from optim.problems.inflatable.problem import GaitProblem
+from optim.problems.inflatable.settings import PARTS
 from robots.hardware import read_csv
 from robots.inflatable import INCHING, ROLLING, load_design
 from robots.inflatable.schedule import GaitSchedule

@@ -9,7 +9,8 @@ import pytest
 from graded import TINY_TWO
 from run_products import log
 
-from optim.problems.inflatable.problem import EMPTY_CORE, GaitProblem
+from optim.problems.inflatable.problem import GaitProblem
+from optim.problems.inflatable.shape import EMPTY_CORE
 from robots import inflatable
 from robots.inflatable import NAMED_GEOMETRIES
 from robots.inflatable.files import load_design

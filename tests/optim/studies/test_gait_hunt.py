@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from optim.experiments.comparison import differences, table_of_differences
 from optim.measures.statistics import holm
 from optim.problem import Evaluation
-from optim.problems.inflatable.outcomes import Outcome, capped, effort
+from optim.problems.inflatable.outcomes import Outcomes, effort
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt import climb, searches, spending
@@ -107,15 +107,15 @@ def test_gaits_climb_a_ladder_as_far_as_they_are_fast_enough(hill):
 def test_what_is_fast_enough_has_no_slope(hard):
     """But on the last terrain, under both conditions."""
     ladder = GaitProblem((Terrain(), Terrain(5.0)), **{**SMALL, "hard": hard}, ladder=True).conditions
-    speeds = np.array([0.01, 0.05])
-    found = {each.name: Outcome(speeds, np.array(["ok", "ok"], object), np.ones((2, 3))) for each in ladder}
-    each = capped(found, ladder, 0.02)
-    assert len(each) == (4 if hard else 2)
-    for name, outcome in each.items():
-        if name.startswith("speed_flat"):
-            assert outcome.speeds.tolist() == [0.01, 0.02] and outcome.slopes.tolist() == [[1] * 3, [0] * 3]
+    speeds, count = [0.01, 0.05], 4 if hard else 2
+    found = Outcomes(ladder, np.array([speeds] * count), np.full((count, 2), "ok"), np.ones((count, 2, 3)))
+    each = found.capped(0.02)
+    assert len(ladder) == len(each.speeds) == count
+    for condition, cut, slopes in zip(ladder, each.speeds, each.slopes, strict=True):
+        if condition.name.startswith("speed_flat"):
+            assert cut.tolist() == [0.01, 0.02] and slopes.tolist() == [[1] * 3, [0] * 3]
         else:
-            assert outcome.speeds.tolist() == speeds.tolist() and (outcome.slopes == 1).all()
+            assert cut.tolist() == speeds and (slopes == 1).all()
 
 
 def test_a_graded_pattern_tells_alike_what_lies_alike():

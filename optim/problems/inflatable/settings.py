@@ -1,0 +1,217 @@
+"""What of the inflatable robot a search may change, and how it is judged: settings, checks, and plain descriptions."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property, partial
+from typing import Annotated, Any, Literal, Self
+
+from optim.problem import GAIT, check_kind
+from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
+from optim.problems.inflatable.outcomes import NEXT
+from optim.problems.inflatable.shape import EMPTY_CORE, ShapeGenes
+from optim.problems.robot import RobotDesigning
+from robots.calibration import Properties, robot_of
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
+from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
+from robots.inflatable.cores import Pressure, checked_pressure, each_pressure
+from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
+from robots.inflatable.timing import nominal_steps
+from robots.robot import World
+from robots.world import Terrain
+from taichi_sim.base.checks import NotNegative, check_fields, choice, whole_number
+
+# What may be free to change, and the attribute of a design that holds it.
+PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
+GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
+DESCRIBED = ("columns", "repeats", "geometry", "weight", "precision", "device")
+# Described where they differ from their defaults: version 1.0 grew by them.
+DESCRIBED_IF_SET = (
+    *("encoding", "objectives", "ramp_steps", "steps", "warm_up", "stages"),
+    *("ladder", "ahead", "hard", "effort"),
+)
+LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
+
+
+@dataclass(frozen=True, eq=False)
+class GaitSettings(RobotDesigning):
+    """Settings of a search for gaits. What is given is fixed, what is None is free to change.
+
+    Attributes:
+        terrains: where the robot travels, one simulation each.
+        orientation: [degrees], or None.
+        pressure: of the core [Pa], the body's shape, or None; of several cores one for all, or a tuple.
+        schedule: the control, or None.
+        columns: of a free schedule.
+        repeats: of a free schedule.
+        encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``,
+            ``"graded-pattern"``, ``"graded-wave"``; only bits and graded levels have gradients.
+        objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
+        ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
+            pressure is free: as published, the length of the ramp depends on it, and jumps.
+        steps: time steps that a gait with times of its own may take, by which its speed is counted; None is those of a
+            published gait, 186,719 of the published robot. Fewer are a cheaper judgement of the same gait.
+        warm_up: time steps of a graded gait that do not count, nor does the cycle in which they end: what a robot does
+            while it finds its stride. The time of the whole cycles that follow counts the speed.
+        stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
+            speed: a gait that goes on beats one that lurches once.
+        ladder: whether a terrain is for those gaits alone that are faster than ``ahead`` on the one before; the
+            others are not simulated there, their speed is 0. In the mean all terrains but the last count ``ahead``
+            at most. So gaits are led from easy ground to hard.
+        ahead: speed that leads to the next terrain of the ladder [body lengths/s].
+        hard: whether terrains count twice: as they are, and under the harder conditions of ``robustness``, where
+            gaits fail that slide for their living; details end with ``_hard`` there. A gait
+            that does not get ahead as it is counts so for both, and is not simulated again.
+        effort: what moving the bladders costs [body lengths/s], subtracted from the mean of the speeds: so much where
+            every one makes a full stroke in every column, see ``outcomes.effort``. Gaits become cleaner.
+        geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
+        weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
+        properties: of the robot on a rig, as fitted to it; None is as published.
+    """
+
+    terrains: tuple[Terrain, ...]
+    orientation: float | None = None
+    pressure: Pressure | None = None
+    schedule: GaitSchedule | None = None
+    columns: Annotated[int, partial(whole_number, low=1, high=MOST_COLUMNS)] = 8
+    repeats: Annotated[int, partial(whole_number, low=1, high=MOST_REPEATS)] = 2
+    encoding: Annotated[str, partial(choice, names=ENCODINGS)] = "codes"
+    objectives: Literal["mean", "terrains"] = "mean"
+    ramp_steps: Annotated[int, partial(whole_number, low=1)] | None = None
+    steps: Annotated[int, partial(whole_number, low=1, high=LONGEST_GAIT)] | None = None
+    warm_up: Annotated[int, partial(whole_number, low=0, high=LONGEST_GAIT)] = 0
+    stages: Annotated[int, partial(whole_number, low=1, high=MOST_COLUMNS)] = 1
+    ladder: bool = False
+    ahead: NotNegative = NEXT
+    hard: bool = False
+    effort: NotNegative = 0.0
+    geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "published"
+    weight: str = "published"
+    properties: Properties | None = None
+    precision: str = field(default="f32", kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        names = [terrain.name for terrain in self.terrains]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"terrains: {', '.join(names) or 'none'} given; give at least one, and none twice")
+        if self.pressure is not None:
+            object.__setattr__(self, "pressure", checked_pressure(self.pressure))
+            each_pressure(self.pressure, self.body)
+        if not self.free:
+            raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
+        if self.schedule is not None:
+            object.__setattr__(self, "columns", self.schedule.columns)
+            object.__setattr__(self, "repeats", self.schedule.repeats)
+            object.__setattr__(self, "encoding", "codes")  # of nothing
+        if self.properties is not None and self._timed:
+            self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
+        for name in GRADED_OPTIONS:
+            if name in self._set and not self.graded:
+                what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
+                value = getattr(self, name)
+                raise ValueError(f"{name}: {value} is not allowed with {what}; they are of a free graded gait")
+        if 2 * self.warm_up > self.most_steps:
+            raise ValueError(f"warm_up: {self.warm_up} is not allowed; give 0 to half of the steps")
+        if self.ladder and len(self.terrains) < 2:
+            raise ValueError("ladder: one terrain is not allowed; give several, the easiest first")
+        if "ahead" in self._set and not self.ladder:
+            raise ValueError(f"ahead: {self.ahead:g} is not allowed without a ladder")
+        if self.effort and self.objectives != "mean":
+            raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
+
+    @property
+    def _set(self) -> set[str]:
+        """Names of the fields that differ from their defaults."""
+        return {each.name for each in fields(self) if getattr(self, each.name) != each.default}
+
+    @cached_property
+    def _robot(self) -> tuple[InflatableGeometry, InflatableActuation]:
+        return robot_of(self.geometry, self.weight, self.properties)
+
+    @property
+    def body(self) -> InflatableGeometry:
+        """The robot's geometry."""
+        return self._robot[0]
+
+    @property
+    def actuation(self) -> InflatableActuation:
+        """How it is driven."""
+        return self._robot[1]
+
+    @property
+    def most_steps(self) -> int:
+        """Time steps that a gait with times of its own may take."""
+        return nominal_steps(PUBLISHED_COLUMNS, self.actuation) if self.steps is None else self.steps
+
+    @property
+    def shape(self) -> ShapeGenes:
+        """Variables of orientation and the body's shape."""
+        least = EMPTY_CORE if self.graded else 0.0
+        return ShapeGenes(self.orientation, self.pressure, self.body.cores, least)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Which of ``PARTS`` are free to change."""
+        return tuple(part for part, attribute in PARTS.items() if getattr(self, attribute) is None)
+
+    @property
+    def graded(self) -> bool:
+        """Whether a schedule is searched that may have levels between 0 and 1, and has times of its own."""
+        return self.schedule is None and issubclass(ENCODINGS[self.encoding], GradedGait)
+
+    @property
+    def tried_in(self) -> tuple[World, ...]:
+        """The terrains."""
+        return self.terrains
+
+    @property
+    def _timed(self) -> bool:
+        """Whether gaits have times of their own."""
+        return self.graded if self.schedule is None else self.schedule.has_own_times
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on; :meth:`from_description` builds the problem again."""
+        fixed = {
+            "orientation": self.orientation,
+            "pressure": list(self.pressure) if isinstance(self.pressure, tuple) else self.pressure,
+            "schedule": self.schedule.to_text() if self.schedule else None,
+            "properties": dataclasses.asdict(self.properties) if self.properties else None,
+        }
+        described = (*DESCRIBED, *(name for name in DESCRIBED_IF_SET if name in self._set))
+        return {
+            "terrains": [_given(dataclasses.asdict(terrain)) for terrain in self.terrains],
+            "free": list(self.free),
+            **_given(fixed),
+            **{name: getattr(self, name) for name in described},
+        }
+
+    @classmethod
+    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of what was described."""
+        check_kind(description, GAIT)
+        settings = {name: value for name, value in description.items() if name not in ("free", "kind")}
+        settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
+        if "properties" in settings:
+            settings["properties"] = Properties(**settings["properties"])
+        if "schedule" in settings:
+            settings["schedule"] = GaitSchedule.from_text(settings["schedule"], settings["repeats"])
+        return settings
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Self:
+        """The problem that :meth:`describe` described.
+
+        Raises:
+            ValueError: that names what is missing, unknown, not allowed or contradicts the rest.
+        """
+        problem = super().from_description(description)
+        for name, value in problem.describe().items():
+            if description.get(name) != value:
+                found = description.get(name)
+                raise ValueError(f"problem.{name}: {found!r} contradicts the rest, which says {value!r}")
+        return problem
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
