@@ -100,11 +100,11 @@ def test_horizons_that_the_gait_lacks_are_refused(text, capsys):
 @pytest.mark.slow
 def test_the_smoothed_gradient_of_a_whole_evaluation():
     """16 columns of the small robot, between inching and indecision: it agrees with differences of its own step."""
-    from optim.commands.gradient_check import _point
-    from optim.problems.inflatable.problem import GaitProblem
-    from robots.inflatable import INCHING
-    from robots.world import Terrain
+    from optim.commands.gradient_check import inside
+    from optim.problems.designer import designer_of
+    from robots.robot import KINDS
 
-    problem = GaitProblem((Terrain(),), encoding="bits", geometry="small")
-    report = check_gradient({"whole": (problem, _point(problem, INCHING))}, steps=(0.05, 0.1), directions=6, samples=48)
+    found = designer_of(KINDS["inflatable"]).horizons("inching", {"geometry": "small"}, [16])
+    problems = {name: (problem, inside(problem, point)) for name, (problem, point) in found.items()}
+    report = check_gradient(problems, steps=(0.05, 0.1), directions=6, samples=48)
     assert report.horizons[0].smoothed_cosines.max() >= 0.9
