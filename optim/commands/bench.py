@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 from optim.commands import Report
-from optim.commands.options import Command, Option
+from optim.commands.options import Command, Option, flag, path_to
 from taichi_sim.base.compute import PRECISIONS
 
 # Of which robot options are.
@@ -23,11 +23,11 @@ COMMAND = Command(
     "Measure how fast the simulator is on this machine.",
     (
         Option("robot", "which (default: all)", choices=ROBOTS, default="all", words="?"),
-        Option("quick", "shorter, less exact", None),
+        flag("quick", "shorter, less exact"),
         Option("precision", "of the inflatable robot (default: both)", choices=PRECISIONS),
-        Option("prototype", PROTOTYPE.format("the inflatable robot"), Path, "PATH"),
-        Option("vehicle_prototype", PROTOTYPE.format("the vehicle"), Path, "PATH"),
-        Option("rigid_prototype", PROTOTYPE.format("quadrupeds"), Path, "PATH"),
+        path_to("prototype", "PATH", PROTOTYPE.format("the inflatable robot")),
+        path_to("vehicle_prototype", "PATH", PROTOTYPE.format("the vehicle")),
+        path_to("rigid_prototype", "PATH", PROTOTYPE.format("quadrupeds")),
     ),
 )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
-from optim.commands.options import QUIET, THREADS, Command, Option
+from optim.commands.options import QUIET, THREADS, Command, Option, count, path_to
 from optim.progress import shown_progress
 from robots.inflatable.kind import GAITS, GEOMETRIES, load_gait
 
@@ -19,7 +19,7 @@ COMMAND = Command(
     "Fit properties of the inflatable robot to measurements: dragged feet, diameters of the pouch, gaits; see "
     "docs/calibration.md.",
     (
-        Option("data", "file of measurements (TOML)", Path, "DATA", words="?"),
+        path_to("data", "DATA", "file of measurements (TOML)", words="?"),
         Option(
             "fit",
             "of friction, low_friction, modulus, inflation_rate (default: all that the experiments are made for)",
@@ -32,10 +32,10 @@ COMMAND = Command(
             metavar="NAME=LOW:HIGH",
             several=True,
         ),
-        Option("out", "new folder for calibration.json and calibration.png", Path, "DIR"),
-        Option("example", "write measurements of a robot of known properties instead, with 2 %% noise", Path, "FILE"),
+        path_to("out", "DIR", "new folder for calibration.json and calibration.png"),
+        path_to("example", "FILE", "write measurements of a robot of known properties instead, with 2 %% noise"),
         Option("geometry", "of the example's robot (default: small); files name theirs", choices=GEOMETRIES),
-        Option("seed", "of all noise (default: 0)", options.whole(0), "N", default=0),
+        count("seed", 0, "of all noise (default: 0)", default=0),
         options.precision("f32", "f32"),
         THREADS,
         QUIET,

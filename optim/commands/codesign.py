@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, named_kinds, plan
 from optim.commands.evaluation import WORKERS, opened_workers, with_options
-from optim.commands.options import QUIET, Command, Option
+from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.task_file import TASK, take_task
 from optim.problem import Objective
 from optim.problems.designer import options_of
@@ -29,17 +29,16 @@ COMMAND = Command(
     "Search for the body and behaviour with which a robot does best: by default, the orientation, shape and control "
     "with which the inflatable robot travels fastest.",
     (
-        Option("out", "folder of the run", Path, "DIR", required=True),
-        Option("resume", "continue the run in the folder, with its settings", None),
+        path_to("out", "DIR", "folder of the run", required=True),
+        flag("resume", "continue the run in the folder, with its settings"),
         TASK,
         QUIET,
         options.robot("its options are those of the kind"),
-        Option(
+        path_to(
             "problem",
+            "FILE",
             "a problem of your own instead of a robot, see docs/searches.md: Python that sets problem, or bounds and a "
             "function evaluate; it takes no option of a robot or the simulation, and is given again with --resume",
-            Path,
-            "FILE",
         ),
     ),
     {

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
-from optim.commands.options import Option
+from optim.commands.options import Option, count
 from optim.commands.robots import early, kind_of_run, named_by
 from optim.problem import FILE, Objective, objectives_of, score_of
 from optim.problems.designer import Design, Request, designer_of, kind_of_description
@@ -23,9 +23,9 @@ METHOD = "hill-climb"
 GENERATIONS = 200
 # Options that are settings of the method by the same name, where they are given.
 SETTINGS = (
-    Option("climbers", "independent searches (default: 60)", options.whole(1), "N"),
-    Option("population", "points of a method that moves one population (default: 60)", options.whole(1), "N"),
-    Option("seed", "of all random numbers (default: 0)", options.whole(0), "N"),
+    count("climbers", 1, "independent searches (default: 60)"),
+    count("population", 1, "points of a method that moves one population (default: 60)"),
+    count("seed", 0, "of all random numbers (default: 0)"),
 )
 SEARCH_BY_GRADIENTS = (
     Option("rule", "of the steps (default: adam)", choices=("adam", "l-bfgs")),
@@ -40,11 +40,10 @@ SEARCH_BY_GRADIENTS = (
         "of the simulation, or estimated from perturbed points (default: exact)",
         choices=("exact", "smoothed"),
     ),
-    Option(
+    count(
         "samples",
+        0,
         "pairs of perturbed points a climber (default: 8), or around the mean of cma-gradient (default: 0)",
-        options.whole(0),
-        "N",
     ),
     Option(
         "smoothing",
@@ -61,12 +60,7 @@ SEARCH_OPTIONS = (
         "METHOD",
     ),
     *SETTINGS,
-    Option(
-        "generations",
-        f"after the random starts (default: {GENERATIONS}); may be raised when a run is continued",
-        options.whole(0),
-        "N",
-    ),
+    count("generations", 0, f"after the random starts (default: {GENERATIONS}); may be raised when a run is continued"),
     Option(
         "set",
         "any other setting of the method; a wrong name lists them; may be repeated",

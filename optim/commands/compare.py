@@ -2,11 +2,10 @@
 
 import argparse
 import dataclasses
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
-from optim.commands.options import Command, Option
+from optim.commands.options import Command, Option, path_to
 from optim.wording import counted
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ COMMAND = Command(
     (
         options.RUNS,
         options.by("(default: evaluations)"),
-        Option("out", f"picture of the curves ({', '.join(PICTURES)})", Path, "FILE"),
+        path_to("out", "FILE", f"picture of the curves ({', '.join(PICTURES)})"),
         Option("names", "of the groups, in their order, with commas between (default: methods)", metavar="NAMES"),
     ),
 )

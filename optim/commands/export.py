@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
-from optim.commands.options import Command, Option
+from optim.commands.options import Command, Option, count, flag, path_to
 from optim.commands.robots import loaded, named_source
 from optim.wording import counted
 from robots.robot import Robot
@@ -21,14 +21,10 @@ COMMAND = Command(
     "write a gait for the hardware",
     "Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
     (
-        Option(
-            "source",
-            "inching or rolling, folder of a run, file of a design, or a gait table as CSV",
-            Path,
-            "RUN",
-            words="1",
+        path_to(
+            "source", "RUN", "inching or rolling, folder of a run, file of a design, or a gait table as CSV", words="1"
         ),
-        Option("csv", "to write; replaced if it exists", Path, "FILE"),
+        path_to("csv", "FILE", "to write; replaced if it exists"),
         Option("units", "(default: kpa)", choices=("kpa", "psi"), default="kpa"),
         Option(
             "rig",
@@ -48,14 +44,9 @@ COMMAND = Command(
             choices=("refuse", "clip"),
             default="refuse",
         ),
-        Option("dry_run", "show what would happen when; write no table", None),
-        Option("plot", "picture of the pressures to write: PNG, SVG or PDF", Path, "FILE"),
-        Option(
-            "member",
-            "the Nth design that the search keeps, as in front.json (default: the best design)",
-            options.whole(1),
-            "N",
-        ),
+        flag("dry_run", "show what would happen when; write no table"),
+        path_to("plot", "FILE", "picture of the pressures to write: PNG, SVG or PDF"),
+        count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
     ),
 )
 

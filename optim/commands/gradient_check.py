@@ -2,13 +2,12 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optim.commands import Report, options
-from optim.commands.options import QUIET, Command, Option
+from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.commands.robots import kinds_of_robot, named_by, world_and_own
 from optim.problems.designer import designer_of
 from optim.progress import shown_progress
@@ -32,8 +31,8 @@ COMMAND = Command(
             "of a lattice robot cycles (default: 1,2,4); of other robots a unit of their own",
             metavar="LENGTHS",
         ),
-        Option("directions", "random ones (default: 6)", options.whole(2), "N", default=6),
-        Option("samples", "pairs of the smoothed gradient (default: 48)", options.whole(2), "N", default=48),
+        count("directions", 2, "random ones (default: 6)", default=6),
+        count("samples", 2, "pairs of the smoothed gradient (default: 48)", default=48),
         Option(
             "smoothing",
             "its standard deviation in ranges of the variables, at most 0.05 (default: 0.05)",
@@ -41,8 +40,8 @@ COMMAND = Command(
             "S",
             default=0.05,
         ),
-        Option("seed", "(default: 0)", options.whole(0), "N", default=0),
-        Option("out", "folder for gradient.png and gradient.json", Path, "DIR"),
+        count("seed", 0, "(default: 0)", default=0),
+        path_to("out", "DIR", "folder for gradient.png and gradient.json"),
         QUIET,
     ),
     options.simulation("f64"),

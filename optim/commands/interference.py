@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.commands import Report, goes_on, options
-from optim.commands.options import DEVICE, QUIET, THREADS, Command, Option
+from optim.commands.options import DEVICE, QUIET, THREADS, Command, Option, count, flag, path_to
 from optim.progress import shown_progress
 from optim.wording import counted
 
@@ -16,27 +16,27 @@ COMMAND = Command(
     "four environments, and measure how much what helps in one harms in another. The same command goes on where an "
     "earlier one was, also with more robots, fitness functions, runs and generations.",
     (
-        Option("out", "folder of the study", Path, "DIR", required=True),
+        path_to("out", "DIR", "folder of the study", required=True),
         Option("robots", "(default: legged,wheeled,whegged)", options.names, "NAMES"),
         Option("fitness", "how environments make one fitness (default: sum,product,min)", options.names, "NAMES"),
         Option("trainers", "hill-climb, gradient or both (default: hill-climb)", options.names, "NAMES"),
         Option("environments", "places of the light, 2 or 4 (default: 2)", int, "N", (2, 4), default=2),
-        Option("runs", "of each (default: 5)", options.whole(1), "N", default=5),
-        Option("generations", "(default: 400)", options.whole(0), "N", default=400),
-        Option("population", "climbers (default: 100)", options.whole(1), "N", default=100),
+        count("runs", 1, "of each (default: 5)", default=5),
+        count("generations", 0, "(default: 400)", default=400),
+        count("population", 1, "climbers (default: 100)", default=100),
         Option(
             "variant",
             "the published experiment, or its text where that differs (default: as-run)",
             choices=("as-run", "text"),
             default="as-run",
         ),
-        Option("alone", "also train each robot on each light alone", None),
-        Option("figures", "also draw mutations, curves and paths", None),
+        flag("alone", "also train each robot on each light alone"),
+        flag("figures", "also draw mutations, curves and paths"),
         QUIET,
     ),
     {
         "simulation": (
-            Option("steps", "(default: 1000)", options.whole(2), "N", default=1000),
+            count("steps", 2, "(default: 1000)", default=1000),
             options.precision("f64"),
             DEVICE,
             THREADS,

@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from optim.commands.robots import OptionsOf, RobotOptions
@@ -12,15 +11,18 @@ from taichi_sim.base import files
 from taichi_sim.base.compute import DEVICES, PRECISIONS, Compute
 from taichi_sim.base.options import Option as Option
 from taichi_sim.base.options import checked as checked
+from taichi_sim.base.options import count as count
+from taichi_sim.base.options import flag as flag
 from taichi_sim.base.options import given as given
 from taichi_sim.base.options import number as number
+from taichi_sim.base.options import path_to as path_to
 from taichi_sim.base.options import whole as whole
 
-QUIET = Option("quiet", "no progress", None)
-JSON = Option("json", "print one JSON document, and nothing else, on stdout", None)
-THREADS = Option("threads", "CPU threads (default: all)", whole(1), "N")
+QUIET = flag("quiet", "no progress")
+JSON = flag("json", "print one JSON document, and nothing else, on stdout")
+THREADS = count("threads", 1, "CPU threads (default: all)")
 DEVICE = Option("device", "(default: cpu)", choices=DEVICES)
-RUNS = Option("runs", "folder of a run, or a folder of such", Path, "RUN", words="+")
+RUNS = path_to("runs", "RUN", "folder of a run, or a folder of such", words="+")
 AXES = ("evaluations", "generations", "seconds")  # by which searches are compared
 
 

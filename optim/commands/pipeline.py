@@ -1,10 +1,9 @@
 """``morpholab pipeline``: from terrains to a hardware package."""
 
 import argparse
-from pathlib import Path
 
 from optim.commands import FAILED, Report, goes_on
-from optim.commands.options import QUIET, THREADS, Command, Option
+from optim.commands.options import QUIET, THREADS, Command, path_to
 from optim.progress import shown_progress
 
 COMMAND = Command(
@@ -14,9 +13,9 @@ COMMAND = Command(
     "tables, a state machine, pictures, a report; see docs/pipeline.md. The same command goes on where an earlier one "
     "was.",
     (
-        Option("task", "file of the task (TOML)", Path, "TASK", words="?"),
-        Option("out", "folder of the results; the package is in DIR/package", Path, "DIR"),
-        Option("replay", "play a package by its tables alone instead, and compare", Path, "PACKAGE"),
+        path_to("task", "TASK", "file of the task (TOML)", words="?"),
+        path_to("out", "DIR", "folder of the results; the package is in DIR/package"),
+        path_to("replay", "PACKAGE", "play a package by its tables alone instead, and compare"),
         THREADS,
         QUIET,
     ),

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from optim.commands import Report, options
-from optim.commands.options import Command, Option
+from optim.commands.options import Command, Option, count, flag, path_to
 from optim.progress import shown_progress
 from optim.wording import spoken_size
 
@@ -18,12 +18,12 @@ COMMAND = Command(
     "sweep, of train or of interference. The page is one file, up to 15 MB, that needs no network.",
     (
         options.RUNS,
-        Option("out", "page to write, such as report.html", Path, "FILE", required=True),
-        Option("no_player", "without the motion of the best design: small, and nothing is simulated", None),
-        Option("frames", "of the player, at most, of each motion (default: 400)", options.whole(2), "N"),
+        path_to("out", "FILE", "page to write, such as report.html", required=True),
+        flag("no_player", "without the motion of the best design: small, and nothing is simulated"),
+        count("frames", 2, "of the player, at most, of each motion (default: 400)"),
         Option("rig", "that shall play the gait: a preset or a TOML file (default: dissertation)", metavar="RIG"),
         options.by("what several runs are compared by (default: evaluations)"),
-        Option("quiet", "no progress and no notes", None),
+        flag("quiet", "no progress and no notes"),
     ),
 )
 

@@ -1,10 +1,9 @@
 """``morpholab reproduce``: studies of the dissertation, and what goes beyond them."""
 
 import argparse
-from pathlib import Path
 
 from optim.commands import Report, goes_on
-from optim.commands.options import QUIET, Command, Option, whole
+from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.progress import shown_progress
 
 COMMAND = Command(
@@ -14,7 +13,7 @@ COMMAND = Command(
     "them. The same command goes on where an earlier one was.",
     (
         Option("study", "its name", metavar="STUDY", words="?"),
-        Option("out", "folder of the results", Path, "DIR"),
+        path_to("out", "DIR", "folder of the results"),
         Option(
             "budget",
             "to see that it works (default); an hour to a few, of some studies; or all that was published, which may "
@@ -22,13 +21,8 @@ COMMAND = Command(
             choices=("small", "medium", "full"),
             default="small",
         ),
-        Option("sweep", "folder of a sweep, of studies that read bodies from one", Path, "DIR"),
-        Option(
-            "jobs",
-            "runs that go on at the same time, of studies of many runs (default: one after the other)",
-            whole(1),
-            "N",
-        ),
+        path_to("sweep", "DIR", "folder of a sweep, of studies that read bodies from one"),
+        count("jobs", 1, "runs that go on at the same time, of studies of many runs (default: one after the other)"),
         QUIET,
     ),
 )

@@ -8,7 +8,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class RobotOptions(argparse.ArgumentParser):
             return
         find, self._find = self._find, None
         kinds: list[RobotKind] = []
-        with contextlib.suppress(ValueError, OSError):  # told when the command runs
+        with contextlib.suppress(ValueError, OSError, argparse.ArgumentError):  # told when the command runs
             kinds = list({kind.name: kind for kind in find(words)}.values())
         taken = {action.dest for action in self._actions}
         own = frozenset(taken)
@@ -190,13 +190,12 @@ def kind_of_run(folder: Path) -> RobotKind:
 
 
 def early(words: Sequence[str], *flags: str) -> argparse.Namespace:
-    """Values of some options of a command line whose other options are not known yet; None where not given."""
+    """Values of some options of a command line whose other options are not known yet; None where not given.
 
-    class Lenient(argparse.ArgumentParser):
-        def error(self, message: str) -> NoReturn:
-            raise ValueError(message)
-
-    parser = Lenient(add_help=False)
+    Raises:
+        argparse.ArgumentError: for an option without its value.
+    """
+    parser = argparse.ArgumentParser(add_help=False, exit_on_error=False)
     for flag in flags:
         parser.add_argument(flag)
     return parser.parse_known_args([word for word in words if word != "--help"])[0]
@@ -220,42 +219,29 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
         robot = make_robot(named.kind, named.source, options)
         robot, worlds = robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
     else:
+        from optim.problems import problem_of_description
         from optim.problems.robot import RobotDesigning
+        from optim.runs.config import problem_of
         from optim.runs.history import read_history
 
-        problem, point = kept_point(read_history(named.run), member)
+        history = read_history(named.run)
+        problem = problem_of(history.path, history.config, problem_of_description)
+        point = _kept_point(history, problem, member)
         if not isinstance(problem, RobotDesigning):
             raise ValueError(f"source: {named.run} designs no robot")
         robot, worlds = problem.robot_of(point).changed(options), problem.tried_in
     return robot, worlds if world is None else (world,)
 
 
-def kept_point(history: "History", member: int | None = None) -> "tuple[Problem, Floats]":
-    """The problem of a run, and its best point, as its checked log tells, or another that it keeps.
-
-    Args:
-        history: of the run.
-        member: which of the points that the search keeps, counted from 1; None: the best one.
-
-    Raises:
-        ValueError: for damaged descriptions, and points that are not there.
-    """
-    from optim.problems import problem_of_description
-    from optim.runs.config import problem_of
-
-    problem = problem_of(history.path, history.config, problem_of_description)
-    if member is not None:
-        return problem, _kept(history, problem, member)
-    best = history.generations[-1].best_point if history.generations else None
-    if best is None:
-        raise ValueError(f"source: {history.path} has no best design yet")
-    return problem, problem.space.from_dict(best)
-
-
-def _kept(history: "History", problem: "Problem", member: int) -> Floats:
-    """The Nth point that the search keeps."""
+def _kept_point(history: "History", problem: "Problem", member: int | None) -> Floats:
+    """The best point of a run, as its checked log tells, or the Nth of those that the search keeps."""
     from optim.runs.history import read_result
 
+    if member is None:
+        best = history.generations[-1].best_point if history.generations else None
+        if best is None:
+            raise ValueError(f"source: {history.path} has no best design yet")
+        return problem.space.from_dict(best)
     result = read_result(history, problem)
     count = 0 if result is None else len(result.points)
     if result is None or member > count:

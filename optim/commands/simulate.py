@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from optim.commands import FAILED, Report, options
-from optim.commands.options import Command, Option
+from optim.commands.options import Command, Option, count, flag, path_to
 from optim.commands.robots import kinds_of_robot, loaded, named_by, world_and_own
 from optim.progress import shown_progress
 from robots.robot import OK, Outcome, Robot, World
@@ -21,21 +21,13 @@ COMMAND = Command(
     (
         options.robot("one of a kind does what --gait says, or what searches of it start with"),
         Option("gait", "inching, rolling, the file of a design of any kind, or a gait table as CSV", metavar="GAIT"),
-        Option(
-            "record_every",
-            "with --out: write the pose at every so many steps to frames.npz",
-            options.whole(1),
-            "STEPS",
-        ),
-        Option(
+        count("record_every", 1, "with --out: write the pose at every so many steps to frames.npz", metavar="STEPS"),
+        flag(
             "judge",
             "tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
             "nm, what remains of it under harder conditions, and how far feet slip while they grip",
-            None,
         ),
-        Option(
-            "out", "new folder for design.json, result.json and robot.png, of gaits also gait.csv", Path, metavar="DIR"
-        ),
+        path_to("out", "DIR", "new folder for design.json, result.json and robot.png, of gaits also gait.csv"),
     ),
     options.simulation("f64"),
     kinds_of_robot,

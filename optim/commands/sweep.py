@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optim.commands import Report, goes_on, options
-from optim.commands.options import QUIET, Command, Option
+from optim.commands import Report, goes_on
+from optim.commands.options import QUIET, Command, count, flag, path_to
 from optim.commands.vehicle_options import SIMULATION, designs_option, task_settings
 from optim.progress import shown_progress
 from optim.wording import counted
@@ -20,9 +20,9 @@ COMMAND = Command(
     "any. The same command goes on where an earlier one was, also with other bodies.",
     (
         designs_option(required=True),
-        Option("out", "folder of the sweep", Path, "DIR", required=True),
-        Option("weights", "values of each weight (default: 121)", options.whole(2), "N", default=121),
-        Option("figures", "also draw metrics, success matrices and paths", None),
+        path_to("out", "DIR", "folder of the sweep", required=True),
+        count("weights", 2, "values of each weight (default: 121)", default=121),
+        flag("figures", "also draw metrics, success matrices and paths"),
         QUIET,
     ),
     SIMULATION,

@@ -3,18 +3,14 @@
 import argparse
 import json
 import tomllib
-from pathlib import Path
 from typing import Any
 
-from optim.commands.options import Option
+from optim.commands.options import path_to
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import why_unread
 
-TASK = Option(
-    "task",
-    "TOML with options by name, such as terrain = ['flat', 'hill:15']; the command line counts more",
-    Path,
-    "FILE",
+TASK = path_to(
+    "task", "FILE", "TOML with options by name, such as terrain = ['flat', 'hill:15']; the command line counts more"
 )
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optim.commands import Report, goes_on, options
-from optim.commands.options import QUIET, Command, Option
+from optim.commands.options import QUIET, Command, Option, count, flag, path_to
 from optim.commands.vehicle_options import SIMULATION, designs_option, task_settings
 from optim.progress import shown_progress
 from optim.wording import counted
@@ -25,14 +25,14 @@ COMMAND = Command(
     "was, also with other bodies and methods.",
     (
         designs_option(),
-        Option("sample", "of them, at random (default: 500)", options.whole(1), "N"),
-        Option("out", "folder of the study", Path, "DIR", required=True),
+        count("sample", 1, "of them, at random (default: 500)"),
+        path_to("out", "DIR", "folder of the study", required=True),
         Option("methods", "(default: random,generating-set,nes,de)", options.names, "NAMES"),
-        Option("repetitions", "of each method, a body (default: 5)", options.whole(1), "R", default=5),
-        Option("budget_evaluations", "of a run (default: 500)", options.whole(1), "N", default=500),
-        Option("seed", "of runs and sample (default: 1)", options.whole(0), "N", default=1),
-        Option("sweep", "its folder or table, with these bodies, to compare with", Path, "PATH"),
-        Option("figures", "also draw evaluations against metrics; needs --sweep", None),
+        count("repetitions", 1, "of each method, a body (default: 5)", default=5, metavar="R"),
+        count("budget_evaluations", 1, "of a run (default: 500)", default=500),
+        count("seed", 0, "of runs and sample (default: 1)", default=1),
+        path_to("sweep", "PATH", "its folder or table, with these bodies, to compare with"),
+        flag("figures", "also draw evaluations against metrics; needs --sweep"),
         QUIET,
     ),
     SIMULATION,

@@ -4,13 +4,13 @@ import argparse
 from typing import Any
 
 from optim.commands import options
-from optim.commands.options import Option
+from optim.commands.options import Option, count
 
 # Without them the environments and their simulation are the published ones.
 TASK = (
     Option("radius", "of success (default: 0.075)", options.number(unit="m"), "M"),
     Option("time_step", "of Euler's method (default: 0.05)", options.number(unit="s"), "S"),
-    Option("steps", "of a rollout (default: 10000)", options.whole(1), "N"),
+    count("steps", 1, "of a rollout (default: 10000)"),
 )
 SIMULATION = {"task and simulation": (*TASK, options.precision("f64", "f64"), options.THREADS)}
 

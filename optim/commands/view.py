@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
-from optim.commands.options import QUIET, Command, Option
+from optim.commands.options import QUIET, Command, Option, count
 from optim.commands.robots import loaded, named_source, world_and_own
 from optim.commands.view_files import APPEARANCE, OUTPUTS, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
@@ -42,8 +42,8 @@ COMMAND = Command(
         ),
         *(output.option for output in OUTPUTS),
         Option("title", "of the page", default=""),
-        Option("frames", "at most, of each robot (default: 1000)", options.whole(2), "N", default=1000),
-        Option("member", "the Nth design that a run keeps (default: the best)", options.whole(1), "N"),
+        count("frames", 2, "at most, of each robot (default: 1000)", default=1000),
+        count("member", 1, "the Nth design that a run keeps (default: the best)"),
         QUIET,
     ),
     {"pictures and films": APPEARANCE, **options.simulation("f32, of rigid robots and vehicles f64")},

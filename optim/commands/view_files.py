@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
-from optim.commands.options import Option
+from optim.commands.options import Option, path_to
 from taichi_sim.base.files import claimed_path
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Output:
     @property
     def option(self) -> Option:
         """The option that asks for it."""
-        return Option(self.name, self.told, Path, self.metavar)
+        return path_to(self.name, self.metavar, self.told)
 
     def write(self, motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
         """Write motions to a path; the bytes."""

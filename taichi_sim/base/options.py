@@ -5,6 +5,7 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
 from typing import Any, TypeVar
 
 from taichi_sim.base import checks
@@ -66,6 +67,21 @@ class Option:
         """Declare the option to a parser that will refuse it: the help leaves it out, and any text is a value."""
         kind = {"action": "store_true", "default": None} if self.type is None else {}
         parser.add_argument(self.flag, dest=self.name, help=argparse.SUPPRESS, **kind)
+
+
+def flag(name: str, told: str) -> Option:
+    """An option without a value."""
+    return Option(name, told, None)
+
+
+def count(name: str, low: int, told: str, default: int | None = None, metavar: str = "N") -> Option:
+    """An option that takes a whole number, at least ``low``."""
+    return Option(name, told, whole(low), metavar, default=default)
+
+
+def path_to(name: str, metavar: str, told: str, required: bool = False, words: str = "") -> Option:
+    """An option, or an argument of so many words, that takes a file or a folder."""
+    return Option(name, told, Path, metavar, required=required, words=words)
 
 
 def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:

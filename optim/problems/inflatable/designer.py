@@ -12,7 +12,7 @@ from optim.problem import RelaxableProblem
 from optim.problems.designer import COMPUTE, Design, Designer, Request
 from robots.inflatable.kind import GEOMETRIES, RIG_OPTION, WEIGHTS, load_gait, pressure
 from robots.robot import Option
-from taichi_sim.base.options import number, whole
+from taichi_sim.base.options import count, flag, number
 
 if TYPE_CHECKING:
     from optim.problems.inflatable.problem import GaitProblem
@@ -36,25 +36,18 @@ OPTIONS = (
         "network, or as a wave around the robot (default: codes; bits with --method gradient)",
         choices=ENCODING_NAMES,
     ),
-    Option(
+    count(
         "steps",
+        1,
         "time steps of a graded gait, by which its speed is counted (default: those of a published gait, 186719 of the "
         "published robot)",
-        whole(1),
-        "N",
     ),
-    Option("warm_up", "first time steps of a graded gait, which do not count", whole(0), "N"),
-    Option(
-        "stages",
-        "equally long parts of a graded gait, of which the slowest tells its speed (default: 1)",
-        whole(1),
-        "N",
-    ),
-    Option(
+    count("warm_up", 0, "first time steps of a graded gait, which do not count"),
+    count("stages", 1, "equally long parts of a graded gait, of which the slowest tells its speed (default: 1)"),
+    flag(
         "ladder",
         "of several terrains, the easiest first, a gait is tried on the next if it is faster than --ahead on the one "
         "before, which counts no more than that in the mean",
-        None,
     ),
     Option(
         "ahead",
@@ -62,10 +55,9 @@ OPTIONS = (
         number(0.0),
         "SPEED",
     ),
-    Option(
+    flag(
         "hard",
         "judge gaits that get ahead also with friction 0.2 or more of sliding feet and bladders that keep their weight",
-        None,
     ),
     Option(
         "effort",
@@ -87,13 +79,8 @@ OPTIONS = (
     ),
     RIG_OPTION,
     Option("geometry", "the robot's body (default: published)", choices=GEOMETRIES),
-    Option("columns", "of the schedule (default: 8, or all of the gait if control is not free)", whole(1), "T"),
-    Option(
-        "repeats",
-        "how often the columns are played (default: 2, or the gait's own if control is not free)",
-        whole(1),
-        "N",
-    ),
+    count("columns", 1, "of the schedule (default: 8, or all of the gait if control is not free)", metavar="T"),
+    count("repeats", 1, "how often the columns are played (default: 2, or the gait's own if control is not free)"),
     Option(
         "weight", "of bladders: none while they move or stay inflated, or always (default: published)", choices=WEIGHTS
     ),
