@@ -235,10 +235,9 @@ def _check_control(settings: dict[str, Any], args: SimpleNamespace, method: str)
 
 def _start(args: SimpleNamespace, problem: "GaitProblem") -> dict[str, float]:
     """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
-    from optim.problems.inflatable.start import start_values
     from robots.inflatable.cores import each_pressure
 
-    start = {} if args.start is None else start_values(problem, load_gait(args.start))
+    start = {} if args.start is None else problem.start_values(load_gait(args.start))
     if args.start_orientation is not None:
         start["orientation"] = args.start_orientation
     if args.start_pressure is not None:

@@ -104,6 +104,17 @@ class BitwiseGait(GaitEncoding):
         """Through the sharpening."""
         return (slopes * self._levels(values).sharpening_slope(sharpness)).ravel()
 
+    @staticmethod
+    def genome(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> Floats:
+        """Genes of a schedule.
+
+        Raises:
+            ValueError: for levels between 0 and 1, and times.
+        """
+        if schedule.has_own_times or not schedule.is_on_off:
+            raise ValueError("start: bits cannot say levels between 0 and 1, nor times; choose encoding graded")
+        return schedule.levels.ravel()
+
     def _matrix(self, values: Floats) -> Floats:
         return np.asarray(values, float).reshape(ROWS, self.columns)
 
@@ -301,6 +312,12 @@ def _pattern(values: Floats, columns: int) -> Floats:
     return np.asarray(GAIT_WIRING.network(values)(coordinates)).reshape(ROWS, columns)
 
 
+# Encodings that can say a given gait, by their static method ``genome``.
+SPEAKING: dict[str, type[BitwiseGait | GradedGait]] = {
+    "bits": BitwiseGait,
+    "graded": GradedGait,
+    "graded-wave": GradedWaveGait,
+}
 ENCODINGS: dict[str, type[GaitEncoding]] = {
     "codes": CodedGait,
     "bits": BitwiseGait,

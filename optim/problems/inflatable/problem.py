@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation
-from optim.problems.inflatable.encoding import ENCODINGS, FixedGait, GaitEncoding, GradedGait
+from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, GaitSettings
 from optim.problems.inflatable.told import RIG_FILE, facts_of
@@ -24,6 +24,7 @@ from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation
+from robots.inflatable.cores import each_pressure
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.files import save_design
 from robots.inflatable.offered import InflatableRobot, kilopascals
@@ -93,6 +94,28 @@ class GaitProblem(GaitSettings):
         """The design of a point, shape (D,)."""
         schedule = self._control.schedule(self._genes(self.space.validate(point)))
         return InflatableDesign(*self.shape.values(point), schedule)
+
+    def start_values(self, design: InflatableDesign) -> dict[str, float]:
+        """The variables, by name, at which a search starts with a design; what is fixed is not among them.
+
+        A core that is empty begins in the middle of the pressures that say so, see ``shape``.
+
+        Raises:
+            ValueError: for gaits that the encoding cannot say.
+        """
+        values = [design.orientation] if self.orientation is None else []
+        if self.pressure is None:
+            values += [p if p > 0 else self.shape.least / 2 for p in each_pressure(design.pressure, self.body)]
+        if self.schedule is None:
+            if self.encoding not in SPEAKING:
+                able = "choose bits, graded or graded-wave"
+                raise ValueError(f"start: encoding {self.encoding!r} cannot say a gait; {able}")
+            columns = design.schedule.columns
+            if columns != self.columns:
+                raise ValueError(f"start: a gait of {columns} columns is not allowed; the search has {self.columns}")
+            once = dataclasses.replace(design.schedule, repeats=1)
+            values += SPEAKING[self.encoding].genome(once, self.actuation).tolist()
+        return dict(zip(self.space.names, values, strict=True))
 
     def in_full(self) -> "GaitProblem":
         """The same with gaits of the full length."""

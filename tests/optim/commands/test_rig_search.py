@@ -11,7 +11,6 @@ from run_products import products
 
 from optim.problems.inflatable.outcomes import effort
 from optim.problems.inflatable.problem import GaitProblem
-from optim.problems.inflatable.start import start_values
 from optim.report.robot_run import RunSubject
 from optim.runs.comparison import JUDGED
 from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties
@@ -127,16 +126,16 @@ def test_a_search_starts_at_a_gait_as_the_rig_plays_it():
     design = InflatableDesign(0.0, 10.0, gait)
     published = GaitProblem((Terrain(),), columns=2, encoding="graded", steps=12_000)
     fast = dataclasses.replace(published, properties=dataclasses.replace(Properties.of(), inflation_rate=12.0))
-    start = start_values(published, design)
+    start = published.start_values(design)
     found = published.design(published.space.from_dict(start))
     assert gait_steps(found.schedule) == gait_steps(design.schedule.cut(None, found.schedule.repeats))
     with pytest.raises(ValueError, match=r"^motion_steps: graded genes move as fast as bladders do"):
-        start_values(fast, design)
+        fast.start_values(design)
     slow = dataclasses.replace(published, properties=dataclasses.replace(Properties.of(), inflation_rate=0.7))
     longer = InflatableDesign(0.0, 10.0, dataclasses.replace(gait, motion_steps=[9000, 9000]))
-    assert start_values(slow, longer) == start
+    assert slow.start_values(longer) == start
     with pytest.raises(ValueError, match=r"^motion_steps"):
-        start_values(published, longer)
+        published.start_values(longer)
 
 
 def test_a_judgement_is_of_the_rig(monkeypatch):

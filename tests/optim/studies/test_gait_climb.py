@@ -11,7 +11,6 @@ from graded import retabled, settling, tabled
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt import climb
@@ -153,7 +152,7 @@ def test_the_program_halves_kinds_and_leads_the_best_uphill(slopes, tmp_path):
     assert "speed_hill:15_hard" not in finish.last.best_details
     details = firm.last.best_details
     assert firm.score == pytest.approx(np.mean([details["speed_hill:15"], details["speed_hill:15_hard"]]))
-    assert firm.history.config["method"]["start"] == start_values(firm.problem, finish.design)
+    assert firm.history.config["method"]["start"] == firm.problem.start_values(finish.design)
     assert sum(step.last.evaluations for step in program.steps.values()) == PLAN.evaluations
     near = [step.history.config["method"]["seed"] for name, step in steps.items() if name[:4] in ("kind", "lead")]
     assert len(near) == len(set(near)) == 5
@@ -168,7 +167,7 @@ def test_leads_go_by_the_mean_of_a_slope_and_the_steepest_one_from_the_others_be
     for step in (first, second):
         assert not step.problem.ladder and set(step.speeds) == {t.name for t in step.problem.terrains}
         assert step.score == pytest.approx(np.mean(list(step.speeds.values())))
-    assert second.history.config["method"]["start"] == start_values(second.problem, first.design)
+    assert second.history.config["method"]["start"] == second.problem.start_values(first.design)
 
 
 def test_speeds_of_a_step_are_of_the_slopes_on_which_its_best_was_tried(tmp_path):

@@ -10,7 +10,6 @@ from graded import tabled
 
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.shape import EMPTY_CORE
-from optim.problems.inflatable.start import start_values
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.files import save_design
@@ -23,7 +22,7 @@ GRADED = InflatableDesign(3000.0, 70.0, tabled(LEVELS, np.eye(2), 5, **TIMES))
 
 
 def point(problem, design):
-    values = start_values(problem, design)
+    values = problem.start_values(design)
     assert list(values) == list(problem.space.names)
     return problem.space.validate(np.array(list(values.values())))
 
@@ -45,14 +44,14 @@ def test_graded_genes_give_back_levels_and_times():
 
 def test_an_empty_core_begins_inside_of_what_says_so():
     problem = GaitProblem(HILL, encoding="graded", columns=2)
-    values = start_values(problem, replace(GRADED, pressure=0.0))
+    values = problem.start_values(replace(GRADED, pressure=0.0))
     assert values["pressure"] == EMPTY_CORE / 2
     assert problem.design(list(values.values())).pressure == 0.0
 
 
 def test_what_is_fixed_does_not_start():
     problem = GaitProblem(HILL, encoding="graded", columns=2, pressure=0.0, orientation=90.0)
-    assert not {"pressure", "orientation"} & set(start_values(problem, GRADED))
+    assert not {"pressure", "orientation"} & set(problem.start_values(GRADED))
 
 
 @pytest.mark.parametrize(
@@ -66,7 +65,7 @@ def test_what_is_fixed_does_not_start():
 )
 def test_gaits_that_an_encoding_cannot_say_are_refused(encoding, columns, design, message):
     with pytest.raises(ValueError, match=message):
-        start_values(GaitProblem(HILL, encoding=encoding, columns=columns), design)
+        GaitProblem(HILL, encoding=encoding, columns=columns).start_values(design)
 
 
 @pytest.mark.usefixtures("simulator")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from optim.problems.inflatable.problem import GaitProblem
-from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.runs.requests import Request
@@ -93,7 +92,7 @@ def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: M
     ok = np.asarray(flat.status) == "ok"
     headings = heading_of(np.where(ok[:, None], flat.displacement, 0.0))
     facing = [replace(design, orientation=float(angle)) for design, angle in zip(designs, headings, strict=True)]
-    points = np.array([problem.space.from_dict(start_values(problem, design)) for design in facing])
+    points = np.array([problem.space.from_dict(problem.start_values(design)) for design in facing])
     judged = problem.evaluate(points)
     looked = sum(predicted_steps(design) for design in designs)
     return {

@@ -31,7 +31,6 @@ import numpy as np
 from optim.experiments.results import Progress, cached
 from optim.experiments.settings import Count, Settings, Several, Whole
 from optim.problems.inflatable.problem import HARD, GaitProblem
-from optim.problems.inflatable.start import start_values
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
 from optim.studies.beyond.gait_hunt.kinds import best_of_kinds, history_of, turned
@@ -234,7 +233,7 @@ class Program:
     def _face(self, design: InflatableDesign) -> Step:
         """A gait with the best of some headings near its own, in full on the steepest slope."""
         gait = self._on((1.0,), GRADED).in_full()
-        full = gait.design(gait.space.from_dict(start_values(gait, design)))
+        full = gait.design(gait.space.from_dict(gait.start_values(design)))
         problem = replace(gait, pressure=full.pressure, schedule=full.schedule)
         return self._near("heading", problem, full, 0, "genetic", population=self.plan.headings)
 
@@ -252,7 +251,7 @@ class Program:
     ) -> Step:
         """A search near a gait; with the numbers of another search it would try the same directions."""
         stream = np.random.SeedSequence([self.seed, zlib.crc32(name.encode())]).generate_state(1)
-        settings |= {"start": start_values(problem, start), "seed": int(stream[0])}
+        settings |= {"start": problem.start_values(start), "seed": int(stream[0])}
         return self._search(name, problem, settings, generations, method)
 
     def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
