@@ -15,6 +15,7 @@ from taichi_sim.autodiff.lanes import Real, choose_width, larger, load, smaller,
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.runtime import GRAIN, ti
+from taichi_sim.store import Store
 
 BLOCK_COST = 2.0  # a block of lanes takes as long as so many pairs in scalars (measured)
 # Samples in a launch, for each CPU thread or for a whole GPU: they bound its memory, and on a CPU how long it takes.
@@ -68,7 +69,7 @@ def warping_distances(
     for begin in range(0, pairs, blocks * real.width):
         part = slice(begin, begin + blocks * real.width)
         ours, theirs = _prepared(first[part], normalise, real), _prepared(second[part], normalise, real)
-        cost = (_costs_in_lanes if on_cpu else _costs_on_device)(real, ours, theirs)
+        cost = _costs(real, on_cpu, ours, theirs)
         # A sample that is not finite makes a row or column of cells that is not, and every path crosses it.
         distances[part] = np.where(np.isfinite(cost), cost, np.nan) / (n + m)
     return distances
@@ -97,27 +98,16 @@ def _prepared(signals: Floats, normalise: bool, real: Real) -> NDArray[Any]:
         return signals.astype(real.numpy)
 
 
-def _costs_in_lanes(real: Real, first: NDArray[Any], second: NDArray[Any]) -> Floats:
-    """Costs of the cheapest paths, shape (P,), on a CPU: P pairs side by side in reals, block by block."""
+def _costs(real: Real, on_cpu: bool, first: NDArray[Any], second: NDArray[Any]) -> Floats:
+    """Costs of the cheapest paths, shape (P,): pairs side by side in reals, or a thread a pair on a GPU."""
     (pairs, n), m = first.shape, second.shape[1]
     blocks = -(-pairs // real.width)
     lanes = np.minimum(np.arange(blocks * real.width), pairs - 1)  # those without a pair repeat the last one
-    ours, theirs, row, cost = (real.array((blocks, samples)) for samples in (n, m, m, 1))
-    for array, signals in ((ours, first), (theirs, second)):
-        array[...] = np.moveaxis(signals[lanes].reshape(blocks, real.width, -1), 1, -1)
-    arrays = (real.reals(array.reshape(-1, real.width)) for array in (ours, theirs, row, cost))
-    _kernel(real, False)(blocks, n, m, *arrays)
-    return cost.reshape(-1)[:pairs].astype(np.float64)
-
-
-def _costs_on_device(real: Real, first: NDArray[Any], second: NDArray[Any]) -> Floats:
-    """Costs of the cheapest paths, shape (P,), on a GPU: a thread a pair, samples of the pairs side by side."""
-    (pairs, n), m = first.shape, second.shape[1]
-    ours, theirs, row, cost = (ti.ndarray(real.scalar, (samples, pairs)) for samples in (n, m, m, 1))
-    ours.from_numpy(np.ascontiguousarray(first.T))
-    theirs.from_numpy(np.ascontiguousarray(second.T))
-    _kernel(real, True)(pairs, n, m, ours, theirs, row, cost)
-    return cost.to_numpy()[0].astype(np.float64)
+    stores = ours, theirs, _, cost = [Store(real, samples, blocks, on_cpu) for samples in (n, m, m, 1)]
+    ours.write(first[lanes].T)
+    theirs.write(second[lanes].T)
+    _kernel(real, not on_cpu)(blocks, n, m, *(each.argument for each in stores))
+    return cost.read()[0, :pairs]
 
 
 @ti.func

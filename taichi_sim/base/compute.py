@@ -2,9 +2,10 @@
 
 import os
 from dataclasses import dataclass
-from typing import Any, Literal, Self, TypedDict
+from functools import partial
+from typing import Annotated, Literal, Self, TypedDict
 
-from taichi_sim.base import checks
+from taichi_sim.base.checks import check_fields, choice, integer
 
 Device = Literal["cpu", "cuda", "vulkan", "metal"]
 Precision = Literal["f32", "f64"]
@@ -38,15 +39,12 @@ class Compute:
         ValueError: for a value that is not allowed.
     """
 
-    device: str = "cpu"
-    precision: str = "f64"
-    threads: int | None = None
+    device: Annotated[str, partial(choice, names=DEVICES)] = "cpu"
+    precision: Annotated[str, partial(choice, names=PRECISIONS)] = "f64"
+    threads: Annotated[int | None, partial(integer, low=1, high=MOST_THREADS)] = None
 
     def __post_init__(self) -> None:
-        checks.choice("device", self.device, DEVICES)
-        checks.choice("precision", self.precision, PRECISIONS)
-        if self.threads is not None and not _is_thread_count(self.threads):
-            raise ValueError(f"threads: {self.threads!r} is not allowed; give a whole number from 1 to {MOST_THREADS}")
+        check_fields(self)
 
     @classmethod
     def given(cls, options: ComputeOptions) -> Self:
@@ -67,7 +65,3 @@ class Compute:
 def available_threads() -> int:
     """Number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _is_thread_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_THREADS

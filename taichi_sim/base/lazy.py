@@ -3,7 +3,7 @@
 import ast
 import inspect
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -35,8 +35,3 @@ def exported_names(package: str) -> tuple[Callable[[str], Any], Callable[[], lis
     imports = [line for block in blocks for line in block.body if isinstance(line, ast.ImportFrom)]
     places = {name.name: line.module or "" for line in imports for name in line.names}
     return exported(package, places), lambda: sorted({*vars(sys.modules[package]), *places})
-
-
-def exported_from(package: str, module: str, names: Sequence[str]) -> Callable[[str], Any]:
-    """Make a package's ``__getattr__`` that imports all names from one module."""
-    return exported(package, dict.fromkeys(names, module))

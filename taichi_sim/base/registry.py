@@ -31,13 +31,13 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
     def __iter__(self) -> Iterator[str]:
         """All names: built-in ones first, then those of packages in alphabetical order."""
         yield from self.builtin
-        yield from sorted({entry.name for entry in self._entries()} - set(self.builtin))
+        yield from sorted(self._entries().names - set(self.builtin))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
     def __contains__(self, name: object) -> bool:
-        return name in self.builtin or any(entry.name == name for entry in self._entries())
+        return name in self.builtin or name in self._entries().names
 
     def __getitem__(self, name: str) -> Thing:
         """Import and return the thing of this name.
@@ -75,7 +75,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
             module, _, attribute = self.builtin[name].partition(":")
             found: Thing = getattr(import_module(module), attribute)
             return found
-        entries = [entry for entry in self._entries() if entry.name == name]
+        entries = list(self._entries().select(name=name))
         if not entries:
             raise KeyError(name)
         packages = ", ".join(sorted(entry.dist.name if entry.dist else "?" for entry in entries))

@@ -77,15 +77,9 @@ class RigidEngine:
 
     def rest(self) -> State:
         """All robots as their trees describe them, at rest."""
-        count, hinges = len(self.trees), len(self.tree.hinges)
+        count, none = len(self.trees), np.zeros((len(self.trees), len(self.tree.hinges)))
         position = np.array([tree.ordered[0][0].position for tree in self.trees], float)
-        return State(
-            position,
-            np.tile([1.0, 0, 0, 0], (count, 1)),
-            np.zeros((count, hinges)),
-            np.zeros((count, 6)),
-            np.zeros((count, hinges)),
-        )
+        return State(position, np.tile([1.0, 0, 0, 0], (count, 1)), none, np.zeros((count, 6)), none)
 
     @runtime.exclusive
     def run(
@@ -221,22 +215,10 @@ class RigidEngine:
         return found
 
     def _settings(self, real: Real) -> np.ndarray:
-        """Numbers that all robots of a run share, by their places in ``slots``."""
-        world, network = self.world, self.network
-        found: np.ndarray = np.zeros(slots.SETTINGS, real.numpy)
-        for place, value in {
-            slots.TIME_STEP: world.time_step,
-            slots.GRAVITY: world.gravity,
-            slots.SLIP_STRENGTH: world.time_step / world.slip,
-            slots.FRICTION: min(world.friction, ENDLESS),
-            slots.COMPLIANCE: COMPLIANCE[real.precision],
-            slots.TOLERANCE: TOLERANCE[real.precision],
-            slots.MEMORY: network.memory,
-            slots.GAIN: network.gain,
-            slots.APART: network.touch_values[0],
-            slots.TOUCHING: network.touch_values[1],
-            slots.FLOATING: 0 if self.tree.fixed else 1,
-        }.items():
-            found[place] = value
-        found[slots.PUSH_OUT] = real.numpy(world.error_reduction) / found[slots.TIME_STEP]
-        return found
+        """Numbers that all robots of a run share, in the order of their places in ``slots``."""
+        world, network, scalar = self.world, self.network, real.numpy
+        push_out = scalar(world.error_reduction) / scalar(world.time_step)
+        ground = push_out, world.time_step / world.slip, min(world.friction, ENDLESS), COMPLIANCE[real.precision]
+        neurons = network.memory, network.gain, *network.touch_values
+        rest = 0 if self.tree.fixed else 1, TOLERANCE[real.precision]
+        return np.array([world.time_step, world.gravity, *ground, *neurons, *rest], scalar)

@@ -12,10 +12,10 @@ import numpy as np
 from taichi_sim import runtime
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import slots
-from taichi_sim.rigid.memory import Store
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.run import Part, Run, bodies_of
 from taichi_sim.rigid.tables import parameters_of, points_of
+from taichi_sim.store import Store
 
 _SHIFT = 1e-5  # part of a number by which descriptions are shifted; they are polynomials of low degree
 

@@ -11,12 +11,12 @@ from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.kernels import gradient_kernel, rollout_kernel
-from taichi_sim.rigid.memory import Store
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.runtime import GRAIN
+from taichi_sim.store import Store
 
 Given = Mapping[str, Floats]
 

@@ -19,7 +19,6 @@ PLAN_LENGTH = 33
 # reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world.
 TIME_STEP, GRAVITY, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(6)
 MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE = range(6, 12)
-SETTINGS = 12
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.

@@ -10,6 +10,7 @@ from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.store import Store
 from taichi_sim.vehicle import gradient_kernel as kernel
 from taichi_sim.vehicle.task import VehicleBatch, VehicleTask
 
@@ -78,11 +79,12 @@ def differentiate(
         starts = task.seen[environments]
         rows = np.hstack([starts, (starts**2).sum(axis=1, keepdims=True), sites, weights[:, :connections]])
         blocks = -(-len(jobs) // real.width)
-        padded = rows[np.resize(np.arange(len(jobs)), blocks * real.width)]  # lanes without a rollout repeat others
-        memory = real.array((blocks, slots))
-        memory[:, : rows.shape[1]] = np.moveaxis(padded.reshape(blocks, real.width, -1), 1, 2)
-        run(blocks, task.steps, task.time_step, real.reals(memory.reshape(-1, real.width)))
-        found[first : jobs.stop] = np.moveaxis(memory, 1, 2).reshape(-1, slots)[: len(jobs)]
+        lanes = np.resize(np.arange(len(jobs)), blocks * real.width)  # those without a rollout repeat others
+        memory, values = Store(real, slots, blocks, True), np.zeros((slots, len(lanes)))
+        values[: rows.shape[1]] = rows[lanes].T
+        memory.write(values)
+        run(blocks, task.steps, task.time_step, memory.argument)
+        found[first : jobs.stop] = memory.read().T[: len(jobs)]
         if progress:
             progress(jobs.stop / count)
     px, py, closest = found[:, kernel.PX], found[:, kernel.PY], np.sqrt(found[:, kernel.CLOSEST])

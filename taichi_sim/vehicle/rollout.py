@@ -79,12 +79,11 @@ def rollout(
         width = 1
     elif width is None:
         width = WIDE if count > WIDE * running.thread_count else NARROW
-    squared, waited, squared_final = _launch(
-        batch, task, Real(running.precision, width), kernel.UNTIL[until], running, progress
-    )
-    closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (squared, squared_final))
+    real = Real(running.precision, width)
+    found = _launch(batch, task, real, kernel.UNTIL[until], running, progress)
+    closest, final = (np.sqrt(x.astype(np.float64)).reshape(shape) for x in (found.closest, found.final))
     reached = closest < task.radius
-    arrival = np.where(reached & (until != "success"), waited.reshape(shape), -1).astype(np.int32)
+    arrival = np.where(reached & (until != "success"), found.waited.reshape(shape), -1).astype(np.int32)
     diverged = ~np.isfinite(final)
     return Rollouts(reached, closest, arrival, final if until == "end" else np.full(shape, np.nan), diverged)
 
@@ -96,8 +95,8 @@ def _launch(
     until: int,
     running: Compute,
     progress: Callable[[float], None] | None,
-) -> tuple[np.ndarray, ...]:
-    """Let the kernel do all rollouts, some at a time: squares of the smallest distances, steps, and final squares."""
+) -> kernel.Found:
+    """Let the kernel do all rollouts, some at a time."""
     shape, number, threads, on_cpu = batch.shape(task), real.numpy, running.thread_count, running.device == "cpu"
     count = int(np.prod(shape))
     at_once = max(STEPS_PER_LAUNCH // task.steps, real.width * threads)
@@ -106,19 +105,18 @@ def _launch(
     else:
         at_once, each = GPU_THREADS, 1
     blocks = -(-min(count, at_once) // each)
-    memory = real.array((blocks, kernel.slot_count(batch.sensors, batch.wiring))).reshape(-1, real.width)
-    lanes = np.zeros((blocks, real.width), np.int32)
-    found: tuple[np.ndarray, ...] = np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number)
+    reals = real.array((blocks, kernel.slot_count(batch.sensors, batch.wiring))).reshape(-1, real.width)
+    memory = kernel.Memory(real.reals(reals), reals, np.zeros((blocks, real.width), np.int32))
+    found = kernel.Found(np.zeros(count, number), np.zeros(count, np.int32), np.zeros(count, number))
     run = kernel.rollout_kernel(real, batch.sensors, batch.wiring, until, GRAIN if on_cpu else 1)
     sites, falls = batch.sites.reshape(len(batch.sites), -1), 3 * task.time_step * batch.speed_bounds
-    given: list[np.ndarray] = [
-        np.ascontiguousarray(a, number) for a in (sites, batch.weights, task.seen, batch.reach, falls)
-    ]
+    arrays = sites, batch.weights, task.seen, batch.reach, falls
+    given: list[np.ndarray] = [np.ascontiguousarray(array, number) for array in arrays]
     sizes = (task.steps, *shape[1:], int(batch.shared), task.time_step, task.radius)
     for first in range(0, count, at_once):
         jobs = min(at_once, count - first)
-        parts = (a[first : first + jobs] for a in found)
-        run(-(-jobs // each), first, jobs, each, *sizes, real.reals(memory), memory, lanes, *given, *parts)
+        part = kernel.Found(*(array[first : first + jobs] for array in found))
+        run(-(-jobs // each), memory, kernel.Jobs(first, jobs, each, *sizes, *given), part)
         if progress:
             progress((first + jobs) / count)
     return found

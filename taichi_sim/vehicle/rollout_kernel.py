@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, any_lane
 from taichi_sim.autodiff.tracing import primitive, select, sqrt
-from taichi_sim.runtime import element, ti
+from taichi_sim.runtime import element, kernel_of, ti
 from taichi_sim.vehicle import equations
 from taichi_sim.vehicle.task import Wiring
 
@@ -34,15 +34,33 @@ def slot_count(sensors: int, wiring: Wiring) -> int:
     return SITES + 2 * sensors + max(1, sum(map(len, wiring)))
 
 
+class Memory(NamedTuple):
+    """Memory of blocks.
+
+    Attributes:
+        m: reals, one block after the other.
+        ms: the same memory, (reals, lanes).
+        lanes: number of the rollout in each lane, (blocks, lanes).
+    """
+
+    m: Any
+    ms: Any
+    lanes: Any
+
+
 class Jobs(NamedTuple):
     """What rollouts are given: sizes, and arrays of bodies, controllers and environments.
 
     Attributes:
         first: number of the launch's first rollout.
-        steps: of each.
+        count: rollouts of the launch.
+        each: rollouts of a block.
+        steps: of a rollout.
         controllers: of each body.
         environments: of each controller.
         shared: whether all bodies have the same controllers, 0 or 1.
+        time_step: [s].
+        radius: how close to the light a vehicle succeeds [m].
         sites: of sensors, (B, 2 S).
         weights: of controllers.
         starts: where the light is seen, (E, 2).
@@ -51,10 +69,14 @@ class Jobs(NamedTuple):
     """
 
     first: Any
+    count: Any
+    each: Any
     steps: Any
     controllers: Any
     environments: Any
     shared: Any
+    time_step: Any
+    radius: Any
     sites: Any
     weights: Any
     starts: Any
@@ -62,26 +84,34 @@ class Jobs(NamedTuple):
     bound: Any
 
 
+class Found(NamedTuple):
+    """What rollouts came to: smallest squared distances, steps before success, final squared distances."""
+
+    closest: Any
+    waited: Any
+    final: Any
+
+
 @primitive
-def load_all(m: Any, ms: Any, k: Any, slots: Sequence[int], single: bool) -> tuple[Any, ...]:
+def load_all(memory: Memory, k: Any, slots: Sequence[int], single: bool) -> tuple[Any, ...]:
     """Read reals. Where they are scalars their memory has one name only: a GPU gets a copy of every argument."""
-    return tuple(element(ms, k + slot, 0) if single else element(m, k + slot) for slot in slots)
+    return tuple(element(memory.ms, k + slot, 0) if single else element(memory.m, k + slot) for slot in slots)
 
 
 @primitive
-def store_all(m: Any, ms: Any, k: Any, slots: Sequence[int], single: bool, values: Sequence[Any]) -> None:
+def store_all(memory: Memory, k: Any, slots: Sequence[int], single: bool, values: Sequence[Any]) -> None:
     """Write reals."""
-    for place, value in zip(load_all(m, ms, k, slots, single), values, strict=True):
+    for place, value in zip(load_all(memory, k, slots, single), values, strict=True):
         place._assign(value)
 
 
 @ti.func
-def end_rollout(ms: ti.template(), k, lane, job, closest: ti.template(), waited: ti.template(), final: ti.template()):
+def end_rollout(ms: ti.template(), k, lane, job, found: ti.template()):
     """Note what a rollout came to."""
-    closest[job] = ms[k + CLOSEST, lane]
-    waited[job] = ti.cast(ms[k + WAITED, lane], ti.i32)
+    found.closest[job] = ms[k + CLOSEST, lane]
+    found.waited[job] = ti.cast(ms[k + WAITED, lane], ti.i32)
     px, py = ms[k + PX, lane], ms[k + PY, lane]
-    final[job] = px * px + py * py
+    found.final[job] = px * px + py * py
 
 
 @ti.func
@@ -140,54 +170,31 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
     reals = ti.types.ndarray(dtype=real.type, ndim=1)
     ints1, ints2 = (ti.types.ndarray(dtype=ti.i32, ndim=n) for n in (1, 2))
     scalars1, scalars2 = (ti.types.ndarray(dtype=real.scalar, ndim=n) for n in (1, 2))
+    numbers = (*[ti.i32] * 7, real.scalar, real.scalar)
 
-    @ti.kernel
-    def run(
-        blocks: ti.i32,
-        first: ti.i32,
-        count: ti.i32,
-        jobs_per_block: ti.i32,
-        steps: ti.i32,
-        controllers: ti.i32,
-        environments: ti.i32,
-        shared: ti.i32,
-        time_step: real.scalar,
-        radius: real.scalar,
-        m: reals,
-        ms: scalars2,
-        lanes: ints2,
-        sites: scalars2,
-        weights: scalars2,
-        starts: scalars2,
-        reach: scalars1,
-        bound: scalars1,
-        closest_of: scalars1,
-        waited_of: ints1,
-        final_of: scalars1,
-    ):
+    @ti.func
+    def run(blocks: ti.template(), memory: ti.template(), jobs: ti.template(), found: ti.template()):
         for i in range(grain * blocks):
             if i % grain == 0:
                 block = i // grain
                 k = block * slots
-                jobs = ti.static(
-                    Jobs(first, steps, controllers, environments, shared, sites, weights, starts, reach, bound)
-                )
-                upcoming = block * jobs_per_block
-                end = ti.min(upcoming + jobs_per_block, count)
+                upcoming = block * jobs.each
+                end = ti.min(upcoming + jobs.each, jobs.count)
                 active = ti.min(width, end - upcoming)
                 for lane in range(width):
-                    lanes[block, lane] = fill_lane(ms, k, lane, upcoming, end, slots, jobs)
+                    memory.lanes[block, lane] = fill_lane(memory.ms, k, lane, upcoming, end, slots, jobs)
                     upcoming += 1
-                soonest = steps
+                soonest = jobs.steps
                 while active > 0:
                     run_on = ti.min(soonest, STEPS_BETWEEN_CHECKS)
-                    px, py, closest, waited, left, fall, outermost = load_all(m, ms, k, STATE, single)
-                    l = ti.static(load_all(m, ms, k, at_sites, single))
-                    w = ti.static(load_all(m, ms, k, at_weights, single))
+                    px, py, closest, waited, left, fall, outermost = load_all(memory, k, STATE, single)
+                    l = ti.static(load_all(memory, k, at_sites, single))
+                    w = ti.static(load_all(memory, k, at_weights, single))
+                    radius = jobs.radius
                     for _ in range(run_on):
                         if ti.static(until != UNTIL_SUCCESS):
                             waited = waited + select(closest >= radius * radius, 1.0, 0.0)
-                        px, py, _turn = equations.advance(px, py, l, w, wiring, time_step)
+                        px, py, _turn = equations.advance(px, py, l, w, wiring, jobs.time_step)
                         distance = px * px + py * py
                         closest = select(distance < closest, distance, closest)
                     left = left - ti.cast(run_on, real.scalar)
@@ -197,20 +204,22 @@ def rollout_kernel(real: Real, sensors: int, wiring: Wiring, until: int, grain: 
                         ended = ended | equations.hopeless(px, py, outermost, radius, fall * left)
                     if ti.static(until == UNTIL_CLOSEST):
                         ended = ended | equations.hopeless(px, py, outermost, sqrt(closest), fall * left)
-                    store_all(m, ms, k, CHANGING, single, (px, py, closest, waited, left))
+                    store_all(memory, k, CHANGING, single, (px, py, closest, waited, left))
                     soonest -= run_on
                     if any_lane(ended):
-                        store_all(m, ms, k, (ENDED,), single, (select(ended, 1.0, 0.0),))
-                        soonest = steps
+                        store_all(memory, k, (ENDED,), single, (select(ended, 1.0, 0.0),))
+                        soonest = jobs.steps
                         for lane in range(width):
-                            if lanes[block, lane] != NOTHING:
-                                if ms[k + ENDED, lane] > 0.5:
-                                    end_rollout(ms, k, lane, lanes[block, lane], closest_of, waited_of, final_of)
-                                    lanes[block, lane] = fill_lane(ms, k, lane, upcoming, end, slots, jobs)
-                                    upcoming += 1
-                                    if lanes[block, lane] == NOTHING:
-                                        active -= 1
-                            if lanes[block, lane] != NOTHING:
-                                soonest = ti.min(soonest, ti.cast(ms[k + LEFT, lane], ti.i32))
+                            job = memory.lanes[block, lane]
+                            if job != NOTHING and memory.ms[k + ENDED, lane] > 0.5:
+                                end_rollout(memory.ms, k, lane, job, found)
+                                job = fill_lane(memory.ms, k, lane, upcoming, end, slots, jobs)
+                                memory.lanes[block, lane] = job
+                                upcoming += 1
+                                if job == NOTHING:
+                                    active -= 1
+                            if job != NOTHING:
+                                soonest = ti.min(soonest, ti.cast(memory.ms[k + LEFT, lane], ti.i32))
 
-    return run
+    given = Jobs._make((*numbers, scalars2, scalars2, scalars2, scalars1, scalars1))
+    return kernel_of(run, ti.i32, Memory(reals, scalars2, ints2), given, Found(scalars1, ints1, scalars1))

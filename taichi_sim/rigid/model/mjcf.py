@@ -73,9 +73,8 @@ class _Reader:
     floor: Element | None = None
 
     def __post_init__(self) -> None:
-        self.compiler = {name: value for each in self.root.iterfind("compiler") for name, value in each.items()}
-        self.options = {name: value for each in self.root.iterfind("option") for name, value in each.items()}
-        if self.compiler.get("coordinate") == "global" or "settotalmass" in self.compiler:
+        self.compiler, self.option = (_merged(self.root, tag) for tag in ("compiler", "option"))
+        if self.compiler.get("coordinate") == "global" or "settotalmass" in self.compiler.attrib:
             raise ValueError("compiler: global coordinates and settotalmass are not allowed; give a file without them")
         self.degrees = self.compiler.get("angle", "degree") == "degree"
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
@@ -206,8 +205,8 @@ class _Reader:
         motor, command = None, 0
         if name in self.drives:
             command, actuator = self.drives[name]
-            step = self._option("timestep", "0.002")[0]
-            motor, also = drive(actuator, span, rest, number(joint, "damping", "0"), self.speed, self.fastest, 1 / step)
+            damping, quickest = number(joint, "damping", "0"), 1 / self.time_step
+            motor, also = drive(actuator, span, rest, damping, self.speed, self.fastest, quickest)
             used = "damping" if actuator.tag == "position" else ""
             lacking = [each for each in lacking if each != used] + also
         self.ignored.update(dict.fromkeys(each if " " in each else f"{each} of joints" for each in lacking))
@@ -265,30 +264,35 @@ class _Reader:
         pair = [each for each in (geom, self.floor) if each is not None]
         return max(0.0 if each.get("condim") == "1" else numbers(each, "friction", "1")[0] for each in pair)
 
-    def _option(self, name: str, default: str) -> Floats:
-        return numbers(Element("option", self.options), name, default)
+    @property
+    def time_step(self) -> float:
+        """Time step of the file [s]."""
+        return float(numbers(self.option, "timestep", "0.002")[0])
 
     def world(self) -> World:
         """World settings of the file: time step, gravity and friction."""
-        gravity = self._option("gravity", "0 0 -9.81")
+        gravity = numbers(self.option, "gravity", "0 0 -9.81")
         if len(gravity) != 3 or gravity[:2].any():
-            raise ValueError(f"option: gravity {self.options['gravity']!r} is not allowed; give one along z")
+            raise ValueError(f"option: gravity {self.option.get('gravity')!r} is not allowed; give one along z")
         if len(self.frictions) > 1:
             self.ignored[f"frictions below {max(self.frictions):g}, the largest"] = None
-        return World(
-            float(self._option("timestep", "0.002")[0]), float(gravity[2]), friction=max(self.frictions, default=1.0)
-        )
+        return World(self.time_step, float(gravity[2]), friction=max(self.frictions, default=1.0))
 
     def all_ignored(self) -> tuple[str, ...]:
         """Entries of the file that the engine does not support, one for each kind."""
         found = [f"<{tag}>" for tag in sorted({child.tag for child in self.root} - set(_READ))]
-        found += [f"option {name}" for name in self.options if name not in _OPTIONS]
+        found += [f"option {name}" for name in self.option.attrib if name not in _OPTIONS]
         found += sorted({f"<{each.tag}> sensors" for each in self.root.iterfind("sensor/*") if each.tag != "touch"})
         if self.root.find("contact/pair") is not None:
             found.append("<contact> pairs")
         if self.floor is None:
             found.append("that there is no ground, which the engine has at z = 0")
         return (*found, *self.ignored)
+
+
+def _merged(root: Element, tag: str) -> Element:
+    """One element with the attributes of all elements of a tag; where several have one, that of the last."""
+    return Element(tag, {name: value for each in root.iterfind(tag) for name, value in each.items()})
 
 
 def _joints_of(body: Element) -> list[Element]:

@@ -136,7 +136,7 @@ def test_the_layout_for_gpus_gives_the_same_bits(precision):
     first, second = random_signals(21, 34), random_signals(21, 50, seed=1)
     expected = warping_distances(first, second, precision=precision)
     real = Real(precision, 1)
-    on_device = signals._costs_on_device(real, first.astype(real.numpy), second.astype(real.numpy))
+    on_device = signals._costs(real, False, first.astype(real.numpy), second.astype(real.numpy))
     assert np.array_equal(on_device / 84, expected)
 
 
