@@ -14,13 +14,7 @@ from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import shared_types
-from taichi_sim.lattice.stages.contact import (
-    contact_force,
-    listed_slots,
-    place_slots,
-    squared_move,
-    surface_place,
-)
+from taichi_sim.lattice.stages.contact import contact_force, listed_slots, place_slots, squared_move, surface_place
 from taichi_sim.lattice.stages.enclosure import add_pressure, square_stage
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage

@@ -8,13 +8,7 @@ given by functions that a stage and its reverse share. The reverse of a stage ta
 from taichi_sim.autodiff.lanes import accumulate_all, consecutive, load, load_all, store, store_all
 from taichi_sim.autodiff.tracing import pull_back
 from taichi_sim.lattice.laws import group as laws
-from taichi_sim.lattice.materials import (
-    CONSTANT_COLUMNS,
-    CRITICAL_ROTATION,
-    CRITICAL_TRANSLATION,
-    EXPANSION,
-    MASS,
-)
+from taichi_sim.lattice.materials import CONSTANT_COLUMNS, CRITICAL_ROTATION, CRITICAL_TRANSLATION, EXPANSION, MASS
 from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.memory import AGE, BASE, CHANNEL, CHANNEL_WIDTH, CURRENT, CURRENT_WIDTH, RATE, VALUE
