@@ -63,57 +63,33 @@ def turn_onto_axis(x, y, z, length):
 
 
 @law
-def end_forces(
-    edge,
-    k,
-    damping_minus,
-    damping_plus,
-    pull,
-    twist,
-    turning,
-    hx,
-    dy,
-    dz,
-    hy,
-    hz,
-    t1y,
-    t1z,
-    t2y,
-    t2z,
-    h1y,
-    h1z,
-    h2y,
-    h2z,
-    bent: ti.template(),
-):
+def end_forces(edge, stiff, minus, plus, pull, twist, turning, hx, strains, halves, bent: ti.template()):
     """Force F and moment M on the "-" end; force G and moment N that the "+" end gives up; link frame.
 
     The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
     damping roots have the same proportions: B1 = s, B2 = s h/2, B3 = s h^2/6 with s = sqrt(E h). So the combinations
-    of strains and those of their half changes (h...) are the same, with the weights k and g s (half of it for moments).
+    of strains and those of their half changes are the same, with the weights k and g s (half of it for moments).
 
-    With bent = False the rotation t1 is zero and not read.
+    Args:
+        edge: of a voxel [m].
+        stiff, minus, plus: k, and g s at either end.
+        pull, twist, turning: axial force [N], twisting moment [N m], and half its change.
+        hx: half the change of the extension.
+        strains, halves: offset across the axis and rotations of both ends, (dy, dz, t1y, t1z, t2y, t2z); half their
+            changes.
+        bent: whether the "-" end turns; else t1 is not read.
     """
-    ey, ez, ay, az, by, bz = shear_and_bending(edge, dy, dz, t1y, t1z, t2y, t2z, bent)
-    vy, vz, cy, cz, ry, rz = shear_and_bending(edge, hy, hz, h1y, h1z, h2y, h2z, bent)
-    half_minus = 0.5 * damping_minus
-    half_plus = 0.5 * damping_plus
-    ey = k * ey
-    ez = k * ez
-    return (
-        pull + damping_minus * hx,
-        ey + damping_minus * vy,
-        ez + damping_minus * vz,
-        twist + damping_minus * turning,
-        0.0 - (k * ay + half_minus * cy),
-        k * az + half_minus * cz,
-        pull + damping_plus * hx,
-        ey + damping_plus * vy,
-        ez + damping_plus * vz,
-        twist + damping_plus * turning,
-        k * by + half_plus * ry,
-        k * bz + half_plus * rz,
-    )
+    ey, ez, ay, az, by, bz = shear_and_bending(edge, *strains, bent)
+    vy, vz, cy, cz, ry, rz = shear_and_bending(edge, *halves, bent)
+    half_minus = 0.5 * minus
+    half_plus = 0.5 * plus
+    ey = stiff * ey
+    ez = stiff * ez
+    force = pull + minus * hx, ey + minus * vy, ez + minus * vz
+    moment = twist + minus * turning, 0.0 - (stiff * ay + half_minus * cy), stiff * az + half_minus * cz
+    given_force = pull + plus * hx, ey + plus * vy, ez + plus * vz
+    given_moment = twist + plus * turning, stiff * by + half_plus * ry, stiff * bz + half_plus * rz
+    return force + moment + given_force + given_moment
 
 
 @law
@@ -229,30 +205,8 @@ def straight_forces(edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4,
         d1, d2, d3, d4, d5: offset across the axis and rotation.
         h0, h1, h2, h3, h4, h5: half their changes, those of the extension first.
     """
-    turning = 0.5 * root * h3
-    return end_forces(
-        edge,
-        stiff,
-        minus,
-        plus,
-        pull,
-        twist * d3,
-        turning,
-        h0,
-        d1,
-        d2,
-        h1,
-        h2,
-        0.0,
-        0.0,
-        d4,
-        d5,
-        0.0,
-        0.0,
-        h4,
-        h5,
-        False,
-    )
+    strains, halves = (d1, d2, 0.0, 0.0, d4, d5), (h1, h2, 0.0, 0.0, h4, h5)
+    return end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, False)
 
 
 @law
@@ -263,37 +217,18 @@ def turned_forces(
 
     ``small`` and what follows it are of :func:`turned_strains`, the others as in :func:`straight_forces`.
     """
-    is_small = small > 0.5
-    turning = 0.5 * root * h3
-    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = end_forces(
-        edge,
-        stiff,
-        minus,
-        plus,
-        pull,
-        twist * d3,
-        turning,
-        h0,
-        select(is_small, d1, 0.0),
-        select(is_small, d2, 0.0),
-        select(is_small, h1, 0.0),
-        select(is_small, h2, 0.0),
-        select(is_small, 0.0, d1),
-        select(is_small, 0.0, d2),
-        d4,
-        d5,
-        select(is_small, 0.0, h1),
-        select(is_small, 0.0, h2),
-        h4,
-        h5,
-        True,
-    )
+    strains = beside_or_turned(small > 0.5, d1, d2) + (d4, d5)
+    halves = beside_or_turned(small > 0.5, h1, h2) + (h4, h5)
+    ends = end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, True)
     zero = 0.0 * w
-    fx, fy, fz = rotate_back(w, zero, by, bz, fx, fy, fz)
-    mx, my, mz = rotate_back(w, zero, by, bz, mx, my, mz)
-    gx, gy, gz = rotate_back(w, zero, by, bz, gx, gy, gz)
-    nx, ny, nz = rotate_back(w, zero, by, bz, nx, ny, nz)
-    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+    force, moment = rotate_back(w, zero, by, bz, *ends[:3]), rotate_back(w, zero, by, bz, *ends[3:6])
+    return force + moment + rotate_back(w, zero, by, bz, *ends[6:9]) + rotate_back(w, zero, by, bz, *ends[9:])
+
+
+@law
+def beside_or_turned(is_small, y, z):
+    """A deviation across the axis as an offset where angles are small, else as a rotation of the "-" end."""
+    return select(is_small, y, 0.0), select(is_small, z, 0.0), select(is_small, 0.0, y), select(is_small, 0.0, z)
 
 
 @law
