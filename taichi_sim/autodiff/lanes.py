@@ -6,7 +6,7 @@ vector. Only these may touch a real: arithmetic, comparisons, ``&`` and ``|``, `
 of this file. Unary minus, ``abs``, ``-=``, trigonometry and casts do not compile on native vectors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -169,8 +169,14 @@ def accumulate(memory: Any, k: Any, slot: Any, value: Any) -> None:
 @primitive
 def consecutive(first: Any, count: int) -> tuple[Any, ...]:
     """A slot and those after it, ``count`` in all."""
+    return slots_at(first, range(count))
+
+
+@primitive
+def slots_at(first: Any, offsets: Iterable[int]) -> tuple[Any, ...]:
+    """The slots at these offsets from a first one."""
     start = emit(first)
-    return tuple(start + i for i in range(count))
+    return tuple(start + offset for offset in offsets)
 
 
 @primitive

@@ -13,12 +13,13 @@ from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.fused_kernel import Record
 from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.stages import columns
-from taichi_sim.lattice.stages.columns import Undo, in_variables, shared_types
+from taichi_sim.lattice.stages.columns import in_variables, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint, were_near
 from taichi_sim.lattice.stages.enclosure import square_adjoint
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import SQUARES, STATE_SLOTS, VOXELS
+from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.lattice.stages.voxel_adjoint import gauge_adjoint, voxel_adjoint
 from taichi_sim.runtime import GRAIN, kernel_of, ti
 

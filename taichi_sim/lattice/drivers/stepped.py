@@ -12,8 +12,8 @@ from taichi_sim.lattice.drivers.stepped_kernels import Near, Record, stepped_ker
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
-from taichi_sim.lattice.stages.columns import Undo
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
+from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.runtime import ti
 
 PARTNERS_PER_VOXEL = 24  # room for listed neighbours at first; it grows when needed

@@ -13,12 +13,13 @@ from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types, meet_events_back
 from taichi_sim.lattice.drivers.stepped_kernels import Record
 from taichi_sim.lattice.stages import columns
-from taichi_sim.lattice.stages.columns import Shared, Undo, shared_types
+from taichi_sim.lattice.stages.columns import Shared, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import LINKS, SQUARES, STATE_SLOTS, VOXELS
+from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.lattice.stages.voxel_adjoint import gauge_adjoint, voxel_adjoint
 from taichi_sim.runtime import element, emit, kernel_of, ti
 

@@ -43,11 +43,22 @@ SURFACE_COLUMNS = 2
 SQUARE_COLUMNS = 4
 
 CHANNELS_PER_GROUP = QUANTITY_COUNT * CHANNEL_WIDTH
-ACCELERATION, FORCE, MOMENT = int(Quantity.ACCELERATION), int(Quantity.FORCE), int(Quantity.MOMENT)
-TRANSLATION, ROTATION, SCALE = int(Quantity.TRANSLATION), int(Quantity.ROTATION), int(Quantity.SCALE)
-TEMPERATURE, PRESSURE, GLOBAL_DAMPING = int(Quantity.TEMPERATURE), int(Quantity.PRESSURE), int(Quantity.GLOBAL_DAMPING)
-STATIC_FRICTION, KINETIC_FRICTION = int(Quantity.STATIC_FRICTION), int(Quantity.KINETIC_FRICTION)
-RESISTANCE = int(Quantity.RESISTANCE)
+
+
+def channels(*quantities: int, count: int = 1) -> tuple[int, ...]:
+    """Offsets of channels, of so many consecutive ones from each quantity on, from the first of their group."""
+    return tuple((quantity + i) * CHANNEL_WIDTH for quantity in quantities for i in range(count))
+
+
+SIZING = channels(Quantity.TEMPERATURE) + channels(Quantity.SCALE, count=3)
+LOADING = channels(Quantity.ACCELERATION, Quantity.FORCE, count=3) + channels(Quantity.GLOBAL_DAMPING)
+MOMENT, ROTATION = channels(Quantity.MOMENT, count=3), channels(Quantity.ROTATION, count=3)
+TRANSLATION = channels(Quantity.TRANSLATION, count=3)
+PULLING = [channels(Quantity.ACCELERATION + axis, Quantity.FORCE + axis) for axis in range(3)]
+RESISTANCE = channels(Quantity.RESISTANCE, count=2)
+(PRESSURE,), (STATIC_FRICTION,), (KINETIC_FRICTION,) = map(
+    channels, (Quantity.PRESSURE, Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION)
+)
 
 
 class Shared(NamedTuple):
@@ -87,22 +98,3 @@ def shared_types(real: Real, fluid: bool = False, reads: Sequence[str] = Shared.
 def in_variables(shared: Shared) -> Shared:
     """Its numbers as variables of a kernel: what a kernel is given is read again after every store."""
     return shared._replace(**{name: emit(getattr(shared, name)) for name in ("time_step", "edge", "gravity")})
-
-
-class Undo(NamedTuple):
-    """The memories that the reverse of a step works on.
-
-    Attributes:
-        m, k: parameters of the step (channels and what follows from them), and the robot's or block's key to them.
-        record, r: recorded states, and the key to them.
-        a: cotangents, laid out as a robot's memory: of the state, and sums over time of those of the constants; key k.
-        old, new: what shifts a slot of the state to the record before the step, and to that after it.
-    """
-
-    m: Any
-    k: Any
-    record: Any
-    r: Any
-    a: Any
-    old: Any
-    new: Any

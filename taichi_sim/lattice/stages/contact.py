@@ -3,12 +3,17 @@
 See ``groups`` for what the arguments hold.
 """
 
-from taichi_sim.autodiff.lanes import accumulate_all, load, load_all
-from taichi_sim.autodiff.tracing import Condition, pull_back
+from typing import Any
+
+from taichi_sim.autodiff.lanes import consecutive, load, load_all, slots_at
+from taichi_sim.autodiff.tracing import Condition, primitive
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.materials import CONTACT_DAMPING, INVERSE_MASS, STIFFNESS
 from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.undo import before, cotangents_of, parameters_of, reverse
 from taichi_sim.runtime import ti
+
+CONTACT_COLUMNS = (INVERSE_MASS, STIFFNESS, CONTACT_DAMPING)  # of the constants of a group
 
 
 @ti.func
@@ -20,23 +25,20 @@ def group_of(s, t: ti.template()):
 @ti.func
 def place_slots(s, t: ti.template()):
     """Slots of the position of surface voxel s."""
-    voxel = t.plan[memory.VOXEL] + t.surface[columns.SURFACE_COLUMNS * s + columns.SURFACE_VOXEL]
-    return voxel, voxel + 1, voxel + 2
+    return consecutive(t.plan[memory.VOXEL] + t.surface[columns.SURFACE_COLUMNS * s + columns.SURFACE_VOXEL], 3)
 
 
 @ti.func
 def listed_slots(s, t: ti.template()):
     """Slots of where surface voxel s was when the neighbour list was built."""
-    listed = t.plan[memory.LISTED] + 3 * s
-    return listed, listed + 1, listed + 2
+    return consecutive(t.plan[memory.LISTED] + 3 * s, 3)
 
 
 @ti.func
-def motion_slots(base, s, t: ti.template()):
+def motion_slots(s, t: ti.template()):
     """Slots of position and momentum of surface voxel s."""
-    voxel = base + t.plan[memory.VOXEL] + t.surface[columns.SURFACE_COLUMNS * s + columns.SURFACE_VOXEL]
-    momentum = voxel + memory.MOMENTUM
-    return voxel, voxel + 1, voxel + 2, momentum, momentum + 1, momentum + 2
+    place = place_slots(s, t)
+    return place + consecutive(place[0] + memory.MOMENTUM, 3)
 
 
 @ti.func
@@ -49,16 +51,9 @@ def size_slots(s1, s2, t: ti.template()):
 @ti.func
 def material_slots(s1, s2, t: ti.template()):
     """Slots of inverse masses, stiffnesses and damping coefficients of two surface voxels."""
-    c1 = t.plan[memory.CONSTANT] + group_of(s1, t)
-    c2 = t.plan[memory.CONSTANT] + group_of(s2, t)
-    return (
-        c1 + INVERSE_MASS,
-        c2 + INVERSE_MASS,
-        c1 + STIFFNESS,
-        c2 + STIFFNESS,
-        c1 + CONTACT_DAMPING,
-        c2 + CONTACT_DAMPING,
-    )
+    w1, k1, c1 = slots_at(t.plan[memory.CONSTANT] + group_of(s1, t), CONTACT_COLUMNS)
+    w2, k2, c2 = slots_at(t.plan[memory.CONSTANT] + group_of(s2, t), CONTACT_COLUMNS)
+    return w1, w2, k1, k2, c1, c2
 
 
 @ti.func
@@ -71,8 +66,8 @@ def surface_place(m: ti.template(), k, s, t: ti.template()):
 @ti.func
 def contact_force(m: ti.template(), k, s1, s2, dx, dy, dz, limit, near: ti.template(), t: ti.template()):
     """Force on the second of two surface voxels that touch where ``near``; the first feels the opposite."""
-    _, _, _, px, py, pz = load_all(m, k, motion_slots(0, s1, t))
-    _, _, _, qx, qy, qz = load_all(m, k, motion_slots(0, s2, t))
+    _, _, _, px, py, pz = load_all(m, k, motion_slots(s1, t))
+    _, _, _, qx, qy, qz = load_all(m, k, motion_slots(s2, t))
     w1, w2, k1, k2, c1, c2 = load_all(m, k, material_slots(s1, s2, t))
     return contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
 
@@ -90,9 +85,9 @@ def squared_move(m: ti.template(), k, s, x, y, z, t: ti.template()):
 @ti.func
 def were_near(u: ti.template(), s1, s2, t: ti.template()):
     """Where two surface voxels touched, decided as in the step itself."""
-    x1, y1, z1, _, _, _ = load_all(u.record, u.r, motion_slots(u.old, s1, t))
-    x2, y2, z2, _, _, _ = load_all(u.record, u.r, motion_slots(u.old, s2, t))
-    size1, size2 = load_all(u.m, u.k, size_slots(s1, s2, t))
+    x1, y1, z1 = before(u, place_slots(s1, t))
+    x2, y2, z2 = before(u, place_slots(s2, t))
+    size1, size2 = parameters_of(u, size_slots(s1, s2, t))
     limit = contact.reach(size1, size2)
     dx = x2 - x1
     dy = y2 - y1
@@ -100,26 +95,24 @@ def were_near(u: ti.template(), s1, s2, t: ti.template()):
     return dx * dx + dy * dy + dz * dz < limit * limit
 
 
+@primitive
+def decided(near: Any) -> Condition:
+    """Where voxels are near, as laws that are traced take it."""
+    return Condition(near)
+
+
 @ti.func
 def contact_adjoint(u: ti.template(), s1, s2, near, t: ti.template()):
     """Reverse the contact of two surface voxels in the lanes where they are near."""
-    f1 = load_all(u.a, u.k, force_slots(s1, t))
-    f2 = load_all(u.a, u.k, force_slots(s2, t))
+    f1 = cotangents_of(u, force_slots(s1, t))
+    f2 = cotangents_of(u, force_slots(s2, t))
     seeds = (f2[0] - f1[0], f2[1] - f1[1], f2[2] - f1[2])
-    parameters = size_slots(s1, s2, t) + material_slots(s1, s2, t)
-    inputs = (
-        load_all(u.record, u.r, motion_slots(u.old, s1, t))
-        + load_all(u.record, u.r, motion_slots(u.old, s2, t))
-        + load_all(u.m, u.k, parameters)
-    )
-    slots = motion_slots(0, s1, t) + motion_slots(0, s2, t) + parameters
-    accumulate_all(u.a, u.k, slots, ti.static(pull_back(contact.pair_force, inputs, (Condition(near),), seeds)))
+    state, parameters = motion_slots(s1, t) + motion_slots(s2, t), size_slots(s1, s2, t) + material_slots(s1, s2, t)
+    reverse(u, contact.pair_force, state, parameters, (decided(near),), seeds)
 
 
 @ti.func
 def force_slots(s, t: ti.template()):
     """Slots of the cotangents of the force on surface voxel s."""
-    slot = t.plan[memory.FORCE] + 6 * (
-        t.surface[columns.SURFACE_COLUMNS * s + columns.SURFACE_VOXEL] // memory.VOXEL_WIDTH
-    )
-    return slot, slot + 1, slot + 2
+    voxel = t.surface[columns.SURFACE_COLUMNS * s + columns.SURFACE_VOXEL] // memory.VOXEL_WIDTH
+    return consecutive(t.plan[memory.FORCE] + 6 * voxel, 3)

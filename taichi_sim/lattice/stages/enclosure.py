@@ -3,33 +3,33 @@
 See ``groups`` for what the arguments hold.
 """
 
-from taichi_sim.autodiff.lanes import accumulate_all, consecutive, load_all, store_all
-from taichi_sim.autodiff.tracing import pull_back
+from typing import Any
+
+from taichi_sim.autodiff.lanes import consecutive, load_all, store_all
+from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.laws import enclosure
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.groups import channel_slot
-from taichi_sim.runtime import ti
+from taichi_sim.lattice.stages.groups import channels_of
+from taichi_sim.lattice.stages.undo import cotangents_of, reverse
+from taichi_sim.runtime import element, emit, ti
 
 
-@ti.func
-def corner_slots(first, width: ti.template(), q, t: ti.template()):
+@primitive
+def corners(q: Any, t: columns.Shared) -> list[Any]:
+    """Numbers of the voxels at the corners of square q."""
+    return [element(t.square, emit(q * columns.SQUARE_COLUMNS + i)) for i in range(4)]
+
+
+@primitive
+def corner_slots(first: Any, width: int, q: Any, t: columns.Shared) -> tuple[Any, ...]:
     """Slots of three components of each corner of square q, in a section of so many slots a voxel."""
-    a = first + t.square[q * columns.SQUARE_COLUMNS] * width
-    b = first + t.square[q * columns.SQUARE_COLUMNS + 1] * width
-    c = first + t.square[q * columns.SQUARE_COLUMNS + 2] * width
-    d = first + t.square[q * columns.SQUARE_COLUMNS + 3] * width
-    return consecutive(a, 3) + consecutive(b, 3) + consecutive(c, 3) + consecutive(d, 3)
+    return tuple(slot for voxel in corners(q, t) for slot in consecutive(first + voxel * width, 3))
 
 
-@ti.func
-def pressure_slots(q, t: ti.template()):
+@primitive
+def pressure_slots(q: Any, t: columns.Shared) -> tuple[Any, ...]:
     """Slots of the pressures of the corners of square q."""
-    return (
-        channel_slot(t.square[q * columns.SQUARE_COLUMNS], columns.PRESSURE, t),
-        channel_slot(t.square[q * columns.SQUARE_COLUMNS + 1], columns.PRESSURE, t),
-        channel_slot(t.square[q * columns.SQUARE_COLUMNS + 2], columns.PRESSURE, t),
-        channel_slot(t.square[q * columns.SQUARE_COLUMNS + 3], columns.PRESSURE, t),
-    )
+    return tuple(channels_of(voxel, t) + columns.PRESSURE for voxel in corners(q, t))
 
 
 @ti.func
@@ -55,8 +55,5 @@ def add_pressure(m: ti.template(), k, v, fx, fy, fz, t: ti.template()):
 def square_adjoint(u: ti.template(), q, t: ti.template()):
     """Reverse the pressure on square q."""
     places = corner_slots(t.plan[memory.VOXEL], memory.VOXEL_WIDTH, q, t)
-    before = corner_slots(u.old + t.plan[memory.VOXEL], memory.VOXEL_WIDTH, q, t)
-    pressures = pressure_slots(q, t)
-    inputs = load_all(u.record, u.r, before) + load_all(u.m, u.k, pressures)
-    seeds = load_all(u.a, u.k, corner_slots(t.plan[memory.FORCE], 6, q, t))
-    accumulate_all(u.a, u.k, places + pressures, ti.static(pull_back(enclosure.pressed_square, inputs, (), seeds)))
+    seeds = cotangents_of(u, corner_slots(t.plan[memory.FORCE], 6, q, t))
+    reverse(u, enclosure.pressed_square, places, pressure_slots(q, t), (), seeds)

@@ -5,48 +5,32 @@ See ``groups`` for what the arguments hold.
 
 from typing import Any
 
-from taichi_sim.autodiff.lanes import (
-    accumulate_all,
-    all_lanes,
-    consecutive,
-    load,
-    load_all,
-    select_all,
-    store,
-    store_all,
-)
+from taichi_sim.autodiff.lanes import all_lanes, consecutive, load, load_all, select_all, slots_at, store, store_all
 from taichi_sim.autodiff.rotations import apply, matrix
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.undo import before, cotangents_of, give, parameters_of, reverse
 from taichi_sim.runtime import ti
+
+BENDING = (materials.STIFF, materials.DAMP_MINUS, materials.DAMP_PLUS, materials.TWIST, materials.TWIST_ROOT)
 
 
 @ti.func
-def pose_slots(base, l, t: ti.template()):
+def pose_slots(l, t: ti.template()):
     """Slots of the positions and orientations of a link's two voxels, components along its axis first."""
-    row = l * columns.LINK_COLUMNS
-    p1 = base + t.plan[memory.VOXEL] + t.link[row + columns.LINK_MINUS]
-    p2 = base + t.plan[memory.VOXEL] + t.link[row + columns.LINK_PLUS]
-    a, b, c = link_axes(l, t)
-    q1, q2 = p1 + memory.ORIENTATION, p2 + memory.ORIENTATION
-    return (
-        p1 + a,
-        p1 + b,
-        p1 + c,
-        q1,
-        q1 + 1 + a,
-        q1 + 1 + b,
-        q1 + 1 + c,
-        p2 + a,
-        p2 + b,
-        p2 + c,
-        q2,
-        q2 + 1 + a,
-        q2 + 1 + b,
-        q2 + 1 + c,
-    )
+    row, axes = l * columns.LINK_COLUMNS, link_axes(l, t)
+    minus, plus = t.link[row + columns.LINK_MINUS], t.link[row + columns.LINK_PLUS]
+    return turned_pose(t.plan[memory.VOXEL] + minus, axes) + turned_pose(t.plan[memory.VOXEL] + plus, axes)
+
+
+@ti.func
+def turned_pose(voxel, axes: ti.template()):
+    """Slots of the position and orientation of the voxel at a slot, components along an axis first."""
+    a, b, c = axes
+    turn = voxel + memory.ORIENTATION
+    return voxel + a, voxel + b, voxel + c, turn, turn + 1 + a, turn + 1 + b, turn + 1 + c
 
 
 @ti.func
@@ -70,13 +54,7 @@ def beam_slot(l, t: ti.template()):
 @ti.func
 def bending_slots(beam):
     """Slots of the constants of a beam that its forces need besides the axial one's."""
-    return (
-        beam + materials.STIFF,
-        beam + materials.DAMP_MINUS,
-        beam + materials.DAMP_PLUS,
-        beam + materials.TWIST,
-        beam + materials.TWIST_ROOT,
-    )
+    return slots_at(beam, BENDING)
 
 
 @ti.func
@@ -86,13 +64,13 @@ def axial_slots(rest, beam):
 
 
 @ti.func
-def transverse_slots(base, l, t: ti.template()):
+def transverse_slots(l, t: ti.template()):
     """Slots of the two transverse strains of either voxel of a link."""
     row = l * columns.LINK_COLUMNS
     first = t.link[row + columns.LINK_FIRST] * columns.VOXEL_COLUMNS
     second = t.link[row + columns.LINK_SECOND] * columns.VOXEL_COLUMNS
-    s1 = base + t.plan[memory.STRAIN] + t.voxel[first + columns.GAUGE] + 3
-    s2 = base + t.plan[memory.STRAIN] + t.voxel[second + columns.GAUGE] + 3
+    s1 = t.plan[memory.STRAIN] + t.voxel[first + columns.GAUGE] + 3
+    s2 = t.plan[memory.STRAIN] + t.voxel[second + columns.GAUGE] + 3
     _, b, c = link_axes(l, t)
     return s1 + b, s1 + c, s2 + b, s2 + c
 
@@ -123,7 +101,7 @@ def link_stage(m: ti.template(), k, l, t: ti.template()):
 
     World frame, components along the link's axis first.
     """
-    x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2 = load_all(m, k, pose_slots(0, l, t))
+    x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2 = load_all(m, k, pose_slots(l, t))
     x, y, z, qw, qx, qy, qz = laws.relative_pose(x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2)
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(m, k, l, x, y, z, qw, qx, qy, qz, t)
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, qa, qb, qc)
@@ -180,7 +158,7 @@ def axial_force(m: ti.template(), k, l, rest, beam, extension, t: ti.template())
         store(m, k, mark, select(tension <= laws.DIVERGED_STRAIN, load(m, k, mark), 1.0))
     force = laws.axial_force(tension, load(m, k, beam + materials.AXIAL))
     if t.plan[memory.POISSON_ON] != 0:
-        squeeze, area = laws.cross_section(*load_all(m, k, transverse_slots(0, l, t)))
+        squeeze, area = laws.cross_section(*load_all(m, k, transverse_slots(l, t)))
         force = laws.squeezed_force(force, load(m, k, beam + materials.TRANSVERSE), squeeze, area)
     return force
 
@@ -219,40 +197,37 @@ def whole_link(*given: Any) -> Any:
 @ti.func
 def link_adjoint(u: ti.template(), l, t: ti.template()):
     """Reverse link l: reads the cotangents of its voxels' forces (FORCE) and of its new memory (LINK)."""
-    poses = load_all(u.record, u.r, pose_slots(u.old, l, t))
+    poses = before(u, pose_slots(l, t))
     slot, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
-    past = load_all(u.record, u.r, consecutive(u.old + slot, 6))
-    constants = load_all(u.m, u.k, axial_slots(rest, beam) + bending_slots(beam))
-    axes = link_axes(l, t)
+    past, axes = consecutive(slot, 6), link_axes(l, t)
+    constants = parameters_of(u, axial_slots(rest, beam) + bending_slots(beam))
     first = t.link[l * columns.LINK_COLUMNS + columns.LINK_FIRST]
     second = t.link[l * columns.LINK_COLUMNS + columns.LINK_SECOND]
-    gained = load_all(u.a, u.k, end_slots(t.plan[memory.FORCE] + 6 * first, axes))
-    lost = load_all(u.a, u.k, end_slots(t.plan[memory.FORCE] + 6 * second, axes))
-    seeds = gained + ti.static(tuple([0.0 - x for x in lost])) + load_all(u.a, u.k, consecutive(slot, 6))
+    gained = cotangents_of(u, end_slots(t.plan[memory.FORCE] + 6 * first, axes))
+    lost = cotangents_of(u, end_slots(t.plan[memory.FORCE] + 6 * second, axes))
+    seeds = gained + ti.static(tuple([0.0 - x for x in lost])) + cotangents_of(u, past)
     squeeze = 0.0 * constants[0]
     area = 1.0 + squeeze
     if t.plan[memory.POISSON_ON] != 0:
-        squeeze, area = laws.cross_section(*load_all(u.record, u.r, transverse_slots(u.old, l, t)))
-    inputs = poses + past + constants + (squeeze, area)
-    before = load(u.record, u.r, u.old + slot + memory.REGIME)
+        squeeze, area = laws.cross_section(*before(u, transverse_slots(l, t)))
+    inputs = poses + before(u, past) + constants + (squeeze, area)
+    (regime,) = before(u, (slot + memory.REGIME,))
     x, y, z, _, _, _, _ = laws.relative_pose(*poses)
-    straight = is_straight(before, x, y, z, constants[0])
-    g = ti.static(pull_back(whole_link, inputs, (t.edge, before, t.fluid, False), seeds))
+    straight = is_straight(regime, x, y, z, constants[0])
+    g = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, False), seeds))
     if all_lanes(straight):
-        give(u, l, t, g)
+        give_link(u, l, t, g)
     else:  # the laws agree on straight links, but their reverses add in other orders: each lane must have its own
-        g_turned = ti.static(pull_back(whole_link, inputs, (t.edge, before, t.fluid, True), seeds))
-        give(u, l, t, select_all(straight, g, g_turned))
+        g_turned = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, True), seeds))
+        give_link(u, l, t, select_all(straight, g, g_turned))
 
 
 @ti.func
-def give(u: ti.template(), l, t: ti.template(), cotangents: ti.template()):
+def give_link(u: ti.template(), l, t: ti.template(), cotangents: ti.template()):
     """Add the cotangents of a link's inputs to those of state and constants."""
-    accumulate_all(u.a, u.k, pose_slots(0, l, t), cotangents[:14])
+    give(u, pose_slots(l, t), cotangents[:14])
     store_all(u.a, u.k, consecutive(past_slot(l, t), 6), cotangents[14:20])  # those of the new memory have been taken
     rest, beam = rest_slot(l, t), beam_slot(l, t)
-    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), cotangents[20:29])
+    give(u, axial_slots(rest, beam) + bending_slots(beam), cotangents[20:29])
     if t.plan[memory.POISSON_ON] != 0:
-        strains = load_all(u.record, u.r, transverse_slots(u.old, l, t))
-        shares = ti.static(pull_back(laws.cross_section, strains, (), cotangents[29:]))
-        accumulate_all(u.a, u.k, transverse_slots(0, l, t), shares)
+        reverse(u, laws.cross_section, transverse_slots(l, t), (), (), cotangents[29:])

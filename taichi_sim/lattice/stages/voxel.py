@@ -5,15 +5,15 @@ See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
 
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, store, store_all
-from taichi_sim.autodiff.tracing import select
+from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, slots_at, store, store_all
+from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.groups import channel_slot
+from taichi_sim.lattice.stages.groups import channels_of
 from taichi_sim.lattice.stages.link import beam_slot, rest_slot
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import element, emit, ti
 
 
 @ti.func
@@ -30,20 +30,12 @@ class Group(NamedTuple):
     channels: Any
 
 
-@ti.func
-def group_places(v, t: ti.template()):
-    """What :class:`Group` holds, of voxel v."""
-    row = v * columns.VOXEL_COLUMNS
-    group = t.voxel[row + columns.GROUP]
-    channels = t.plan[memory.CHANNEL] + t.voxel[row + columns.CHANNELS] + memory.VALUE
-    return t.plan[memory.CONSTANT] + group, t.plan[memory.CURRENT] + group, channels
-
-
-@ti.func
-def channel_slots(g: ti.template(), quantity: ti.template()):
-    """Slots of three consecutive channels of a group."""
-    slot = g.channels + quantity * memory.CHANNEL_WIDTH
-    return slot, slot + memory.CHANNEL_WIDTH, slot + 2 * memory.CHANNEL_WIDTH
+@primitive
+def group_of(v: Any, t: columns.Shared) -> Group:
+    """The group of voxel v."""
+    group = element(t.voxel, emit(v * columns.VOXEL_COLUMNS + columns.GROUP))
+    starts = element(t.plan, memory.CONSTANT) + group, element(t.plan, memory.CURRENT) + group
+    return Group(*map(emit, (*starts, channels_of(v, t))))
 
 
 @ti.func
@@ -67,29 +59,21 @@ def rotation_slots(g: ti.template()):
 @ti.func
 def floor_slots(g: ti.template()):
     """Slots of mean size, stiffness and damping of contact, and kinetic friction."""
-    return (
-        g.current + memory.MEAN_SIZE,
-        g.constant + materials.STIFFNESS,
-        g.constant + materials.CONTACT_DAMPING,
-        g.channels + columns.KINETIC_FRICTION * memory.CHANNEL_WIDTH,
-    )
+    contact = slots_at(g.constant, (materials.STIFFNESS, materials.CONTACT_DAMPING))
+    return (g.current + memory.MEAN_SIZE,) + contact + (g.channels + columns.KINETIC_FRICTION,)
 
 
 @ti.func
 def face_slots(g: ti.template()):
     """Slots of rest sizes and pressure."""
-    return consecutive(g.current + memory.SIZE, 3) + (g.channels + columns.PRESSURE * memory.CHANNEL_WIDTH,)
+    return consecutive(g.current + memory.SIZE, 3) + (g.channels + columns.PRESSURE,)
 
 
 @ti.func
 def drag_slots(g: ti.template()):
     """Slots of inverse mass, rest sizes, and both resistances of the fluid around a voxel."""
-    resistance = g.channels + columns.RESISTANCE * memory.CHANNEL_WIDTH
-    return (
-        (g.constant + materials.INVERSE_MASS,)
-        + consecutive(g.current + memory.SIZE, 3)
-        + (resistance, resistance + memory.CHANNEL_WIDTH)
-    )
+    sizes = consecutive(g.current + memory.SIZE, 3)
+    return (g.constant + materials.INVERSE_MASS,) + sizes + slots_at(g.channels, columns.RESISTANCE)
 
 
 @ti.func
@@ -103,8 +87,7 @@ def share_slots(l, side: ti.template(), t: ti.template()):
 def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: ti.template()):
     """Integrate voxel v under the forces F and moments M of its links and the contact force c, world; its new place."""
     voxel = voxel_slot(v, t)
-    constant, current, channels = group_places(v, t)
-    g = ti.static(Group(constant, current, channels))
+    g = ti.static(group_of(v, t))
     x, y, z, qw, qx, qy, qz = load_all(m, k, consecutive(voxel, 7))
     px, py, pz = load_all(m, k, consecutive(voxel + memory.MOMENTUM, 3))
     if t.voxel[v * columns.VOXEL_COLUMNS + columns.FEELS_PRESSURE] != 0:
@@ -120,7 +103,7 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
     fx, fy, fz = motion.damped_force(fx + ax, fy + ay, fz + az, px, py, pz, inverse_mass, drag, cx, cy, cz)
     px, py, pz = push(m, k, voxel + memory.STICKS, px, py, pz, fx, fy, fz, z, inverse_mass, g, t)
     lx, ly, lz = load_all(m, k, consecutive(voxel + memory.ANGULAR_MOMENTUM, 3))
-    ax, ay, az = load_all(m, k, channel_slots(g, columns.MOMENT))
+    ax, ay, az = load_all(m, k, slots_at(g.channels, columns.MOMENT))
     inverse_inertia, drag = load_all(m, k, rotation_slots(g))
     mx, my, mz = motion.damped_moment(mx + ax, my + ay, mz + az, lx, ly, lz, inverse_inertia, drag)
     lx, ly, lz = motion.accelerated(lx, ly, lz, mx, my, mz, t.time_step)
@@ -133,12 +116,12 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
         x, y, z, qw, qx, qy, qz, px, py, pz, lx, ly, lz, inverse_mass, inverse_inertia, t.time_step
     )
     if bits != 0:
-        ax, ay, az = load_all(m, k, channel_slots(g, columns.TRANSLATION))
+        ax, ay, az = load_all(m, k, slots_at(g.channels, columns.TRANSLATION))
         x = held(bits, 1, x, t.start[v, 0] + ax)
         y = held(bits, 2, y, t.start[v, 1] + ay)
         z = held(bits, 4, z, t.start[v, 2] + az)
         if bits >= 8:
-            turn = load_all(m, k, channel_slots(g, columns.ROTATION))
+            turn = load_all(m, k, slots_at(g.channels, columns.ROTATION))
             qw, qx, qy, qz = motion.held_rotation(qw, qx, qy, qz, *turn, *held_turns(bits, inverse_mass))
     store_all(m, k, consecutive(voxel, 7), (x, y, z, qw, qx, qy, qz))
     store_all(m, k, consecutive(voxel + memory.MOMENTUM, 6), (px, py, pz, lx, ly, lz))
@@ -159,7 +142,7 @@ def push(m: ti.template(), k, sticking, px, py, pz, fx, fy, fz, z, inverse_mass,
         vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
         sticks = load(m, k, sticking)
         fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
-        holds = load(m, k, g.channels + columns.STATIC_FRICTION * memory.CHANNEL_WIDTH)
+        holds = load(m, k, g.channels + columns.STATIC_FRICTION)
         loose = floor.breaks_loose(fx, fy, holds, normal)
         rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
         px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
@@ -200,14 +183,10 @@ def wet_faces(v, t: ti.template()):
 def pressed_faces(v, t: ti.template()):
     """Half the number of links along each axis, and the normals of the voxel's pressurised faces."""
     normal = v * columns.VOXEL_COLUMNS + columns.NORMAL
-    return (
-        0.5 * ti.cast(link_count(v, 0, t), float),
-        0.5 * ti.cast(link_count(v, 1, t), float),
-        0.5 * ti.cast(link_count(v, 2, t), float),
-        ti.cast(t.voxel[normal], float),
-        ti.cast(t.voxel[normal + 1], float),
-        ti.cast(t.voxel[normal + 2], float),
-    )
+    links = link_count(v, 0, t), link_count(v, 1, t), link_count(v, 2, t)
+    halves = 0.5 * ti.cast(links[0], float), 0.5 * ti.cast(links[1], float), 0.5 * ti.cast(links[2], float)
+    nx, ny, nz = t.voxel[normal], t.voxel[normal + 1], t.voxel[normal + 2]
+    return halves + (ti.cast(nx, float), ti.cast(ny, float), ti.cast(nz, float))
 
 
 @ti.func
@@ -224,7 +203,7 @@ def gauge_stage(m: ti.template(), k, v, t: ti.template()):
     ex, ey, ez = axis_strain(m, k, v, 0, t), axis_strain(m, k, v, 1, t), axis_strain(m, k, v, 2, t)
     store_all(m, k, consecutive(gauge, 3), (ex, ey, ez))
     if t.plan[memory.POISSON_ON] != 0:
-        nu = load(m, k, group_places(v, t)[0] + materials.NU)
+        nu = load(m, k, ti.static(group_of(v, t)).constant + materials.NU)
         strains = motion.poisson_strains(ex, ey, ez, nu, *tensions(m, k, v, t))
         store_all(m, k, consecutive(gauge + 3, 3), strains)
 
@@ -252,8 +231,8 @@ def tensions(m: ti.template(), k, v, t: ti.template()):
 @ti.func
 def in_tension(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
     """1 for two links, or one and something to pull against: a held degree of freedom or an external force; else 0."""
-    force = load(m, k, channel_slot(v, columns.FORCE + axis, t))
-    pull = force + load(m, k, channel_slot(v, columns.ACCELERATION + axis, t))
+    acceleration, force = load_all(m, k, slots_at(channels_of(v, t), ti.static(columns.PULLING[axis])))
+    pull = force + acceleration
     tension = 0.0 * pull
     count = link_count(v, axis, t)
     if count == 2:

@@ -6,41 +6,15 @@ linearly. Whether it stuck or slid is as recorded. See ``groups`` for what the a
 
 from typing import Any
 
-from taichi_sim.autodiff.lanes import (
-    accumulate,
-    accumulate_all,
-    any_lane,
-    consecutive,
-    load,
-    load_all,
-    select_all,
-    store_all,
-)
+from taichi_sim.autodiff.lanes import any_lane, consecutive, select_all, slots_at, store_all
 from taichi_sim.autodiff.tracing import primitive, pull_back
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.groups import take_all
-from taichi_sim.lattice.stages.voxel import (
-    Group,
-    channel_slots,
-    drag_slots,
-    face_slots,
-    floor_slots,
-    gauge_slot,
-    group_places,
-    held,
-    held_turns,
-    link_count,
-    momentum_slots,
-    pressed_faces,
-    rotation_slots,
-    share_slots,
-    tensions,
-    voxel_slot,
-    wet_faces,
-)
+from taichi_sim.lattice.stages import voxel as stage
+from taichi_sim.lattice.stages.undo import after, before, cotangents_of, give, parameters_of, reverse, take_all
+from taichi_sim.lattice.stages.voxel import held, voxel_slot
 from taichi_sim.runtime import ti
 
 
@@ -54,19 +28,18 @@ def force_slots(v, t: ti.template()):
 def voxel_adjoint(u: ti.template(), v, t: ti.template()):
     """Reverse voxel v: from the cotangents of its new state to those of its old one and of its force and moment."""
     voxel = voxel_slot(v, t)
-    constant, current, channels = group_places(v, t)
-    g = ti.static(Group(constant, current, channels))
-    inverses = (constant + materials.INVERSE_MASS, constant + materials.INVERSE_INERTIA)
-    inverse_mass, inverse_inertia = load_all(u.m, u.k, inverses)
+    g = ti.static(stage.group_of(v, t))
+    inverses = (g.constant + materials.INVERSE_MASS, g.constant + materials.INVERSE_INERTIA)
+    inverse_mass, inverse_inertia = parameters_of(u, inverses)
     bits = t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED]
-    cx, cy, cz, cw, ca, cb, cc = load_all(u.a, u.k, consecutive(voxel, 7))
-    gx, gy, gz, hx, hy, hz = load_all(u.a, u.k, consecutive(voxel + memory.MOMENTUM, 6))
-    pose = load_all(u.record, u.r, consecutive(u.old + voxel, 7))
-    momenta = load_all(u.record, u.r, consecutive(u.new + voxel + memory.MOMENTUM, 6))
+    cx, cy, cz, cw, ca, cb, cc = cotangents_of(u, consecutive(voxel, 7))
+    gx, gy, gz, hx, hy, hz = cotangents_of(u, consecutive(voxel + memory.MOMENTUM, 6))
+    pose = before(u, consecutive(voxel, 7))
+    momenta = after(u, consecutive(voxel + memory.MOMENTUM, 6))
     zero = 0.0 * inverse_mass
     if bits != 0:
         moved = held(bits, 1, zero, cx), held(bits, 2, zero, cy), held(bits, 4, zero, cz)
-        accumulate_all(u.a, u.k, channel_slots(g, columns.TRANSLATION), moved)
+        give(u, slots_at(g.channels, columns.TRANSLATION), moved)
         cx, cy, cz = held(bits, 1, cx, zero), held(bits, 2, cy, zero), held(bits, 4, cz, zero)
         if bits >= 8:
             free = motion.rotate_by_momentum(*pose[3:], *momenta[3:], t.time_step * inverse_inertia)
@@ -78,23 +51,27 @@ def voxel_adjoint(u: ti.template(), v, t: ti.template()):
     if bits != 0:
         gx, gy, gz = held(bits, 1, gx, zero), held(bits, 2, gy, zero), held(bits, 4, gz, zero)
         hx, hy, hz = held(bits, 8, hx, zero), held(bits, 16, hy, zero), held(bits, 32, hz, zero)
-    accumulate_all(u.a, u.k, inverses, p[13:])
+    give(u, inverses, p[13:])
     rotation_adjoint(u, v, g, t, (hx, hy, hz))
     store_all(u.a, u.k, consecutive(voxel, 7), p[:7])
     momentum_adjoint(u, v, g, t, (gx, gy, gz))
     if t.voxel[v * columns.VOXEL_COLUMNS + columns.FEELS_PRESSURE] != 0:
-        pressure_adjoint(u, v, g, t)
+        state = consecutive(voxel + memory.ORIENTATION, 4) + consecutive(stage.gauge_slot(v, t), 3)
+        seeds = cotangents_of(u, force_slots(v, t))
+        reverse(u, motion.face_force, state, stage.face_slots(g), stage.pressed_faces(v, t), seeds)
     if t.plan[memory.FLUID_ON] != 0:
-        drag_adjoint(u, v, g, t)
+        state = consecutive(voxel + memory.ORIENTATION, 7)  # the momentum follows the orientation
+        seeds = cotangents_of(u, force_slots(v, t))
+        reverse(u, fluid.drag, state, stage.drag_slots(g), stage.wet_faces(v, t), seeds)
 
 
 @ti.func
 def held_adjoint(u: ti.template(), bits, g: ti.template(), free: ti.template(), seeds: ti.template()):
     """Reverse the hold on a voxel's rotation; the cotangents of its free orientation."""
-    slots = channel_slots(g, columns.ROTATION)
-    inputs = free + load_all(u.m, u.k, slots)
-    found = ti.static(pull_back(motion.held_rotation, inputs, held_turns(bits, inputs[4]), seeds))
-    accumulate_all(u.a, u.k, slots, found[4:])
+    slots = slots_at(g.channels, columns.ROTATION)
+    inputs = free + parameters_of(u, slots)
+    found = ti.static(pull_back(motion.held_rotation, inputs, stage.held_turns(bits, inputs[4]), seeds))
+    give(u, slots, found[4:])
     return found[0], found[1], found[2], found[3]
 
 
@@ -108,15 +85,14 @@ def turned(*given: Any) -> Any:
 @ti.func
 def rotation_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template()):
     """Reverse the change of angular momentum; gives the cotangents of the moment."""
-    momentum = voxel_slot(v, t) + memory.ANGULAR_MOMENTUM
-    old = load_all(u.record, u.r, consecutive(u.old + momentum, 3))
+    momentum = consecutive(voxel_slot(v, t) + memory.ANGULAR_MOMENTUM, 3)
+    old = before(u, momentum)
     zero = 0.0 * old[0]
-    inputs = old + (zero, zero, zero) + load_all(u.m, u.k, rotation_slots(g))
+    inputs = old + (zero, zero, zero) + parameters_of(u, stage.rotation_slots(g))
     found = ti.static(pull_back(turned, inputs, (t.time_step,), seeds))
-    store_all(u.a, u.k, consecutive(momentum, 3), found[:3])
+    store_all(u.a, u.k, momentum, found[:3])
     store_all(u.a, u.k, consecutive(t.plan[memory.FORCE] + 6 * v + 3, 3), found[3:6])
-    accumulate_all(u.a, u.k, channel_slots(g, columns.MOMENT), found[3:6])
-    accumulate_all(u.a, u.k, rotation_slots(g), found[6:])
+    give(u, slots_at(g.channels, columns.MOMENT) + stage.rotation_slots(g), found[3:])
 
 
 @primitive
@@ -143,26 +119,25 @@ def pushed(*given: Any) -> Any:
 def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template()):
     """Reverse the change of momentum, floor and friction included; gives the cotangents of the force."""
     voxel = voxel_slot(v, t)
-    z, sticks = load_all(u.record, u.r, (u.old + voxel + 2, u.old + voxel + memory.STICKS))
-    stuck = load(u.record, u.r, u.new + voxel + memory.STICKS)
-    touches = floor.penetration(load(u.m, u.k, g.current + memory.MEAN_SIZE), t.edge, z) >= 0.0
+    z, sticks = before(u, (voxel + 2, voxel + memory.STICKS))
+    (stuck,) = after(u, (voxel + memory.STICKS,))
+    slots = stage.momentum_slots(g) + stage.floor_slots(g)
+    values = parameters_of(u, slots)
+    touches = floor.penetration(values[2], t.edge, z) >= 0.0
     on_floor = t.plan[memory.FLOOR_ON] != 0
     if on_floor:
         on_floor = any_lane(touches)
-    old = load_all(u.record, u.r, consecutive(u.old + voxel + memory.MOMENTUM, 3))
     zero = 0.0 * z
-    slots = momentum_slots(g) + floor_slots(g)
-    values = load_all(u.m, u.k, slots)
-    inputs = old + (zero, zero, zero) + values[:2] + (z,) + values[2:]
+    momentum = before(u, consecutive(voxel + memory.MOMENTUM, 3))
+    inputs = momentum + (zero, zero, zero) + values[:2] + (z,) + values[2:]
     above = ti.static(pull_back(pushed, inputs, (t.time_step, t.edge, sticks, stuck, False), seeds))
     if on_floor:  # on the floor terms add in another order, so lanes above it keep their own
         landed = ti.static(pull_back(pushed, inputs, (t.time_step, t.edge, sticks, stuck, True), seeds))
         p = select_all(touches, landed, above)
-        accumulate(u.a, u.k, voxel + 2, p[8])
-        accumulate_all(u.a, u.k, slots, p[6:8] + p[9:])
+        give(u, (voxel + 2,) + slots, p[8:9] + p[6:8] + p[9:])
         give_force(u, v, g, t, p[:6])
     else:
-        accumulate_all(u.a, u.k, slots[:2], above[6:8])
+        give(u, slots[:2], above[6:8])
         give_force(u, v, g, t, above[:6])
 
 
@@ -171,45 +146,21 @@ def give_force(u: ti.template(), v, g: ti.template(), t: ti.template(), found: t
     """Store the cotangents of momentum and force; those of the external force add to its group's."""
     store_all(u.a, u.k, consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3), found[:3])
     store_all(u.a, u.k, force_slots(v, t), found[3:])
-    accumulate_all(u.a, u.k, consecutive(g.current + memory.PUSH, 3), found[3:])
-
-
-@ti.func
-def pressure_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template()):
-    """Reverse the force of the pressure on a voxel's faces."""
-    orientation, gauge = voxel_slot(v, t) + memory.ORIENTATION, gauge_slot(v, t)
-    inputs = (
-        load_all(u.record, u.r, consecutive(u.old + orientation, 4))
-        + load_all(u.record, u.r, consecutive(u.old + gauge, 3))
-        + load_all(u.m, u.k, face_slots(g))
-    )
-    seeds = load_all(u.a, u.k, force_slots(v, t))
-    found = ti.static(pull_back(motion.face_force, inputs, pressed_faces(v, t), seeds))
-    accumulate_all(u.a, u.k, consecutive(orientation, 4) + consecutive(gauge, 3) + face_slots(g), found)
-
-
-@ti.func
-def drag_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template()):
-    """Reverse the drag of a fluid."""
-    motion_slot = voxel_slot(v, t) + memory.ORIENTATION  # the momentum follows the orientation
-    inputs = load_all(u.record, u.r, consecutive(u.old + motion_slot, 7)) + load_all(u.m, u.k, drag_slots(g))
-    seeds = load_all(u.a, u.k, force_slots(v, t))
-    found = ti.static(pull_back(fluid.drag, inputs, wet_faces(v, t), seeds))
-    accumulate_all(u.a, u.k, consecutive(motion_slot, 7) + drag_slots(g), found)
+    give(u, consecutive(g.current + memory.PUSH, 3), found[3:])
 
 
 @ti.func
 def gauge_adjoint(u: ti.template(), v, t: ti.template()):
     """Reverse a voxel's gauges: takes the cotangents of its new strains to those of its links' new memory."""
-    gauge = gauge_slot(v, t)
-    gx, gy, gz = take_all(u, consecutive(gauge, 3))
+    gauge = consecutive(stage.gauge_slot(v, t), 3)
+    gx, gy, gz = take_all(u, gauge)
     if t.plan[memory.POISSON_ON] != 0:
-        nu = group_places(v, t)[0] + materials.NU
-        inputs = load_all(u.record, u.r, consecutive(u.new + gauge, 3)) + (load(u.m, u.k, nu),)
-        seeds = take_all(u, consecutive(gauge + 3, 3))
-        found = ti.static(pull_back(motion.poisson_strains, inputs, tensions(u.m, u.k, v, t), seeds))
+        nu = ti.static(stage.group_of(v, t)).constant + materials.NU
+        inputs = after(u, gauge) + parameters_of(u, (nu,))
+        seeds = take_all(u, consecutive(gauge[0] + 3, 3))
+        found = ti.static(pull_back(motion.poisson_strains, inputs, stage.tensions(u.m, u.k, v, t), seeds))
         gx, gy, gz = gx + found[0], gy + found[1], gz + found[2]
-        accumulate(u.a, u.k, nu, found[3])
+        give(u, (nu,), found[3:])
     axis_adjoint(u, v, 0, gx, t)
     axis_adjoint(u, v, 1, gy, t)
     axis_adjoint(u, v, 2, gz, t)
@@ -218,12 +169,11 @@ def gauge_adjoint(u: ti.template(), v, t: ti.template()):
 @ti.func
 def axis_adjoint(u: ti.template(), v, axis: ti.template(), seed, t: ti.template()):
     """Reverse :func:`voxel.axis_strain`."""
-    if link_count(v, axis, t) == 2:
+    if stage.link_count(v, axis, t) == 2:
         seed = 0.5 * seed
+    now = ti.static(u._replace(old=u.new))  # the links are done
     for side in ti.static(range(2)):
         l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + side]
         if l >= 0:
             extension = t.plan[memory.LINK] + l * memory.LINK_WIDTH
-            inputs = (load(u.record, u.r, u.new + extension),) + load_all(u.m, u.k, share_slots(l, side, t))
-            found = ti.static(pull_back(beams.shared_strain, inputs, (), (seed,)))
-            accumulate_all(u.a, u.k, (extension,) + share_slots(l, side, t), found)
+            reverse(now, beams.shared_strain, (extension,), stage.share_slots(l, side, t), (), (seed,))
