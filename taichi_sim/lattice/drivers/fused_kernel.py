@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, any_lane, consecutive, ints, larger, load, load_all, store_all
 from taichi_sim.lattice.drivers import marks as marking
-from taichi_sim.lattice.drivers.marks import mark_types
+from taichi_sim.lattice.drivers.marks import Marks, mark_types
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import in_variables, shared_types
@@ -22,7 +22,7 @@ from taichi_sim.lattice.stages.enclosure import add_pressure, square_stage
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import FORCE, MONITOR, STATE_SLOTS
-from taichi_sim.lattice.stages.neighbours import LIST, NOWHERE, list_types, rebuild_lane
+from taichi_sim.lattice.stages.neighbours import LIST, NOWHERE, Lists, list_types, rebuild_lane
 from taichi_sim.lattice.stages.voxel import gauge_stage, voxel_stage
 from taichi_sim.runtime import GRAIN, kernel_of, ti
 
@@ -53,99 +53,113 @@ class Record(NamedTuple):
     start: Any = None
 
 
+class Block(NamedTuple):
+    """A block of robots in a kernel.
+
+    Attributes:
+        m, ms, parked: memories as reals and as scalars, and the states of parked robots.
+        number, k, width: of the block; its first slot; its lanes.
+        lists: neighbours of all blocks.
+        marks: programs and recordings of all blocks.
+        log: the record, if any.
+    """
+
+    m: Any
+    ms: Any
+    parked: Any
+    number: Any
+    k: Any
+    width: int
+    lists: Lists
+    marks: Marks
+    log: Record
+
+
 @ti.func
-def park(ms: ti.template(), parked: ti.template(), block, k, lane, t: ti.template()):
+def park(b: ti.template(), lane, t: ti.template()):
     """Copy a robot's state away."""
     for slot in range(t.plan[STATE_SLOTS]):
-        parked[block * t.plan[STATE_SLOTS] + slot, lane] = ms[k + slot, lane]
+        b.parked[b.number * t.plan[STATE_SLOTS] + slot, lane] = b.ms[b.k + slot, lane]
 
 
 @ti.func
-def handle_marks(
-    ms: ti.template(),
-    parked: ti.template(),
-    block,
-    k,
-    step,
-    width: ti.template(),
-    t: ti.template(),
-    marks: ti.template(),
-    info: ti.template(),
-):
+def handle_marks(b: ti.template(), step, t: ti.template()):
     """Events due at a step; robots that end here are parked; the block ends with its last robot."""
+    lanes, info = ti.static((b.marks.lanes, b.lists.info))
     upcoming = NOWHERE
     active = 0
-    for lane in range(width):
-        if marks.lanes[block, lane, marking.STATE] == marking.ACTIVE:
-            upcoming = ti.min(upcoming, marking.meet_events(ms, block, k, lane, step, t, marks))
-            if marks.lanes[block, lane, marking.LENGTH] == step:
-                marks.lanes[block, lane, marking.STATE] = marking.ENDED
-                marks.lanes[block, lane, marking.STEP] = step
-                park(ms, parked, block, k, lane, t)
+    for lane in range(b.width):
+        if lanes[b.number, lane, marking.STATE] == marking.ACTIVE:
+            upcoming = ti.min(upcoming, marking.meet_events(b.ms, b.number, b.k, lane, step, t, b.marks))
+            if lanes[b.number, lane, marking.LENGTH] == step:
+                lanes[b.number, lane, marking.STATE] = marking.ENDED
+                lanes[b.number, lane, marking.STEP] = step
+                park(b, lane, t)
             else:
                 active += 1
-                upcoming = ti.min(upcoming, marks.lanes[block, lane, marking.LENGTH])
-    info[block, NEXT_MARK] = upcoming
+                upcoming = ti.min(upcoming, lanes[b.number, lane, marking.LENGTH])
+    info[b.number, NEXT_MARK] = upcoming
     if active == 0:
-        info[block, STATE] = FINISHED
+        info[b.number, STATE] = FINISHED
 
 
 @ti.func
-def collide(m: ti.template(), block, k, t: ti.template(), lists: ti.template(), log: ti.template()):
+def collide(b: ti.template(), t: ti.template()):
     """Contact forces of all listed pairs, in the order of the list; pairs that touch are logged if asked for."""
-    current = lists.info[block, LIST]
+    lists = ti.static(b.lists)
+    current = lists.info[b.number, LIST]
     for s in range(t.plan[memory.SURFACE]):
-        first = lists.row[block, current, s]
-        end = lists.row[block, current, s + 1]
+        first = lists.row[b.number, current, s]
+        end = lists.row[b.number, current, s + 1]
         if first < end:
-            x, y, z, size = surface_place(m, k, s, t)
+            x, y, z, size = surface_place(b.m, b.k, s, t)
             for q in range(first, end):
-                other = lists.partner[block, current, q]
-                ox, oy, oz, other_size = surface_place(m, k, other, t)
+                other = lists.partner[b.number, current, q]
+                ox, oy, oz, other_size = surface_place(b.m, b.k, other, t)
                 dx = ox - x
                 dy = oy - y
                 dz = oz - z
                 limit = contact.reach(size, other_size)
-                bits = lists.mask[block, current, q]
+                bits = lists.mask[b.number, current, q]
                 near = (dx * dx + dy * dy + dz * dz < limit * limit) & ((lists.bits[0] & bits) != 0)
                 if any_lane(near):
-                    fx, fy, fz = contact_force(m, k, s, other, dx, dy, dz, limit, near, t)
-                    add_contact(m, block, k, s, 0.0 - fx, 0.0 - fy, 0.0 - fz, t, lists.touched)
-                    add_contact(m, block, k, other, fx, fy, fz, t, lists.touched)
-                    if ti.static(log.kept):
-                        log_contact(block, s, other, bits, lists.info, log)
+                    fx, fy, fz = contact_force(b.m, b.k, s, other, dx, dy, dz, limit, near, t)
+                    add_contact(b, s, 0.0 - fx, 0.0 - fy, 0.0 - fz, t)
+                    add_contact(b, other, fx, fy, fz, t)
+                    if ti.static(b.log.kept):
+                        log_contact(b, s, other, bits)
 
 
 @ti.func
-def log_contact(block, s, other, bits, info: ti.template(), log: ti.template()):
+def log_contact(b: ti.template(), s, other, bits):
     """Note two surface voxels that touch and the robots that list them; what finds no room is counted only."""
-    n = info[block, LOGGED]
-    if n < log.contacts.shape[1]:
-        log.contacts[block, n, 0] = s
-        log.contacts[block, n, 1] = other
-        log.contacts[block, n, 2] = bits
-    info[block, LOGGED] = n + 1
+    n = b.lists.info[b.number, LOGGED]
+    if n < b.log.contacts.shape[1]:
+        b.log.contacts[b.number, n, 0] = s
+        b.log.contacts[b.number, n, 1] = other
+        b.log.contacts[b.number, n, 2] = bits
+    b.lists.info[b.number, LOGGED] = n + 1
 
 
 @ti.func
-def keep(m: ti.template(), block, k, step, t: ti.template(), info: ti.template(), log: ti.template()):
+def keep(b: ti.template(), step, t: ti.template()):
     """Copy a block's state before a step to its place in the record."""
-    first = (block * log.room + step - log.first) * t.plan[STATE_SLOTS]
+    first = (b.number * b.log.room + step - b.log.first) * t.plan[STATE_SLOTS]
     for slot in range(t.plan[STATE_SLOTS]):
-        log.states[first + slot] = m[k + slot]
-    log.start[block, step - log.first] = info[block, LOGGED]
+        b.log.states[first + slot] = b.m[b.k + slot]
+    b.log.start[b.number, step - b.log.first] = b.lists.info[b.number, LOGGED]
 
 
 @ti.func
-def add_contact(m: ti.template(), block, k, s, fx, fy, fz, t: ti.template(), touched: ti.template()):
+def add_contact(b: ti.template(), s, fx, fy, fz, t: ti.template()):
     """Add a contact force to a surface voxel; sums are cleared when they are used, not in every step."""
     slots = consecutive(t.plan[memory.CONTACT] + 3 * s, 3)
-    if touched[block, s] == 0:
-        touched[block, s] = 1
-        store_all(m, k, slots, (0.0 * fx, 0.0 * fy, 0.0 * fz))
+    if b.lists.touched[b.number, s] == 0:
+        b.lists.touched[b.number, s] = 1
+        store_all(b.m, b.k, slots, (0.0 * fx, 0.0 * fy, 0.0 * fz))
     # All loads before the first store, after which the compiler must doubt every address.
-    cx, cy, cz = load_all(m, k, slots)
-    store_all(m, k, slots, (cx + fx, cy + fy, cz + fz))
+    cx, cy, cz = load_all(b.m, b.k, slots)
+    store_all(b.m, b.k, slots, (cx + fx, cy + fy, cz + fz))
 
 
 @ti.func
@@ -159,11 +173,12 @@ def add_force(m: ti.template(), k, slots: ti.template(), sign: ti.template(), gi
 
 
 @ti.func
-def step_block(m: ti.template(), block, k, t: ti.template(), lists: ti.template(), log: ti.template()):
+def step_block(b: ti.template(), t: ti.template()):
     """One time step of a block: channels, contact, pressure on squares, then links and integration voxel by voxel."""
+    m, k, touched = ti.static((b.m, b.k, b.lists.touched))
     group_stage(m, k, t)
     if t.plan[memory.CONTACT_ON] != 0:
-        collide(m, block, k, t, lists, log)
+        collide(b, t)
     for q in range(t.plan[memory.SQUARES]):
         square_stage(m, k, q, t)
     zero = 0.0 * load(m, k, t.plan[memory.CONSTANT])
@@ -180,8 +195,8 @@ def step_block(m: ti.template(), block, k, t: ti.template(), lists: ti.template(
         cx, cy, cz = zero, zero, zero
         s = t.voxel[row + columns.SURFACE_SLOT]
         if s >= 0:
-            if lists.touched[block, s] != 0:
-                lists.touched[block, s] = 0
+            if touched[b.number, s] != 0:
+                touched[b.number, s] = 0
                 cx, cy, cz = load_all(m, k, consecutive(t.plan[memory.CONTACT] + 3 * s, 3))
         fx, fy, fz, mx, my, mz = load_all(m, k, consecutive(here, 6))
         fx, fy, fz = add_pressure(m, k, v, fx, fy, fz, t)
@@ -195,50 +210,31 @@ def step_block(m: ti.template(), block, k, t: ti.template(), lists: ti.template(
 
 
 @ti.func
-def retire_diverged(
-    ms: ti.template(),
-    parked: ti.template(),
-    block,
-    k,
-    step,
-    width: ti.template(),
-    t: ti.template(),
-    lanes: ti.template(),
-    info: ti.template(),
-):
+def retire_diverged(b: ti.template(), step, t: ti.template()):
     """Note the step at which robots diverged and put them back to the start of the run, out of the others' way."""
-    for lane in range(width):
-        if ms[k + t.plan[MONITOR] + memory.DIVERGED, lane] > 0.5:
-            ms[k + t.plan[MONITOR] + memory.DIVERGED, lane] = 0.0
-            if lanes[block, lane, marking.STATE] == marking.ACTIVE:
-                lanes[block, lane, marking.STATE] = marking.DIVERGED
-                lanes[block, lane, marking.STEP] = step + 1
+    lanes, diverged = ti.static((b.marks.lanes, b.k + t.plan[MONITOR] + memory.DIVERGED))
+    for lane in range(b.width):
+        if b.ms[diverged, lane] > 0.5:
+            b.ms[diverged, lane] = 0.0
+            if lanes[b.number, lane, marking.STATE] == marking.ACTIVE:
+                lanes[b.number, lane, marking.STATE] = marking.DIVERGED
+                lanes[b.number, lane, marking.STEP] = step + 1
             for slot in range(t.plan[STATE_SLOTS]):
-                ms[k + slot, lane] = parked[block * t.plan[STATE_SLOTS] + slot, lane]
-    info[block, NEXT_MARK] = step + 1
+                b.ms[b.k + slot, lane] = b.parked[b.number * t.plan[STATE_SLOTS] + slot, lane]
+    b.lists.info[b.number, NEXT_MARK] = step + 1
 
 
 @ti.func
-def refresh_lists(
-    ms: ti.template(),
-    block,
-    k,
-    width: ti.template(),
-    radius,
-    distance,
-    t: ti.template(),
-    lists: ti.template(),
-    lanes: ti.template(),
-):
+def refresh_lists(b: ti.template(), radius, distance, t: ti.template()):
     """Build the lists of those robots again that have moved too far; halts the block if they do not fit."""
-    for lane in range(width):
-        moved = k + t.plan[MONITOR] + memory.MOVED
-        if ms[moved, lane] > distance * distance and lanes[block, lane, marking.STATE] == marking.ACTIVE:
-            fits = rebuild_lane(ms, block, k, lane, radius * radius, t, lists)
-            if fits == 0:
-                lists.info[block, STATE] = OUT_OF_PAIRS
+    moved = b.k + t.plan[MONITOR] + memory.MOVED
+    for lane in range(b.width):
+        active = b.marks.lanes[b.number, lane, marking.STATE] == marking.ACTIVE
+        if b.ms[moved, lane] > distance * distance and active:
+            if rebuild_lane(b.ms, b.number, b.k, lane, radius * radius, t, b.lists) == 0:
+                b.lists.info[b.number, STATE] = OUT_OF_PAIRS
             else:
-                ms[moved, lane] = 0.0
+                b.ms[moved, lane] = 0.0
 
 
 class Memories(NamedTuple):
@@ -266,7 +262,6 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
 
     With ``recording`` it keeps the state before every step from the record's first on, and the contacts of each.
     """
-    width = real.width
 
     @ti.func
     def run(
@@ -277,34 +272,35 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         marks: ti.template(),
         log: ti.template(),
     ):
-        m, ms, parked = ti.static(memories)
-        plan, lanes, info = ti.static((given.plan, marks.lanes, lists.info))
+        info = ti.static(lists.info)
         for i in range(GRAIN * launch.blocks):
             if i % GRAIN == 0:
                 t = ti.static(in_variables(given))
                 block = i // GRAIN
                 k = block * launch.slots
+                b = ti.static(Block(*memories, block, k, real.width, lists, marks, log))
                 left = launch.steps
                 while left > 0 and info[block, STATE] == RUNNING and info[block, STEP] < launch.until:
                     left -= 1
                     step = info[block, STEP]
-                    if ti.static(log.kept):
+                    if ti.static(recording):
                         if step != info[block, KEPT]:  # before the events of the step, and not again after a halt
-                            keep(m, block, k, step, t, info, log)
+                            keep(b, step, t)
                             info[block, KEPT] = step
                     if step == info[block, NEXT_MARK]:
-                        handle_marks(ms, parked, block, k, step, width, t, marks, info)
-                    if info[block, STATE] == RUNNING and plan[memory.CONTACT_ON] != 0:
-                        if any_lane(load(m, k, plan[MONITOR] + memory.MOVED) > launch.distance * launch.distance):
-                            refresh_lists(ms, block, k, width, launch.radius, launch.distance, t, lists, lanes)
+                        handle_marks(b, step, t)
+                    if info[block, STATE] == RUNNING and t.plan[memory.CONTACT_ON] != 0:
+                        moved = load(b.m, k, t.plan[MONITOR] + memory.MOVED)
+                        if any_lane(moved > launch.distance * launch.distance):
+                            refresh_lists(b, launch.radius, launch.distance, t)
                     if info[block, STATE] == RUNNING:
-                        step_block(m, block, k, t, lists, log)
+                        step_block(b, t)
                         info[block, STEP] = step + 1
-                        if ti.static(log.kept):
+                        if ti.static(recording):
                             if step + 1 == launch.until:
-                                keep(m, block, k, step + 1, t, info, log)
-                        if any_lane(load(m, k, plan[MONITOR] + memory.DIVERGED) > 0.5):
-                            retire_diverged(ms, parked, block, k, step, width, t, lanes, info)
+                                keep(b, step + 1, t)
+                        if any_lane(load(b.m, k, t.plan[MONITOR] + memory.DIVERGED) > 0.5):
+                            retire_diverged(b, step, t)
 
     i32, scalar = ti.i32, real.scalar
     return kernel_of(
