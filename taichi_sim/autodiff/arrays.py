@@ -44,14 +44,9 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
             return ufunc(*values)
         if ufunc not in _RULES:
             return NotImplemented
-        rules = _RULES[ufunc]
         out = ufunc(*values)
-
-        def pull(g: Any) -> Contributions:
-            operands = [(rule, x) for rule, x in zip(rules, inputs, strict=True) if isinstance(x, TracedArray)]
-            return [(x, _gathered(rule(g, out, *values), x.shape)) for rule, x in operands]
-
-        return self.derived(out, pull, *inputs)
+        shares = [lambda g, rule=rule: rule(g, out, *values) for rule in _RULES[ufunc]]
+        return _derived(out, *zip(inputs, shares, strict=True))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
         if function in _FUNCTIONS:
@@ -88,10 +83,10 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
     def ravel(self) -> "TracedArray":  # noqa: D102
         return self.reshape(-1)
 
-    def sum(self, axis: Any = None, keepdims: bool = False) -> "TracedArray":  # noqa: D102
+    def sum(self, axis: Any = None, keepdims: bool = False) -> Any:  # noqa: D102
         return _sum(self, axis, keepdims=keepdims)
 
-    def mean(self, axis: Any = None, keepdims: bool = False) -> "TracedArray":  # noqa: D102
+    def mean(self, axis: Any = None, keepdims: bool = False) -> Any:  # noqa: D102
         return _mean(self, axis, keepdims=keepdims)
 
 
@@ -130,9 +125,7 @@ def placed(shape: tuple[int, ...], index: Any, values: Any) -> Any:
     """Zeros of a shape, with values at an index of which no place occurs twice."""
     result = np.zeros(shape)
     result[index] = plain(values)
-    if not isinstance(values, TracedArray):
-        return result
-    return values.derived(result, lambda g: [(values, _gathered(g[index], values.shape))])
+    return _derived(result, (values, lambda g: g[index]))
 
 
 def sine(angle: Any) -> Any:
@@ -148,9 +141,24 @@ def cosine(angle: Any) -> Any:
 def _by_number(function: Callable[[float], float], slope: Callable[[float], float], x: Any) -> Any:
     """Number by number: NumPy's own functions may differ from those of ``math`` in the last bit."""
     found = np.vectorize(function, otypes=[float])(plain(x))
-    if not isinstance(x, TracedArray):
-        return found
-    return x.derived(found, lambda g: [(x, g * np.vectorize(slope, otypes=[float])(x.value))])
+    return _derived(found, (x, lambda g: g * np.vectorize(slope, otypes=[float])(plain(x))))
+
+
+def _derived(value: Any, *operands: tuple[Any, Callable[[Any], Any]]) -> Any:
+    """The result of an operation: plain if all its operands are.
+
+    Args:
+        value: of the result.
+        operands: each with its cotangent as a function of that of the result.
+    """
+    traced = [(x, share) for x, share in operands if isinstance(x, TracedArray)]
+    if not traced:
+        return value
+
+    def pull(g: Any) -> Contributions:
+        return [(x, _gathered(share(g), x.shape)) for x, share in traced]
+
+    return traced[0][0].derived(value, pull, *(x for x, _ in traced))
 
 
 def _pairs(results: Sequence[Any], cotangents: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
@@ -173,52 +181,39 @@ def _moved(function: Any, given: Any, *arguments: Any, **options: Any) -> Traced
 
     It is applied to the places of the elements too, which tell where cotangents belong.
     """
-    several = isinstance(given, list | tuple)
-    parts = [x if isinstance(x, TracedArray) else np.asarray(x) for x in given] if several else [given]
-    starts = np.cumsum([0, *(x.value.size if isinstance(x, TracedArray) else 0 for x in parts)])
-    places = [
-        start + np.arange(x.value.size).reshape(x.shape) if isinstance(x, TracedArray) else np.full(x.shape, starts[-1])
-        for start, x in zip(starts, parts, strict=False)
-    ]
-    values = [plain(x) for x in parts]
-    apply = (
-        (lambda arrays: function(arrays, *arguments, **options))
-        if several
-        else (lambda arrays: function(arrays[0], *arguments, **options))
-    )
-    traced = [(start, x) for start, x in zip(starts, parts, strict=False) if isinstance(x, TracedArray)]
+    parts = list(given) if isinstance(given, list | tuple) else [given]
+    values = [np.asarray(plain(x)) for x in parts]
+    ends = np.cumsum([x.size for x in values])
+    places = [end - x.size + np.arange(x.size).reshape(x.shape) for end, x in zip(ends, values, strict=True)]
+
+    def apply(arrays: list[Any]) -> Any:
+        return function(arrays if isinstance(given, list | tuple) else arrays[0], *arguments, **options)
+
     where = apply(places)
+    traced = [(x, end) for x, end in zip(parts, ends, strict=True) if isinstance(x, TracedArray)]
 
     def pull(g: Any) -> Contributions:
-        total = np.bincount(np.ravel(where), np.ravel(g), minlength=starts[-1] + 1)
-        return [(x, total[start : start + x.value.size].reshape(x.shape)) for start, x in traced]
+        total = np.bincount(np.ravel(where), np.ravel(g), minlength=ends[-1])
+        return [(x, total[end - x.value.size : end].reshape(x.shape)) for x, end in traced]
 
-    return traced[0][1].derived(apply(values), pull, *(x for _, x in traced))  # type: ignore[return-value]
+    return traced[0][0].derived(apply(values), pull, *(x for x, _ in traced))  # type: ignore[return-value]
 
 
-def _sum(x: TracedArray, axis: Any = None, keepdims: bool = False, **options: Any) -> TracedArray:
+def _sum(x: TracedArray, axis: Any = None, keepdims: bool = False, **options: Any) -> Any:
     kept = np.sum(x.value, axis=axis, keepdims=True, **options).shape
-
-    def pull(g: Any) -> Contributions:
-        return [(x, np.broadcast_to(np.reshape(g, kept), x.shape))]
-
-    return x.derived(np.sum(x.value, axis=axis, keepdims=keepdims, **options), pull)  # type: ignore[return-value]
+    value = np.sum(x.value, axis=axis, keepdims=keepdims, **options)
+    return _derived(value, (x, lambda g: np.broadcast_to(np.reshape(g, kept), x.shape)))
 
 
-def _mean(x: TracedArray, axis: Any = None, keepdims: bool = False) -> TracedArray:
+def _mean(x: TracedArray, axis: Any = None, keepdims: bool = False) -> Any:
     kept = np.mean(x.value, axis=axis, keepdims=True)
-
-    def pull(g: Any) -> Contributions:
-        return [(x, np.broadcast_to(np.reshape(g, kept.shape) * (kept.size / x.value.size), x.shape))]
-
-    return x.derived(np.mean(x.value, axis=axis, keepdims=keepdims), pull)  # type: ignore[return-value]
+    weight = kept.size / x.value.size
+    value = np.mean(x.value, axis=axis, keepdims=keepdims)
+    return _derived(value, (x, lambda g: np.broadcast_to(np.reshape(g, kept.shape) * weight, x.shape)))
 
 
-def _cumsum(x: TracedArray, axis: int) -> TracedArray:
-    def pull(g: Any) -> Contributions:
-        return [(x, np.flip(np.cumsum(np.flip(g, axis), axis=axis), axis))]
-
-    return x.derived(np.cumsum(x.value, axis=axis), pull)  # type: ignore[return-value]
+def _cumsum(x: TracedArray, axis: int) -> Any:
+    return _derived(np.cumsum(x.value, axis=axis), (x, lambda g: np.flip(np.cumsum(np.flip(g, axis), axis=axis), axis)))
 
 
 def _diff(x: TracedArray, n: int = 1, axis: int = -1) -> Any:
@@ -230,25 +225,14 @@ def _diff(x: TracedArray, n: int = 1, axis: int = -1) -> Any:
 
 def _where(condition: Any, x: Any, y: Any) -> Any:
     chosen = plain(condition)
-    traced = [a for a in (x, y) if isinstance(a, TracedArray)]
-
-    def pull(g: Any) -> Contributions:
-        shares = ((x, np.where(chosen, g, 0.0)), (y, np.where(chosen, 0.0, g)))
-        return [(a, _gathered(share, a.shape)) for a, share in shares if isinstance(a, TracedArray)]
-
-    return traced[0].derived(np.where(chosen, plain(x), plain(y)), pull, *traced)
+    value = np.where(chosen, plain(x), plain(y))
+    return _derived(value, (x, lambda g: np.where(chosen, g, 0.0)), (y, lambda g: np.where(chosen, 0.0, g)))
 
 
 def _cross(a: Any, b: Any) -> Any:
     """Of vectors along the last axis."""
     u, v = plain(a), plain(b)
-    traced = [x for x in (a, b) if isinstance(x, TracedArray)]
-
-    def pull(g: Any) -> Contributions:
-        shares = ((a, np.cross(v, g)), (b, np.cross(g, u)))
-        return [(x, _gathered(share, x.shape)) for x, share in shares if isinstance(x, TracedArray)]
-
-    return traced[0].derived(np.cross(u, v), pull, *traced)
+    return _derived(np.cross(u, v), (a, lambda g: np.cross(v, g)), (b, lambda g: np.cross(g, u)))
 
 
 # Cotangents of the operands from that of the result g, the result, and the operands.

@@ -70,22 +70,21 @@ class LatticeBody:
         put("voxel_size", float(self.voxel_size))
         put("materials", tuple(self.materials))
         put("material_index", _frozen(self.material_index, np.int64, "material_index", (count,)))
-        put(
-            "regions",
-            _frozen(self.material_index if self.regions is None else self.regions, np.int64, "regions", (count,)),
-        )
+        for name, dtype, shape, usual in (
+            ("regions", np.int64, (count,), self.material_index),
+            ("fixed", bool, (count, 6), np.zeros((count, 6))),
+            ("pressure_normals", np.int8, (count, 3), np.zeros((count, 3))),
+            ("chambers", np.int64, (count,), np.zeros(count)),
+            ("cut_links", np.int64, (-1, 2), None),
+        ):
+            given = getattr(self, name)
+            put(name, _frozen(usual if given is None else given, dtype, name, shape))
         if self.material_index.min() < 0 or self.material_index.max() >= len(self.materials):
             raise ValueError(f"material_index: must lie in 0..{len(self.materials) - 1}")
         if self.regions.min() < 0:  # type: ignore[union-attr]
             raise ValueError("regions: negative labels are not allowed")
-        put("fixed", _frozen(np.zeros((count, 6)) if self.fixed is None else self.fixed, bool, "fixed", (count, 6)))
-        normals = np.zeros((count, 3)) if self.pressure_normals is None else self.pressure_normals
-        put("pressure_normals", _frozen(normals, np.int8, "pressure_normals", (count, 3)))
         if np.abs(self.pressure_normals).max(initial=0) > 1:  # type: ignore[arg-type]
             raise ValueError("pressure_normals: entries must be -1, 0 or 1")
-        chambers = np.zeros(count) if self.chambers is None else self.chambers
-        put("chambers", _frozen(chambers, np.int64, "chambers", (count,)))
-        put("cut_links", _frozen(self.cut_links, np.int64, "cut_links", (-1, 2)))
         self._check_cut_links()
 
     def _check_cut_links(self) -> None:

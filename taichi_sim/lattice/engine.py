@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -148,6 +148,7 @@ class LatticeEngine:
         self.gravity = float(gravity)
         threads = runtime.start(self.compute).thread_count
         self.order = self.body.topology.order
+        self.place = np.argsort(self.order)  # of each of the body's voxels in the engine's order
         self.tables = build_tables(bodies, self.time_step, bool(fluid))
         switches = (bool(floor), bool(self_contact))
         self._driver: Driver
@@ -162,25 +163,10 @@ class LatticeEngine:
     def _check_bodies(bodies: list[LatticeBody], batch: int) -> None:
         if len(bodies) != batch:
             raise ValueError(f"body: {len(bodies)} bodies for a batch of {batch}; give one, or one per robot")
-        first = bodies[0]
-        for other in bodies[1:]:
-            same = other is first or (
-                other.voxel_size == first.voxel_size
-                and len(other.materials) == len(first.materials)
-                and all(
-                    np.array_equal(getattr(first, n), getattr(other, n))
-                    for n in (
-                        "voxels",
-                        "material_index",
-                        "regions",
-                        "cut_links",
-                        "fixed",
-                        "pressure_normals",
-                        "chambers",
-                    )
-                )
-            )
-            if not same:
+        first, shared = bodies[0], [f.name for f in fields(LatticeBody) if f.name != "materials"]
+        for other in {id(b): b for b in bodies}.values():
+            same = all(np.array_equal(getattr(first, name), getattr(other, name)) for name in shared)
+            if not same or len(other.materials) != len(first.materials):
                 raise ValueError("body: bodies of one batch may differ in the values of their materials only")
 
     @property
@@ -216,18 +202,15 @@ class LatticeEngine:
             ValueError: for wrong shapes, or quaternions whose length is not one to six digits.
         """
         voxel = np.zeros((self.batch, self.body.voxel_count, memory.VOXEL_WIDTH))
-        parts = (("positions", 0, 3), ("orientations", 3, 4), ("velocities", 7, 3), ("angular_velocities", 10, 3))
-        for name, first, width in parts:
-            given = np.asarray(getattr(state, name), float)
-            if given.shape != (self.batch, self.body.voxel_count, width) or not np.isfinite(given).all():
-                raise ValueError(
-                    f"{name}: give finite numbers of shape ({self.batch}, {self.body.voxel_count}, {width})"
-                )
-            voxel[:, :, first : first + width] = given[:, self.order]
-        if np.abs((voxel[:, :, 3:7] ** 2).sum(axis=2) - 1).max() > 2e-6:
+        for name, part in memory.MOTION.items():
+            given, shape = np.asarray(getattr(state, name), float), voxel[:, :, part].shape
+            if given.shape != shape or not np.isfinite(given).all():
+                raise ValueError(f"{name}: give finite numbers of shape {shape}")
+            voxel[:, :, part] = given[:, self.order]
+        if np.abs((voxel[:, :, memory.MOTION["orientations"]] ** 2).sum(axis=2) - 1).max() > 2e-6:
             raise ValueError("orientations: give unit quaternions (w, x, y, z)")
-        voxel[:, :, memory.MOMENTUM : memory.ANGULAR_MOMENTUM] /= self.inverse_masses[..., :1]
-        voxel[:, :, memory.ANGULAR_MOMENTUM : memory.STICKS] /= self.inverse_masses[..., 1:]
+        voxel[:, :, memory.MOTION["velocities"]] /= self.inverse_masses[..., :1]
+        voxel[:, :, memory.MOTION["angular_velocities"]] /= self.inverse_masses[..., 1:]
         voxel[:, :, memory.STICKS] = 1.0  # every voxel starts in the static state
         self._driver.write(memory.VOXEL, voxel)
         link = np.zeros((self.batch, len(self.tables.link_ends), memory.LINK_WIDTH))
@@ -296,11 +279,9 @@ class LatticeEngine:
         # A state that is not finite is no result, whatever the strains said.
         diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))
         self._diverged |= diverged
-        back = np.empty_like(self.order)
-        back[self.order] = np.arange(len(self.order))
-        poses = poses[:, :, back]
+        poses = poses[:, :, self.place]
         strains = strains[:, :, : len(self.body.topology.links)]
-        sizes = sizes[:, :, self.tables.group[back]]
+        sizes = sizes[:, :, self.tables.group[self.place]]
         lost = ~np.isfinite(poses).all(axis=(2, 3))
         for recorded in (poses, strains, sizes):
             recorded[lost] = np.nan
@@ -316,11 +297,8 @@ class LatticeEngine:
 
     def state(self) -> LatticeState:
         """Where the voxels are and how they move; NaN for robots that diverged."""
-        voxel = np.empty((self.batch, self.body.voxel_count, memory.VOXEL_WIDTH))
-        voxel[:, self.order] = self._driver.read(memory.VOXEL)
+        voxel = np.take(self._driver.read(memory.VOXEL), self.place, axis=1)
         voxel[self._diverged] = np.nan
-        inverse = np.empty((self.batch, self.body.voxel_count, 2))
-        inverse[:, self.order] = self.inverse_masses
-        velocities = voxel[..., memory.MOMENTUM : memory.MOMENTUM + 3] * inverse[..., :1]
-        turning = voxel[..., memory.ANGULAR_MOMENTUM : memory.ANGULAR_MOMENTUM + 3] * inverse[..., 1:]
-        return LatticeState(voxel[..., :3], voxel[..., 3:7], velocities, turning)
+        inverse = np.take(self.inverse_masses, self.place, axis=1)
+        position, orientation, momentum, spin = (voxel[..., part] for part in memory.MOTION.values())
+        return LatticeState(position, orientation, momentum * inverse[..., :1], spin * inverse[..., 1:])

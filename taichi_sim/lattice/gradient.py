@@ -185,23 +185,20 @@ class Tape:
         seeds = np.zeros((batch, voxels, places.STICKS))
         if state is None:
             return seeds
-        parts = (("positions", 0, 3), ("orientations", 3, 4), ("velocities", 7, 3), ("angular_velocities", 10, 3))
-        for name, first, width in parts:
-            given = _checked(f"state.{name}", getattr(state, name), (batch, voxels, width))
-            seeds[:, :, first : first + width] = given[:, self._engine.order]
+        for name, part in places.MOTION.items():
+            given = _checked(f"state.{name}", getattr(state, name), seeds[:, :, part].shape)
+            seeds[:, :, part] = given[:, self._engine.order]
         inverse = self._engine.inverse_masses
-        seeds[:, :, places.MOMENTUM : places.ANGULAR_MOMENTUM] *= inverse[..., :1]
-        seeds[:, :, places.ANGULAR_MOMENTUM :] *= inverse[..., 1:]
+        seeds[:, :, places.MOTION["velocities"]] *= inverse[..., :1]
+        seeds[:, :, places.MOTION["angular_velocities"]] *= inverse[..., 1:]
         return seeds
 
     def _gradient(self, reverse: "Reverse", finals: np.ndarray) -> LatticeGradient:
         engine, source = self._engine, self._run.program.source
         events = np.zeros((len(self._program.events), 2))
         np.add.at(events, source[source >= 0], reverse.events[source >= 0].astype(float))
-        voxel = np.empty((engine.batch, engine.body.voxel_count, places.VOXEL_WIDTH))
-        voxel[:, engine.order] = reverse.read(places.VOXEL)
-        inverse = np.empty((engine.batch, engine.body.voxel_count, 2))
-        inverse[:, engine.order] = engine.inverse_masses
+        voxel = np.take(reverse.read(places.VOXEL), engine.place, axis=1)
+        inverse = np.take(engine.inverse_masses, engine.place, axis=1)
         base = np.where(self._initial_channels, reverse.read(places.CHANNEL)[..., places.BASE], 0.0)
         constants, beams = reverse.read(places.CONSTANT), reverse.read(places.BEAM)
         for part in (voxel, base, constants, beams):
@@ -209,21 +206,16 @@ class Tape:
         # Velocities are momenta times inverse masses: they are read so at the end, and held so at the start.
         constants[:, :, :2] += self._by_masses(self.state, finals[:, :, places.MOMENTUM :])
         constants[:, :, :2] -= self._by_masses(self._start, voxel[:, engine.order, places.MOMENTUM : places.STICKS])
+        bases = base.reshape(engine.batch, -1, QUANTITY_COUNT)
+        position, orientation, momentum, spin = (voxel[..., part] for part in places.MOTION.values())
         return LatticeGradient(
             values=events[:, 0],
             rates=events[:, 1],
-            positions=voxel[..., :3],
-            orientations=voxel[..., 3:7],
-            velocities=voxel[..., places.MOMENTUM : places.ANGULAR_MOMENTUM] / inverse[..., :1],
-            angular_velocities=voxel[..., places.ANGULAR_MOMENTUM : places.STICKS] / inverse[..., 1:],
-            materials=material_gradients(
-                engine.bodies,
-                engine.tables,
-                engine.time_step,
-                constants,
-                beams,
-                base.reshape(engine.batch, -1, QUANTITY_COUNT),
-            ),
+            positions=position,
+            orientations=orientation,
+            velocities=momentum / inverse[..., :1],
+            angular_velocities=spin / inverse[..., 1:],
+            materials=material_gradients(engine.bodies, engine.tables, engine.time_step, constants, beams, bases),
         )
 
     def _by_masses(self, state: "LatticeState", cotangents: np.ndarray) -> np.ndarray:

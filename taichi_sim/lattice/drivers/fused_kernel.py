@@ -278,7 +278,7 @@ def fused_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                 t = ti.static(in_variables(given))
                 block = i // GRAIN
                 k = block * launch.slots
-                b = ti.static(Block(*memories, block, k, real.width, lists, marks, log))
+                b = ti.static(Block(memories.m, memories.ms, memories.parked, block, k, real.width, lists, marks, log))
                 left = launch.steps
                 while left > 0 and info[block, STATE] == RUNNING and info[block, STEP] < launch.until:
                     left -= 1

@@ -33,6 +33,12 @@ MOST_SLOTS = 2**31 - 1  # of an array in a kernel, which counts them in 32 bits
 VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 4, 9, 2
 PRESSED_WIDTH = 12
 ORIENTATION, MOMENTUM, ANGULAR_MOMENTUM, STICKS = 3, 7, 10, 13  # places in a voxel
+MOTION = {
+    "positions": slice(0, ORIENTATION),
+    "orientations": slice(ORIENTATION, MOMENTUM),
+    "velocities": slice(MOMENTUM, ANGULAR_MOMENTUM),  # as momenta
+    "angular_velocities": slice(ANGULAR_MOMENTUM, STICKS),
+}  # parts of a voxel by the names in LatticeState
 REGIME = 6  # place in a link
 BASE, RATE, AGE, VALUE = range(4)  # places in a channel
 MOVED, DIVERGED = 0, 1  # places in the monitor

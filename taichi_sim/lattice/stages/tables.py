@@ -102,14 +102,23 @@ class Tables:
 
     def plan(self, layout: memory.Memory, floor: bool, self_contact: bool) -> np.ndarray:
         """The integers that tell kernels where sections lie, how many items there are and what is switched on."""
+        numbers = {
+            memory.VOXELS: len(self.group),
+            memory.LINKS: len(self.link_ends),
+            memory.GROUPS: len(self.group_region),
+            memory.RESTS: len(self.rest),
+            memory.SURFACE: len(self.surface_voxels),
+            memory.STATE_SLOTS: layout.state_slots,
+            memory.RING_MASK: self.ring - 1,
+            memory.FLOOR_ON: floor,
+            memory.CONTACT_ON: self_contact,
+            memory.POISSON_ON: self.poisson,
+            memory.FLUID_ON: self.fluid,
+            memory.SQUARES: self.squares,
+        }
         plan = np.zeros(memory.PLAN_SIZE, np.int32)
         plan[: memory.SECTION_COUNT] = layout.starts
-        plan[memory.VOXELS], plan[memory.LINKS] = len(self.group), len(self.link_ends)
-        plan[memory.GROUPS], plan[memory.RESTS] = len(self.group_region), len(self.rest)
-        plan[memory.SURFACE], plan[memory.STATE_SLOTS] = len(self.surface_voxels), layout.state_slots
-        plan[memory.RING_MASK] = self.ring - 1
-        plan[memory.FLOOR_ON], plan[memory.CONTACT_ON], plan[memory.POISSON_ON] = floor, self_contact, self.poisson
-        plan[memory.FLUID_ON], plan[memory.SQUARES] = self.fluid, self.squares
+        plan[list(numbers)] = list(numbers.values())
         return plan
 
 
@@ -131,16 +140,17 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
     voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), fluid, closed)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
-    used = sorted({id(b): b for b in bodies}.values(), key=id)
-    constant, beam, channel = {}, {}, {}
-    for each in used:
-        materials, h = each.materials, each.voxel_size
-        constant[id(each)] = np.array([voxel_constants(materials[m], h) for m, _ in groups])
-        rows = [beam_constants(materials[a], materials[b], h, time_step) for a, b in beam_pairs]
-        beam[id(each)] = np.array(rows).reshape(-1, BEAM_COLUMNS)
-        channel[id(each)] = _initial_channels([materials[m] for m, _ in groups])
+    h = body.voxel_size
+
+    def of_robots(table: Callable[[tuple[Material, ...]], Any]) -> np.ndarray:
+        """A table of each robot's materials; robots that share a body share its table."""
+        found = {id(each): np.array(table(each.materials)) for each in {id(b): b for b in bodies}.values()}
+        return np.array([found[id(each)] for each in bodies])
+
+    beam = of_robots(lambda m: [beam_constants(m[a], m[b], h, time_step) for a, b in beam_pairs])
+    beam = beam.reshape(len(bodies), -1, BEAM_COLUMNS)
     return Tables(
-        link=_link_table(ends, axes, beam_of, rest_of, np.array([beam[id(b)] for b in used])),
+        link=_link_table(ends, axes, beam_of, rest_of, beam),
         voxel=voxel_table.ravel(),
         rest=_int_table(rests, 3),
         link_ends=ends,
@@ -154,9 +164,9 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
         group_region=groups[:, 1].copy(),
         group_material=groups[:, 0].copy(),
         beam_materials=beam_pairs,
-        constant=np.array([constant[id(b)] for b in bodies]),
-        beam=np.array([beam[id(b)] for b in bodies]),
-        channel=np.array([channel[id(b)] for b in bodies]),
+        constant=of_robots(lambda materials: [voxel_constants(materials[m], h) for m, _ in groups]),
+        beam=beam,
+        channel=of_robots(lambda materials: _initial_channels([materials[m] for m, _ in groups])),
         gauges=strain_count,
         poisson=_has_poisson(bodies),
         squares=len(squares),
@@ -276,12 +286,13 @@ def pack_program(program: LatticeProgram, group_region: np.ndarray) -> PackedPro
     for group, region in enumerate(group_region):
         (chosen,) = np.nonzero(events["region"] == region)
         part = events[chosen]
-        targets = group * QUANTITY_COUNT + part["quantity"]
-        parts.append(_marks(part["robot"], part["step"], targets, part["value"], part["rate"]))
+        part["region"] = group * QUANTITY_COUNT + part["quantity"]
+        parts.append(part)
         sources.append(chosen)
     robot, slot = np.nonzero(program.snapshots >= 0)
-    nothing = np.zeros(len(robot))
-    parts.append(_marks(robot, program.snapshots[robot, slot], -1 - slot, nothing, nothing))
+    poses = np.zeros(len(robot), EVENT)
+    poses["robot"], poses["step"], poses["region"] = robot, program.snapshots[robot, slot], -1 - slot
+    parts.append(poses)
     sources.append(np.full(len(robot), -1))
     marks, source = np.concatenate(parts), np.concatenate(sources)
     order = np.lexsort((marks["step"], marks["robot"]))  # stable: the last event of a step wins
@@ -299,9 +310,3 @@ def pack_program(program: LatticeProgram, group_region: np.ndarray) -> PackedPro
         program.lengths.astype(np.int32),
         program.snapshots.shape[1],
     )
-
-
-def _marks(robot: np.ndarray, step: np.ndarray, target: np.ndarray, value: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    marks = np.zeros(len(robot), EVENT)
-    marks["robot"], marks["step"], marks["region"], marks["value"], marks["rate"] = robot, step, target, value, rate
-    return marks
