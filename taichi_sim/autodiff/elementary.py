@@ -50,8 +50,8 @@ def _nearest(x: Any) -> Any:
 
 
 @primitive
-def _series(coefficients: Mapping[bool, Sequence[float]], z: Any) -> Any:
-    """Horner's rule, unrolled."""
+def polynomial(coefficients: Mapping[bool, Sequence[float]], z: Any) -> Any:
+    """A polynomial in z by Horner's rule; coefficients, lowest first, in f32 (True) and f64."""
     *others, result = coefficients[_single()]
     for c in reversed(others):
         result = result * z + c
@@ -74,7 +74,7 @@ def _has_meaning(angle: Any) -> Any:
 def sine_cosine_by(angle: Any, sine: Mapping[bool, Sequence[float]], cosine: Mapping[bool, Sequence[float]]) -> Any:
     """Sine and cosine by these series, within their range."""
     z = angle * angle
-    return angle - angle * z * _series(sine, z), 1.0 - (0.5 * z - z * z * _series(cosine, z))
+    return angle - angle * z * polynomial(sine, z), 1.0 - (0.5 * z - z * z * polynomial(cosine, z))
 
 
 @law

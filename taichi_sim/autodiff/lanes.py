@@ -28,7 +28,7 @@ class Real:
         width: robots per real.
 
     Raises:
-        ValueError: in one line, for a width that is none of ``WIDTHS``.
+        ValueError: for a width that is none of ``WIDTHS``.
     """
 
     precision: str

@@ -6,16 +6,17 @@ A quaternion maps a vector from the body frame to the world frame.
 
 import numpy as np
 
+from taichi_sim.autodiff.elementary import polynomial
 from taichi_sim.autodiff.lanes import absolute, any_lane, larger
 from taichi_sim.autodiff.tracing import law, law_with_derivative, select, sqrt
-from taichi_sim.runtime import single_precision, ti
+from taichi_sim.runtime import ti
 
 # Below this 1 - w^2 the engine that the lattice reproduces replaces the rotation vector by an approximation.
 SMALL_SINE_SQUARED = 2.4e-3
 _NEAR = 0.1  # 1 - w up to which the short polynomial is exact: rotations below 51 degrees
 
 
-def _polynomial(reach: float, degree: int) -> list[float]:
+def _arc_coefficients(reach: float, degree: int) -> list[float]:
     """Coefficients of acos(w)/sqrt(1 - w^2) in u = 1 - w on [0, reach], lowest first (Chebyshev interpolation)."""
     nodes = reach / 2 * (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400))
     values = 2 * np.arcsin(np.sqrt(nodes / 2)) / np.sqrt(nodes * (2 - nodes))  # acos without cancellation
@@ -27,8 +28,8 @@ def _derivative(coefficients: list[float]) -> list[float]:
     return [k * c for k, c in enumerate(coefficients)][1:]
 
 
-_SHORT = {True: _polynomial(_NEAR, 4), False: _polynomial(_NEAR, 9)}
-_LONG = {True: _polynomial(1.0, 10), False: _polynomial(1.0, 20)}
+_SHORT = {True: _arc_coefficients(_NEAR, 4), False: _arc_coefficients(_NEAR, 9)}
+_LONG = {True: _arc_coefficients(1.0, 10), False: _arc_coefficients(1.0, 20)}
 _SHORT_SLOPE = {single: _derivative(c) for single, c in _SHORT.items()}
 
 
@@ -75,18 +76,10 @@ def rotate_back(w, x, y, z, fx, fy, fz):
 @law
 def matrix(w, x, y, z):
     """Rotation matrix of a unit quaternion, row by row: body frame to world frame."""
-    x2 = x + x
-    y2 = y + y
-    z2 = z + z
-    xx = x * x2
-    yy = y * y2
-    zz = z * z2
-    xy = x * y2
-    xz = x * z2
-    yz = y * z2
-    wx = w * x2
-    wy = w * y2
-    wz = w * z2
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, yy, zz = x * x2, y * y2, z * z2
+    xy, xz, yz = x * y2, x * z2, y * z2
+    wx, wy, wz = w * x2, w * y2, w * z2
     return 1.0 - (yy + zz), xy - wz, xz + wy, xy + wz, 1.0 - (xx + zz), yz - wx, xz - wy, yz + wx, 1.0 - (xx + yy)
 
 
@@ -103,18 +96,10 @@ def cross(ax, ay, az, bx, by, bz):
 
 
 @ti.func
-def _horner(u, coefficients: ti.template()):
-    result = u * coefficients[-1] + coefficients[-2]
-    for i in ti.static(range(len(coefficients) - 3, -1, -1)):
-        result = result * u + coefficients[i]
-    return result
-
-
-@ti.func
 def _arc_slope(w, factor):
     """d/dw of acos(w)/sqrt(1 - w^2) = (w factor - 1)/(1 - w^2), without cancellation where w is near 1."""
     u = 1.0 - w
-    near = _horner(u, ti.static(_SHORT_SLOPE[single_precision()]))
+    near = polynomial(_SHORT_SLOPE, u)
     return select(u > _NEAR, (w * factor - 1.0) / larger(u * (2.0 - u), 1e-12), 0.0 - near)
 
 
@@ -122,10 +107,10 @@ def _arc_slope(w, factor):
 def _arc_factor(w):
     """acos(w)/sqrt(1 - w^2) for w in (-1, 1]; each lane's value does not depend on its neighbours."""
     u = 1.0 - w
-    result = _horner(u, ti.static(_SHORT[single_precision()]))
+    result = polynomial(_SHORT, u)
     if any_lane(u > _NEAR):
         v = 1.0 - absolute(w)
-        far = _horner(v, ti.static(_LONG[single_precision()]))
+        far = polynomial(_LONG, v)
         sine = sqrt(larger(v * (2.0 - v), 1e-30))
         far = select(w < 0.0, 3.141592653589793 / sine - far, far)  # acos(w) = pi - acos(-w)
         result = select(u > _NEAR, far, result)

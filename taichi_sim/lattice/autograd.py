@@ -59,7 +59,7 @@ def run(
         options: of ``LatticeEngine``.
 
     Raises:
-        ValueError: one line; also if a robot diverges, as no number would be its result.
+        ValueError: for bad input; also if a robot diverges, as no number would be its result.
     """
     given = {"values": values, "rates": rates} | {f"state.{k}": v for k, v in (state or {}).items()}
     given |= {f"materials.{k}": v for k, v in (materials or {}).items()}

@@ -41,7 +41,7 @@ class LatticeBody:
             the same one by default. Of several, pressure acts on the closed surfaces, see ``enclosure``.
 
     Raises:
-        ValueError: one line that names the field, the value and what is allowed.
+        ValueError: if a field is not allowed; names the field, the value and what is allowed.
     """
 
     voxels: np.ndarray

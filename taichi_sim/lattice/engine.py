@@ -122,7 +122,7 @@ class LatticeEngine:
             **options: instead of ``compute``, its fields one by one.
 
         Raises:
-            ValueError: one line that names the argument, the value and what is allowed.
+            ValueError: if an argument is not allowed; names it, the value and what is allowed.
         """
         bodies = [body] if isinstance(body, LatticeBody) else list(body)
         batch = len(bodies) if batch is None else batch

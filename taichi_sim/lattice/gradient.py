@@ -114,7 +114,7 @@ class Tape:
             progress: called now and then with the fraction done, 0 to 1.
 
         Raises:
-            ValueError: one line; for shapes that do not match, numbers that are not finite, or a robot that diverged
+            ValueError: for shapes that do not match, numbers that are not finite, or a robot that diverged
                 although the cost depends on it.
         """
         recorded = self._pose_seeds(positions, orientations), self._strain_seeds(strains), self._size_seeds(sizes)

@@ -66,8 +66,7 @@ class Material:
 
 
 # Columns of the table of beam constants, one row per pair of materials.
-AXIAL, TRANSVERSE, STIFF, DAMP_MINUS, DAMP_PLUS, TWIST, TWIST_ROOT, SHARE_MINUS, SHARE_PLUS = range(9)
-BEAM_COLUMNS = 9
+AXIAL, TRANSVERSE, STIFF, DAMP_MINUS, DAMP_PLUS, TWIST, TWIST_ROOT, SHARE_MINUS, SHARE_PLUS, BEAM_COLUMNS = range(10)
 
 
 def voxel_mass(material: Material, edge: float) -> float:
@@ -124,18 +123,8 @@ def beam_constants(minus: Material, plus: Material, edge: float, time_step: floa
 
 
 # Columns of the table of voxel constants, one row per group of voxels.
-(
-    INVERSE_MASS,
-    INVERSE_INERTIA,
-    MASS,
-    CRITICAL_TRANSLATION,
-    CRITICAL_ROTATION,
-    STIFFNESS,
-    CONTACT_DAMPING,
-    EXPANSION,
-    NU,
-) = range(9)
-CONSTANT_COLUMNS = 9
+INVERSE_MASS, INVERSE_INERTIA, MASS, CRITICAL_TRANSLATION, CRITICAL_ROTATION = range(5)
+STIFFNESS, CONTACT_DAMPING, EXPANSION, NU, CONSTANT_COLUMNS = range(5, 10)
 
 
 @law

@@ -90,19 +90,20 @@ def write_vxl_json(file: VoxelFile) -> str:
         "materials": [_material_record(m, c) for m, c in zip(body.materials, file.colours.tolist(), strict=True)],
         "voxels": np.column_stack([body.voxels, body.material_index]).ravel().tolist(),
     }
-    if file.gravity is not None:
-        document["gravityAcceleration"] = file.gravity
-    if file.floor is not None:
-        document["floorEnabled"] = file.floor
     loads = np.column_stack([file.displacement, file.force, file.moment])
-    if externals := _external_records(body.fixed.astype(bool), loads):  # type: ignore[union-attr]
-        document["externals"] = externals
-    own: dict[str, Any] = {"regions": body.regions.tolist()}  # type: ignore[union-attr]
-    if len(body.cut_links):
-        own["cutLinks"] = body.cut_links.tolist()
-    if body.pressure_normals.any():  # type: ignore[union-attr]
-        own["pressureNormals"] = body.pressure_normals.tolist()  # type: ignore[union-attr]
-    return json.dumps({**document, _OWN: own}, allow_nan=False)
+    externals = _external_records(np.asarray(body.fixed, bool), loads)
+    optional = {"gravityAcceleration": file.gravity, "floorEnabled": file.floor, "externals": externals or None}
+    normals = np.asarray(body.pressure_normals)
+    own = {
+        "regions": np.asarray(body.regions).tolist(),
+        "cutLinks": body.cut_links.tolist() or None,
+        "pressureNormals": normals.tolist() if normals.any() else None,
+    }
+    return json.dumps({**document, **_given(optional), _OWN: _given(own)}, allow_nan=False)
+
+
+def _given(entries: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in entries.items() if value is not None}
 
 
 def _parsed(text: str) -> dict[str, Any]:
@@ -222,10 +223,10 @@ def _external_records(fixed: Bools, loads: Floats) -> list[dict[str, Any]]:
     records = []
     for number, row in enumerate(kinds):
         if row.any():
-            record: dict[str, Any] = {"fixed": row[:6].astype(bool).tolist()}
-            for place, (name, width) in zip((6, 9, 12, 15), _LOADS, strict=True):
-                record[name] = row[place : place + width].tolist()
-            records.append({**record, "voxelIndices": np.flatnonzero(kind.ravel() == number).tolist()})
+            held, *parts = np.split(row, (6, 9, 12, 15))
+            record = {name: part.tolist() for (name, _), part in zip(_LOADS, parts, strict=True)}
+            chosen = np.flatnonzero(kind.ravel() == number).tolist()
+            records.append({"fixed": held.astype(bool).tolist(), **record, "voxelIndices": chosen})
     return records
 
 

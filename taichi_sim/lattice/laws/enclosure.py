@@ -11,6 +11,7 @@ their own, that share no voxel.
 """
 
 from collections import defaultdict
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from taichi_sim.lattice.body import LatticeBody
 
 AXES = np.eye(3, dtype=np.int64)
 NONE = np.zeros((0, 4), np.int64)
+Edge = tuple[int, int]
 
 
 @law
@@ -35,20 +37,9 @@ def pressed_square(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, p0, p1, p2, p
     cx, cy, cz = cross(x2 - x1, y2 - y1, z2 - z1, x0 - x1, y0 - y1, z0 - z1)  # 2 T of corner 1
     s = (p0 + p1 + p2 + p3) / 48.0
     ux, uy, uz = 2.0 * ax, 2.0 * ay, 2.0 * az
-    return (
-        s * (ax + bx),
-        s * (ay + by),
-        s * (az + bz),
-        s * (ax + cx),
-        s * (ay + cy),
-        s * (az + cz),
-        s * (ux - bx),
-        s * (uy - by),
-        s * (uz - bz),
-        s * (ux - cx),
-        s * (uy - cy),
-        s * (uz - cz),
-    )
+    first, second = (s * (ax + bx), s * (ay + by), s * (az + bz)), (s * (ax + cx), s * (ay + cy), s * (az + cz))
+    third, fourth = (s * (ux - bx), s * (uy - by), s * (uz - bz)), (s * (ux - cx), s * (uy - cy), s * (uz - cz))
+    return first + second + third + fourth
 
 
 def enclosed_volume(squares: np.ndarray, positions: np.ndarray) -> np.ndarray:
@@ -63,7 +54,7 @@ def closed_surface(body: LatticeBody) -> np.ndarray:
     """Corners of the squares around what a body's pressure inflates, in order around the outward side, shape (Q, 4).
 
     Raises:
-        ValueError: in one line, if the pressurised voxels do not enclose a volume.
+        ValueError: if the pressurised voxels do not enclose a volume.
     """
     pressed = np.flatnonzero((body.pressure_normals != 0).any(axis=1))  # type: ignore[union-attr]
     inside = np.asarray(body.chambers)[pressed]
@@ -81,13 +72,22 @@ def _open_at(body: LatticeBody, voxel: int, fault: str) -> ValueError:
     )
 
 
-def _edges(square: tuple[int, ...]) -> list[tuple[int, int]]:
+def _edges(square: Sequence[int]) -> list[Edge]:
     """The sides of a square, each from one corner to the next."""
     return list(zip(square, (*square[1:], square[0]), strict=True))
 
 
-def _key(edge: tuple[int, int]) -> tuple[int, int]:
+def _key(edge: Edge) -> Edge:
     return min(edge), max(edge)
+
+
+def _squares_at_edges(squares: Iterable[Sequence[int]]) -> dict[Edge, list[int]]:
+    """Numbers of the squares that have each edge, by its key."""
+    found: dict[Edge, list[int]] = defaultdict(list)
+    for number, square in enumerate(squares):
+        for edge in _edges(square):
+            found[_key(edge)].append(number)
+    return found
 
 
 def _skin_and_mouths(body: LatticeBody, pressed: np.ndarray) -> np.ndarray:
@@ -105,20 +105,14 @@ def _skin_and_mouths(body: LatticeBody, pressed: np.ndarray) -> np.ndarray:
                     skin.append(corners)
                 elif (linked[0] and linked[2]) or (linked[1] and linked[3]):
                     gaps.append(corners)
-    uses: dict[tuple[int, int], int] = defaultdict(int)
-    for square in skin:
-        for edge in _edges(square):
-            uses[_key(edge)] += 1
-    mouths = [s for s in gaps if all(uses[_key(e)] == 1 for e in _edges(s) if _key(e) in links)]
+    sides = _squares_at_edges(skin)
+    mouths = [s for s in gaps if all(len(sides[_key(e)]) == 1 for e in _edges(s) if _key(e) in links)]
     return np.array(skin + mouths, np.int64).reshape(-1, 4)
 
 
 def _outward(body: LatticeBody, squares: np.ndarray) -> np.ndarray:
     """The squares, turned so that neighbours agree and pressure acts along the voxels' normals."""
-    sides: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for number, square in enumerate(squares.tolist()):
-        for edge in _edges(square):
-            sides[_key(edge)].append(number)
+    sides = _squares_at_edges(squares.tolist())
     for edge, meeting in sides.items():
         if len(meeting) != 2:
             raise _open_at(body, edge[0], f"is where {len(meeting)} squares of the surface meet in an edge, not 2")
@@ -131,9 +125,9 @@ def _outward(body: LatticeBody, squares: np.ndarray) -> np.ndarray:
         part, waiting = [first], [first]
         while waiting:
             here = waiting.pop()
-            for edge in _edges(tuple(result[here].tolist())):
+            for edge in _edges(result[here].tolist()):
                 (other,) = (n for n in sides[_key(edge)] if n != here)
-                if edge in _edges(tuple(result[other].tolist())):  # neighbours pass along an edge in opposite ways
+                if edge in _edges(result[other].tolist()):  # neighbours pass along an edge in opposite ways
                     if done[other]:
                         raise _open_at(body, edge[0], "is on a surface with one side only")
                     result[other] = result[other, ::-1]

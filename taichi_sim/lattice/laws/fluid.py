@@ -44,7 +44,7 @@ def outer_faces(voxels: np.ndarray) -> np.ndarray:
         voxels: places on the lattice, shape (V, 3), whole numbers.
 
     Raises:
-        ValueError: in one line, for a body whose bounding box has too many cells.
+        ValueError: for a body whose bounding box has too many cells.
     """
     low, high = voxels.min(axis=0) - 1, voxels.max(axis=0) + 1
     shape = high - low + 1

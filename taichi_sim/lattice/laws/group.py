@@ -31,29 +31,21 @@ def group_state(
     fy,
     fz,
     zeta,
-    critical_translation,
-    critical_rotation,
+    drag,
+    spin_drag,
     edge,
     gravity,
 ):
     """Rest sizes [m] and their mean, external force on a voxel [N], damping coefficients of translation and rotation.
 
-    The external force is that of an acceleration a and a force F; ``zeta`` is the damping ratio against the world.
+    The external force is that of an acceleration a and a force F; ``zeta`` is the damping ratio against the world,
+    ``drag`` and ``spin_drag`` are the critical coefficients of translation and rotation.
     """
     sx, sy, sz = grown_scales(expansion, temperature, scale_x, scale_y, scale_z)
     # Exactly h for unit scales: a voxel that starts on the floor must touch it, or it would not stick.
     mean = edge * ((sx + sy + sz) / 3.0)
-    return (
-        edge * sx,
-        edge * sy,
-        edge * sz,
-        mean,
-        mass * ax + fx,
-        mass * ay + fy,
-        mass * (az - gravity) + fz,
-        zeta * critical_translation,
-        zeta * critical_rotation,
-    )
+    push = mass * ax + fx, mass * ay + fy, mass * (az - gravity) + fz
+    return edge * sx, edge * sy, edge * sz, mean, push[0], push[1], push[2], zeta * drag, zeta * spin_drag
 
 
 @law

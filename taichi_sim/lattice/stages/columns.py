@@ -11,19 +11,8 @@ from taichi_sim.runtime import emit
 
 # Columns of the table of links: slots of the two voxels in VOXEL, of the beam in BEAM and of the rest length in REST;
 # the components along and across the link's axis; whether both ends are damped alike; numbers of the two voxels.
-(
-    LINK_MINUS,
-    LINK_PLUS,
-    LINK_BEAM,
-    LINK_REST,
-    LINK_ALONG,
-    LINK_SIDE_1,
-    LINK_SIDE_2,
-    LINK_SYMMETRIC,
-    LINK_FIRST,
-    LINK_SECOND,
-) = range(10)
-LINK_COLUMNS = 10
+LINK_MINUS, LINK_PLUS, LINK_BEAM, LINK_REST, LINK_ALONG, LINK_SIDE_1, LINK_SIDE_2 = range(7)
+LINK_SYMMETRIC, LINK_FIRST, LINK_SECOND, LINK_COLUMNS = range(7, 11)
 
 # Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface
 # slot and the gauge's slot in STRAIN (-1 without); bits of fixed degrees of freedom; the voxel's own links; the link

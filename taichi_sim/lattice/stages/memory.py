@@ -19,12 +19,10 @@ The sections of the state come first, so that a robot can be copied away and bac
 Groups are the regions of a body, split where a region mixes materials.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-
-from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
-from taichi_sim.lattice.program import QUANTITY_COUNT
 
 (VOXEL, LINK, STRAIN, CHANNEL, LISTED, MONITOR, CURRENT, CONSTANT, BEAM, REST, CONTACT, FORCE, PRESSED) = range(13)
 SECTION_COUNT = 13
@@ -45,22 +43,8 @@ MOVED, DIVERGED = 0, 1  # places in the monitor
 SIZE, MEAN_SIZE, PUSH, DRAG, ANGULAR_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: rest sizes, external force, damping
 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
-(
-    VOXELS,
-    LINKS,
-    GROUPS,
-    RESTS,
-    SURFACE,
-    PAIRS,
-    STATE_SLOTS,
-    RING_MASK,
-    FLOOR_ON,
-    CONTACT_ON,
-    POISSON_ON,
-    FLUID_ON,
-    SQUARES,
-) = range(SECTION_COUNT, SECTION_COUNT + 13)
-PLAN_SIZE = SECTION_COUNT + 13
+VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS = range(SECTION_COUNT, SECTION_COUNT + 7)
+RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON, FLUID_ON, SQUARES = range(SECTION_COUNT + 7, SECTION_COUNT + 13)
 
 
 @dataclass(frozen=True)
@@ -78,34 +62,8 @@ class Memory:
     slots: int
 
     @classmethod
-    def of(
-        cls,
-        voxels: int,
-        links: int,
-        gauges: int,
-        surface: int,
-        groups: int,
-        beams: int,
-        rests: int,
-        squares: int,
-        forces: tuple[int, int],
-    ) -> "Memory":
-        """Lay out a memory for so many items; sections without items keep one, as none may be empty."""
-        rows = (
-            (voxels, VOXEL_WIDTH),
-            (links, LINK_WIDTH),
-            (gauges, STRAIN_WIDTH),
-            (groups * QUANTITY_COUNT, CHANNEL_WIDTH),
-            (surface, 3),
-            (1, 2),
-            (groups, CURRENT_WIDTH),
-            (groups, CONSTANT_COLUMNS),
-            (beams, BEAM_COLUMNS),
-            (rests, REST_WIDTH),
-            (surface, 3),
-            forces,
-            (squares, PRESSED_WIDTH),
-        )
+    def of(cls, rows: Iterable[tuple[int, int]]) -> "Memory":
+        """Lay out a memory of so many items and widths; sections without items keep one, as none may be empty."""
         sections = tuple((max(count, 1), width) for count, width in rows)
         ends = np.cumsum([count * width for count, width in sections])
         return cls(sections, (0, *(int(e) for e in ends[:-1])), int(ends[-1]))

@@ -84,17 +84,23 @@ class Tables:
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
-        return memory.Memory.of(
-            len(self.group),
-            len(self.link_ends),
-            self.gauges,
-            len(self.surface_voxels),
-            len(self.group_region),
-            self.beam.shape[1],
-            len(self.rest),
-            self.squares,
+        surface, groups = len(self.surface_voxels), len(self.group_region)
+        rows = (
+            (len(self.group), memory.VOXEL_WIDTH),
+            (len(self.link_ends), memory.LINK_WIDTH),
+            (self.gauges, memory.STRAIN_WIDTH),
+            (groups * QUANTITY_COUNT, memory.CHANNEL_WIDTH),
+            (surface, 3),
+            (1, 2),
+            (groups, memory.CURRENT_WIDTH),
+            (groups, CONSTANT_COLUMNS),
+            (self.beam.shape[1], BEAM_COLUMNS),
+            (len(self.rest), memory.REST_WIDTH),
+            (surface, 3),
             forces,
+            (self.squares, memory.PRESSED_WIDTH),
         )
+        return memory.Memory.of(rows)
 
     def initial_sections(self) -> tuple[tuple[int, np.ndarray], ...]:
         """Sections of the memory that the tables fill, with values of shape (B, items, components)."""
@@ -102,24 +108,12 @@ class Tables:
 
     def plan(self, layout: memory.Memory, floor: bool, self_contact: bool) -> np.ndarray:
         """The integers that tell kernels where sections lie, how many items there are and what is switched on."""
-        numbers = {
-            memory.VOXELS: len(self.group),
-            memory.LINKS: len(self.link_ends),
-            memory.GROUPS: len(self.group_region),
-            memory.RESTS: len(self.rest),
-            memory.SURFACE: len(self.surface_voxels),
-            memory.STATE_SLOTS: layout.state_slots,
-            memory.RING_MASK: self.ring - 1,
-            memory.FLOOR_ON: floor,
-            memory.CONTACT_ON: self_contact,
-            memory.POISSON_ON: self.poisson,
-            memory.FLUID_ON: self.fluid,
-            memory.SQUARES: self.squares,
-        }
-        plan = np.zeros(memory.PLAN_SIZE, np.int32)
-        plan[: memory.SECTION_COUNT] = layout.starts
-        plan[list(numbers)] = list(numbers.values())
-        return plan
+        no_pairs, ring_mask = 0, self.ring - 1
+        counts = [len(a) for a in (self.group, self.link_ends, self.group_region, self.rest, self.surface_voxels)]
+        switches = floor, self_contact, self.poisson, self.fluid
+        # In the order of their places in ``memory``.
+        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, ring_mask, *switches, self.squares]
+        return np.array(plan, np.int32)
 
 
 def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = False) -> Tables:
