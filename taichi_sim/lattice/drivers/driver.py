@@ -200,10 +200,11 @@ class Reverse(ABC):
         values, shared = driver.zeros(self.layout.slots), self.layout.starts[memory.FORCE]
         values[:, :shared] = driver.host_memory(run.memory)[:, :shared]
         self.values, self.cotangents = map(driver.put_memory, (values, driver.zeros(self.layout.slots)))
-        seeds = {name: driver.put(marking.filled(x, dtype)) for name, x in marking.named(recorded, finals)}
+        poses, strains, sizes, ends = (driver.put(marking.filled(x, dtype)) for x in (*recorded, finals))
         lanes = driver.put(marking.lanes_back(driver.host(run.marks.lanes)))
         by_value: np.ndarray = np.zeros(program.values.shape, dtype)
-        self.marks = run.marks._replace(lanes=lanes, by_value=driver.put(by_value), **seeds)
+        given = {"poses": poses, "strains": strains, "sizes": sizes, "finals": ends, "by_value": driver.put(by_value)}
+        self.marks = run.marks._replace(lanes=lanes, **given)
         self._contacts = CONTACTS_PER_STEP
 
     @abstractmethod

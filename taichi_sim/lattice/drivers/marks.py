@@ -4,7 +4,6 @@ Marks are met robot by robot, so ``ms`` and the other memories here are seen as 
 these functions: a robot's integers are ``lanes[block, lane]``, and one of the stepped driver is a lane of block 0.
 """
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,11 +72,6 @@ def lanes_back(lanes: np.ndarray) -> np.ndarray:
     back[..., EVENT] = back[..., END_EVENT]
     back[..., STATE] = np.where(lanes[..., STATE] == DIVERGED, DIVERGED, WAITING)
     return back
-
-
-def named(recorded: Recordings, finals: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Cotangents of recordings and of last states, by their names in ``Marks``."""
-    yield from zip(("poses", "strains", "sizes", "finals"), (*recorded, finals), strict=True)
 
 
 def filled(array: np.ndarray, dtype: Any) -> np.ndarray:

@@ -50,20 +50,8 @@ def list_types(real: Real) -> Lists:
     """Types of lists in kernels."""
     bunch = NATIVE_WIDTH[real.precision]
     bunches = ti.types.ndarray(dtype=ti.types.vector(bunch, real.scalar), ndim=3)
-    flags = ints(1, bunch), ints(2)
-    return Lists(
-        ints(3),
-        ints(3),
-        ints(3),
-        ints(2),
-        ints(1, real.width),
-        ints(2),
-        ints(2),
-        bunches,
-        real.scalars(4),
-        *flags,
-        bunch,
-    )
+    scratch, near = (bunches, real.scalars(4)), (ints(1, bunch), ints(2))
+    return Lists(ints(3), ints(3), ints(3), ints(2), ints(1, real.width), ints(2), ints(2), *scratch, *near, bunch)
 
 
 @ti.func
