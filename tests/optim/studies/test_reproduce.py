@@ -14,6 +14,8 @@ from optim.studies.chapter4 import training_study
 from optim.studies.chapter4.training import Training
 from optim.studies.chapter4.training_study import TrainingInBodies
 from robots.braitenberg import Sweep
+from taichi_sim.base.files import sha256
+from taichi_sim.base.results_folder import ResultsFolder
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -105,6 +107,40 @@ def test_settings_that_are_not_allowed_are_one_line(make, message):
     with pytest.raises(ValueError) as raised:
         make()
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+OF_1_0 = {  # digests of the settings that folders of full budgets of version 1.0 know
+    "sensor-placement": "d9edafbcc3f58289",
+    "training": "23d195c66ec99923",
+    "co-optimisation": "40c531ab0f1252d6",
+    "search-comparison": "fe78272121f923ae",
+    "homeostasis-of-bodies": "ebf9956deedf4342",
+    "reality-gap": "87c1fae93cc34656",
+    "homeostasis-objective": "cb3458160b7f9c4f",
+    "rover-success": "c68824aefe950e0a",
+    "rover-pre-optimisation": "737a075da372df0e",
+    "shape-change": "165dd6f221d403fd",
+    "friction-sweeps": "52242830a194b45a",
+    "slope-sweep": "e71203e403ce2e0c",
+    "hand-gait-sensitivity": "a5773d5308fa4e49",
+    "soft-robot-metrics": "cca7f9391024b558",
+}
+
+
+@pytest.mark.parametrize("name", OF_1_0)
+def test_folders_of_version_1_0_go_on(monkeypatch, tmp_path, name):
+    """The first folder that a study opens has the settings that it had, to the letter."""
+
+    class Opened(Exception):
+        """Ends the study before any work."""
+
+    def opened(_, path, kind, settings):
+        raise Opened(json.dumps(settings))
+
+    monkeypatch.setattr(ResultsFolder, "__init__", opened)
+    with pytest.raises(Opened) as settings:
+        STUDIES[name].reproduce(tmp_path / "a")
+    assert sha256(str(settings.value).encode())[:16] == OF_1_0[name]
 
 
 def test_folders_know_their_study_by_these_settings_in_this_order():
