@@ -5,15 +5,13 @@ one thread, the best of several rounds being the machine undisturbed; with a ref
 the ratio is that of the medians.
 """
 
-import re
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robots.bench.rates import best_and_median, prototype_rate
 from robots.braitenberg import VehicleBody, contralateral, sweep
 from robots.braitenberg.experiment import PUBLISHED, batch_of
 from taichi_sim.signals import warping_distances
@@ -22,16 +20,6 @@ from taichi_sim.vehicle import VehicleBatch, differentiate
 DESIGN = VehicleBody.published(162)
 ROUNDS = 5
 SAMPLES = 10_001  # of a whole trace
-
-
-def prototype_rate(path: Path) -> float:
-    """Run a reference program and return the rate that it reports: the number before "traj/s"."""
-    command = [sys.executable, path.name, "F", "f64", "nofast", "32"]
-    run = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, check=True)
-    found = re.search(r"([0-9.]+) traj/s", run.stdout)
-    if not found:
-        raise ValueError(f"vehicle-prototype: {path} prints no number before traj/s")
-    return float(found[1])
 
 
 def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
@@ -43,11 +31,11 @@ def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
         for precision in ("f64", "f32"):
             rates[precision].append(_sweep_rate(precision))
         if prototype:
-            rates["prototype"].append(prototype_rate(prototype))
+            arguments = ("F", "f64", "nofast", "32")
+            rate = prototype_rate("vehicle-prototype", prototype, arguments, r"([0-9.]+) traj/s", "before traj/s")
+            rates["prototype"].append(rate)
     found: dict[str, Any] = {
-        "rollouts_per_core_second": {
-            name: {"best": max(each), "median": float(np.median(each))} for name, each in rates.items() if each
-        },
+        "rollouts_per_core_second": {name: best_and_median(each) for name, each in rates.items() if each},
         "gradients_per_core_second": _gradient_rate(256 if quick else 1024),
         "warping_distances_per_core_second": _warping_rate(2001 if quick else SAMPLES),
     }
@@ -87,16 +75,15 @@ def _warping_rate(samples: int) -> float:
 
 def lines(figures: dict[str, Any]) -> list[str]:
     """Lines of a table of the rates."""
-    rates = figures["rollouts_per_core_second"]
     found = [
-        f"{precision}  rollouts, one core       {rates[precision]['median']:>8.0f} of 10,000 steps/s "
-        f"(best {rates[precision]['best']:.0f})"
-        for precision in ("f64", "f32")
+        f"{name}  rollouts, one core       {rate['median']:>8.0f} of 10,000 steps/s (best {rate['best']:.0f})"
+        for name, rate in figures["rollouts_per_core_second"].items()
+        if name != "prototype"
     ]
-    if "ratio_to_prototype" in figures:
-        found.insert(1, f"f64  ratio to the prototype   {figures['ratio_to_prototype']:>8.2f}")
-    return [
-        *found,
+    found += [
         f"f64  gradients, one core      {figures['gradients_per_core_second']:>8.0f} rollouts/s",
         f"f64  time warping, one core   {figures['warping_distances_per_core_second']:>8.1f} pairs of whole traces/s",
     ]
+    if "ratio_to_prototype" in figures:
+        found.insert(1, f"f64  ratio to the prototype   {figures['ratio_to_prototype']:>8.2f}")
+    return found

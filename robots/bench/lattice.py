@@ -6,19 +6,18 @@ program whose last line of output reads "f32: 36000 robot-steps ..."), and to th
 """
 
 import os
-import re
-import subprocess
 import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
 from robots.bench import braitenberg as vehicle_bench
 from robots.bench import quadruped as rigid_bench
+from robots.bench.rates import best_and_median, prototype_rate
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import INCHING
 from robots.inflatable.program import build_program
@@ -31,6 +30,7 @@ from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_pe
 
 COLUMN = 11_670  # steps of a moving column of the published gaits
 GRADIENT_MEMORY = 2e9  # B
+PIECES = 4  # of a measurement
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
 
 
@@ -42,14 +42,9 @@ class Batch:
         self.batch, self._done = batch, 0
         self._program = build_program([INCHING] * batch, Terrain())
         runtime.start("cpu", precision, threads)
+        body, time_step = PUBLISHED.body, PUBLISHED.time_step
         self.engine = LatticeEngine(
-            PUBLISHED.body,
-            batch,
-            time_step=PUBLISHED.time_step,
-            floor=True,
-            precision=precision,
-            threads=threads,
-            width=width,
+            body, batch, time_step=time_step, floor=True, precision=precision, threads=threads, width=width
         )
         started = time.perf_counter()
         self.advance(1)
@@ -76,57 +71,42 @@ class Batch:
         return LatticeProgram(np.full(self.batch, steps), piece, np.full((self.batch, 1), steps))
 
 
-def rates(clock: Callable[[], float], batches: list[Batch], steps: int, pieces: int) -> list[tuple[float, float]]:
-    """Measure robot-steps per second (best piece, median piece) of every batch; pieces of the batches alternate."""
-    for batch in batches:
-        batch.advance(max(WARM_UP - 1, 0))
-    seconds = np.empty((pieces, len(batches)))
-    for row in seconds:
-        for column, batch in enumerate(batches):
-            started = clock()
-            batch.advance(steps)
-            row[column] = clock() - started
-    work = np.array([batch.batch * steps for batch in batches])
-    return [(float(w / s.min()), float(w / np.median(s))) for w, s in zip(work, seconds.T, strict=True)]
-
-
-def prototype_rate(path: Path, precision: str) -> float:
-    """Run a reference program and return its rate: the first number after "f32:" or "f64:" on its last line."""
-    run = subprocess.run(
-        [sys.executable, path.name, precision], cwd=path.parent, capture_output=True, text=True, check=True
-    )
-    found = re.search(rf"{precision}: *([0-9.]+)[^\n]*\s*$", run.stdout)
-    if not found:
-        raise ValueError(f"prototype: {path} prints no number after {precision}: on its last line")
-    return float(found[1])
+def rates(clock: Callable[[], float], batch: Batch, steps: int) -> dict[str, float]:
+    """Measure robot-steps per second in several pieces of a run."""
+    batch.advance(WARM_UP - 1)
+    return best_and_median([batch.batch * steps / _timed(clock, batch.advance, steps)[0] for _ in range(PIECES)])
 
 
 def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:
     """Measure all rates in one precision."""
-    lanes, pieces, steps = NATIVE_WIDTH[precision], 4, 250 if quick else 1000
-    before = prototype_rate(prototype, precision) if prototype else None
+    lanes, steps = NATIVE_WIDTH[precision], 250 if quick else 1000
+    before = _prototype_rate(prototype, precision) if prototype else None
     full = Batch(lanes, precision, 1, lanes)
     found: dict[str, Any] = {"first_step_s": full.first_step, "kilobytes_per_robot": full.engine.bytes_per_robot / 1e3}
     peak = measure_peak(precision)
-    ((best, median),) = rates(time.process_time, [full], steps, pieces)
-    found["robot_steps_per_core_second"] = {"best": best, "median": median}
-    voxels = PUBLISHED.body.voxel_count
-    found["million_voxel_steps_per_core_second"] = best * voxels / 1e6
-    found["part_of_peak"] = best * voxels * FLOPS_PER_VOXEL_STEP / peak
+    rate = found["robot_steps_per_core_second"] = rates(time.process_time, full, steps)
+    voxel_steps = rate["best"] * PUBLISHED.body.voxel_count
+    found["million_voxel_steps_per_core_second"] = voxel_steps / 1e6
+    found["part_of_peak"] = voxel_steps * FLOPS_PER_VOXEL_STEP / peak
     if prototype and before:
-        after = prototype_rate(prototype, precision)
+        after = _prototype_rate(prototype, precision)
         found["prototype"] = {"before": before, "after": after}
-        found["ratio_to_prototype"] = median / ((before + after) / 2)
+        found["ratio_to_prototype"] = rate["median"] / ((before + after) / 2)
     single = Batch(1, precision, 1, 1)
-    ((best, median),) = rates(time.process_time, [single], 2 * steps, pieces)
-    found["single_robot_steps_per_second"] = {"best": best, "median": median}
+    found["single_robot_steps_per_second"] = rates(time.process_time, single, 2 * steps)
     found["gradient"] = gradient_cost(precision, 400 if quick else COLUMN)
     if available_threads() > 1:
         found["two_threads"] = {
-            name: _two_threads(batch, precision, width, steps, pieces)
+            name: _two_threads(batch, precision, width, steps)
             for name, batch, width in ((f"{2 * lanes} robots", 2 * lanes, lanes), ("2 robots", 2, 1))
         }
     return found
+
+
+def _prototype_rate(path: Path, precision: str) -> float:
+    """Rate of a reference program: the first number after "f32:" or "f64:" on its last line."""
+    pattern, place = rf"{precision}: *([0-9.]+)[^\n]*\s*$", f"after {precision}: on its last line"
+    return prototype_rate("prototype", path, [precision], pattern, place)
 
 
 def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
@@ -137,15 +117,16 @@ def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
     found: dict[str, Any] = {"steps": steps}
     forward = Batch(1, precision, 1, 1)
     forward.advance(WARM_UP)
-    scalar, _ = _timed(forward.advance, steps)
+    clock = time.process_time
+    scalar, _ = _timed(clock, forward.advance, steps)
     for name, robots in (("one_robot", 1), ("lanes", NATIVE_WIDTH[precision])):
         batch = Batch(robots, precision, 1, robots)
         batch.differentiate(50)  # compiles
         batch.advance(WARM_UP - 51)
-        gone, _ = _timed(batch.advance, steps)
+        gone, _ = _timed(clock, batch.advance, steps)
         again = Batch(robots, precision, 1, robots)
         again.advance(WARM_UP - 1)
-        seconds, memory = _timed(again.differentiate, steps)
+        seconds, memory = _timed(clock, again.differentiate, steps)
         found[name] = {
             "robots": robots,
             "in_its_own_forward_runs": seconds / gone,
@@ -155,73 +136,69 @@ def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
     return found
 
 
-def _timed(work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
-    """CPU time of ``work(steps)`` [s], and its result."""
-    begun = time.process_time()
+def _timed(clock: Callable[[], float], work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
+    """Time of ``work(steps)`` [s], and its result."""
+    begun = clock()
     result = work(steps)
-    return time.process_time() - begun, result
+    return clock() - begun, result
 
 
-def _two_threads(batch: int, precision: str, width: int, steps: int, pieces: int) -> float:
+def _two_threads(batch: int, precision: str, width: int, steps: int) -> float:
     """Measure the wall-clock speed of two threads divided by that of one."""
-    speeds = []
-    for threads in (1, 2):
-        piece = Batch(batch, precision, threads, width)
-        speeds.append(rates(time.perf_counter, [piece], steps, pieces)[0][0])
-    return speeds[1] / speeds[0]
+    one, two = (rates(time.perf_counter, Batch(batch, precision, threads, width), steps)["best"] for threads in (1, 2))
+    return two / one
 
 
 def main(args: Namespace) -> dict[str, Any]:
     """Measure all rates and print them as tables (to stderr with ``--json``); return the numbers."""
     out = sys.stderr if args.json else sys.stdout
     figures: dict[str, Any] = {"cpu": _cpu_name(), "cores": os.cpu_count()}
+    machine = f"{figures['cpu']}, {figures['cores']} cores"
     if args.robot in ("all", "inflatable"):
-        print(f"{figures['cpu']}, {figures['cores']} cores; published robot, 1428 voxels, full physics", file=out)
-        figures |= _inflatable(args, out)
+        print(f"{machine}; published robot, 1428 voxels, full physics", file=out)
+        for precision in [args.precision] if args.precision else ["f32", "f64"]:
+            figures[precision] = measure(precision, args.quick, args.prototype)
+            print("\n".join(lines(figures[precision], precision)), file=out)
     if args.robot in ("all", "vehicle"):
-        print(f"{figures['cpu']}, {figures['cores']} cores; vehicle, all controllers of design 162", file=out)
+        print(f"{machine}; vehicle, all controllers of design 162", file=out)
         figures["vehicle"] = vehicle_bench.measure(args.quick, args.vehicle_prototype)
         print("\n".join(vehicle_bench.lines(figures["vehicle"])), file=out)
     if args.robot in ("all", "rigid"):
-        print(f"{figures['cpu']}, {figures['cores']} cores; quadrupeds, random controllers", file=out)
+        print(f"{machine}; quadrupeds, random controllers", file=out)
         figures["rigid"] = rigid_bench.measure(args.quick, args.rigid_prototype)
         print("\n".join(rigid_bench.lines(figures["rigid"])), file=out)
     return figures
 
 
-def _inflatable(args: Namespace, out: TextIO) -> dict[str, Any]:
-    """Measure the published robot in each precision; print and return the numbers."""
-    precisions = [args.precision] if args.precision else ["f32", "f64"]
-    figures: dict[str, Any] = {}
-    for precision in precisions:
-        f = figures[precision] = measure(precision, args.quick, args.prototype)
-        batch = f["robot_steps_per_core_second"]
-        lanes = NATIVE_WIDTH[precision]
-        lines = [
-            f"{lanes} robots, one core    {batch['median']:>8.0f} robot-steps/s (best {batch['best']:.0f})",
-            f"voxels, best piece       {f['million_voxel_steps_per_core_second']:>8.1f} million voxel-steps/s",
-            f"of the core's peak       {f['part_of_peak']:>8.0%} ({FLOPS_PER_VOXEL_STEP} flop a voxel-step)",
-            f"one robot, one core      {f['single_robot_steps_per_second']['median']:>8.0f} steps/s "
-            f"(best {f['single_robot_steps_per_second']['best']:.0f})",
-            f"first step, compiling    {f['first_step_s']:>8.1f} s",
-            f"memory per robot         {f['kilobytes_per_robot']:>8.0f} KB",
-        ]
-        if "ratio_to_prototype" in f:
-            lines.insert(1, f"ratio to the prototype   {f['ratio_to_prototype']:>8.2f}")
-        lines += [
-            f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot "
-            f"({g['in_its_own_forward_runs']:.1f} of its own kind; {f['gradient']['steps']} steps, "
-            f"{g['megabytes']:.0f} MB)"
-            for g in (f["gradient"]["one_robot"], f["gradient"]["lanes"])
-        ]
-        lines += [f"two threads, {name:<12}{ratio:>8.2f} times one" for name, ratio in f.get("two_threads", {}).items()]
-        print("\n".join(f"{precision}  {line}" for line in lines), file=out)
-    return figures
+def lines(figures: dict[str, Any], precision: str) -> list[str]:
+    """Lines of a table of the rates in one precision."""
+    batch, single, gradient = (
+        figures[name] for name in ("robot_steps_per_core_second", "single_robot_steps_per_second", "gradient")
+    )
+    lanes = NATIVE_WIDTH[precision]
+    found = [
+        f"{lanes} robots, one core    {batch['median']:>8.0f} robot-steps/s (best {batch['best']:.0f})",
+        f"voxels, best piece       {figures['million_voxel_steps_per_core_second']:>8.1f} million voxel-steps/s",
+        f"of the core's peak       {figures['part_of_peak']:>8.0%} ({FLOPS_PER_VOXEL_STEP} flop a voxel-step)",
+        f"one robot, one core      {single['median']:>8.0f} steps/s (best {single['best']:.0f})",
+        f"first step, compiling    {figures['first_step_s']:>8.1f} s",
+        f"memory per robot         {figures['kilobytes_per_robot']:>8.0f} KB",
+    ]
+    if "ratio_to_prototype" in figures:
+        found.insert(1, f"ratio to the prototype   {figures['ratio_to_prototype']:>8.2f}")
+    found += [
+        f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot "
+        f"({g['in_its_own_forward_runs']:.1f} of its own kind; {gradient['steps']} steps, {g['megabytes']:.0f} MB)"
+        for g in (gradient["one_robot"], gradient["lanes"])
+    ]
+    found += [
+        f"two threads, {name:<12}{ratio:>8.2f} times one" for name, ratio in figures.get("two_threads", {}).items()
+    ]
+    return [f"{precision}  {line}" for line in found]
 
 
 def _cpu_name() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return "unknown processor"
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else "unknown processor"

@@ -6,9 +6,6 @@ alternate, and the ratio is that of the medians, of the whegged robot in f32.
 """
 
 import os
-import re
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from robots.bench.rates import best_and_median, prototype_rate
 from robots.control.neural import random_weights
 from robots.quadruped import LEGGED, MOTORS, SENSORS, STEPS, WHEELED, WHEGGED, Quadruped, simulate
 
@@ -24,21 +22,9 @@ CONTROLLERS, ROUNDS = 256, 5
 LIGHT = ((9.0, 0.0),)
 
 
-def prototype_rate(path: Path, controllers: int) -> float:
-    """Run a reference program with the arguments "bench", controllers, steps, and return the rate that it reports."""
-    command = [sys.executable, str(path.resolve()), "bench", str(controllers), str(STEPS)]
-    environment = {**os.environ, "FP": "32", "NT": "1"}
-    with tempfile.TemporaryDirectory() as folder:
-        run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
-    found = re.search(r"([0-9.]+) per core-second", run.stdout)
-    if not found:
-        raise ValueError(f"rigid-prototype: {path} prints no number before 'per core-second'")
-    return float(found[1])
-
-
 def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
     """Measure all rates of the benchmark."""
-    rates: dict[str, dict[str, list[float]]] = {p: {robot.kind: [] for robot in ROBOTS} for p in ("f32", "f64")}
+    rates = {precision: {robot.kind: list[float]() for robot in ROBOTS} for precision in ("f32", "f64")}
     others: list[float] = []
     begun = time.perf_counter()
     _rate(LEGGED, "f32", 2)
@@ -48,11 +34,11 @@ def measure(quick: bool, prototype: Path | None) -> dict[str, Any]:
             for robot in ROBOTS:
                 of_robot[robot.kind].append(_rate(robot, precision, STEPS // 10 if quick else STEPS))
         if prototype:
-            others.append(prototype_rate(prototype, CONTROLLERS))
+            others.append(_prototype_rate(prototype))
     found: dict[str, Any] = {
         "first_call_s": first,
         "steps_per_core_second": {
-            precision: {kind: {"best": max(each), "median": float(np.median(each))} for kind, each in of_robot.items()}
+            precision: {kind: best_and_median(each) for kind, each in of_robot.items()}
             for precision, of_robot in rates.items()
         },
     }
@@ -67,6 +53,14 @@ def _rate(robot: Quadruped, precision: str, steps: int) -> float:
     begun = time.process_time()
     simulate(robot, weights, LIGHT, steps=steps, precision=precision, threads=1)
     return CONTROLLERS * (steps - 1) / (time.process_time() - begun)
+
+
+def _prototype_rate(path: Path) -> float:
+    """Rate that a reference program reports, which may leave files where it runs."""
+    arguments, environment = ("bench", str(CONTROLLERS), str(STEPS)), {**os.environ, "FP": "32", "NT": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        pattern, place = r"([0-9.]+) per core-second", "before 'per core-second'"
+        return prototype_rate("rigid-prototype", path, arguments, pattern, place, environment, Path(folder))
 
 
 def lines(figures: dict[str, Any]) -> list[str]:
