@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.base import flag, number, whole
+from optim.search.base import number, whole
 from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
-from optim.search.method import MOST_POINTS
-from optim.search.population import PopulationSearch, below_all
+from optim.search.method import MOST_POINTS, below_all
+from optim.search.population import PopulationSearch
 from taichi_sim.base.arrays import Arrays, Floats
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class CMAESWithMargin(PopulationSearch):
     population: int = whole(60, 4, MOST_POINTS)
     sigma: float = number(0.3, 1e-3, 1.0)
     patience: int = whole(100, 1)
-    random_mean: bool = flag(False)
+    random_mean: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,7 +55,7 @@ class CMAESWithMargin(PopulationSearch):
         given = np.array([self.random_mean or name in self.given for name in self.space.names])
         self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
         # Of this restart: its best score, and generations since it rose.
-        self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(0)
+        self.record, self.stalled, self.restarts = np.nan, 0, 0
 
     def ask(self) -> Floats:
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
@@ -67,9 +67,10 @@ class CMAESWithMargin(PopulationSearch):
         self.points = points[: self.population].copy()
         self.objectives = evaluation.objectives[: self.population].copy()
         scores = below_all(self.objectives[:, 0])
-        rose = scores.max() > below_all(self.record)
-        self.record = np.array(scores.max()) if rose else self.record
-        self.stalled = np.array(0 if rose else self.stalled + 1)
+        if scores.max() > below_all(self.record):
+            self.record, self.stalled = float(scores.max()), 0
+        else:
+            self.stalled += 1
         if np.isfinite(scores.max()):
             strategy, _, raw = self._draw()
             ranks = np.unique(-scores, return_inverse=True)[1].astype(float)
@@ -79,7 +80,7 @@ class CMAESWithMargin(PopulationSearch):
         else:
             over = bool(np.isnan(self.record))
         if over or self.stalled >= self.patience:
-            self.record, self.stalled, self.restarts = np.array(np.nan), np.array(0), np.array(self.restarts + 1)
+            self.record, self.stalled, self.restarts = np.nan, 0, self.restarts + 1
             self.strategy = self._begin(self._to_ranges(self.space.sample(self._generator(1), 1)[0]))
 
     def _collapsed(self) -> bool:
@@ -113,7 +114,7 @@ class CMAESWithMargin(PopulationSearch):
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """Step size [ranges] and how often the search began again."""
-        return {"sigma": float(self.strategy["sigma"]), "restarts": int(self.restarts)}
+        return {"sigma": float(self.strategy["sigma"]), "restarts": self.restarts}
 
     def _groups(self) -> Mapping[str, Arrays]:
         return {"strategy": self.strategy}

@@ -8,8 +8,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search.base import hidden, number, whole
 from optim.search.cma import CMAESWithMargin
-from optim.search.method import LARGEST, MOST_POINTS, Wants, check_slopes, single_objective, slopes_per_range
-from optim.search.population import below_all
+from optim.search.method import LARGEST, MOST_POINTS, Wants, below_all, check_slopes, single_objective, slopes_per_range
 from optim.search.step_rules import LBFGS
 from taichi_sim.base.arrays import Floats
 

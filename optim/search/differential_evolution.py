@@ -6,14 +6,14 @@ Evol. Comput. 15, 2011 (survey; dither of the weight); Zhang & Sanderson, IEEE T
 """
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.base import choice, number, whole
-from optim.search.method import MOST_POINTS
-from optim.search.population import PopulationSearch, below_all
+from optim.search.base import number, whole
+from optim.search.method import MOST_POINTS, below_all
+from optim.search.population import PopulationSearch
 from optim.search.variation import Bounds, around_start, draw_inside, ranking
 from optim.space import Space
 from taichi_sim.base import checks
@@ -54,12 +54,12 @@ class DifferentialEvolution(PopulationSearch):
     arrays: ClassVar[tuple[str, ...]] = ("values",)
 
     population: int = whole(60, 4, MOST_POINTS)
-    strategy: Strategy = choice("current-to-pbest/1/bin", get_args(Strategy))
+    strategy: Strategy = "current-to-pbest/1/bin"
     weight: float = number(0.5, 0.0, 2.0)
     dither: float = number(0.3, 0.0, "weight")
     crossover: float = number(0.5, 0.0, 1.0)
     trials: int = whole(0, 0, "population")
-    bounds: Bounds = choice("reflect", get_args(Bounds))
+    bounds: Bounds = "reflect"
 
     def __post_init__(self) -> None:
         super().__post_init__()

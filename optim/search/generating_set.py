@@ -6,20 +6,18 @@ SIAM Review 45, 2003 (generating sets; expansion and contraction of the step; bo
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from optim.problem import Evaluation
-from optim.search.base import choice, number, table, whole
-from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import generator, single_objective
-from optim.search.population import below_all
+from optim.search.base import number, whole
+from optim.search.independent import IndependentSearches
+from optim.search.method import below_all, generator, single_objective
 from optim.search.variation import draw_inside
 from taichi_sim.base.arrays import Floats
 
-Directions = Literal["axes", "rotated"]
 LONGEST = 1e300  # step [ranges] that is as good as none at all, and still a number
 
 
@@ -52,18 +50,9 @@ class GeneratingSetSearch(IndependentSearches):
         polled: points of a poll that are judged at once; 2 D is all of them.
     """
 
-    arrays: ClassVar[tuple[str, ...]] = (
-        "centres",
-        "centre_scores",
-        "steps",
-        "barren",
-        "begun",
-        "judged",
-        "waiting",
-    )
+    arrays: ClassVar[tuple[str, ...]] = ("centres", "centre_scores", "steps", "barren", "begun", "judged", "waiting")
 
-    start: Mapping[str, float] | None = table()
-    directions: Directions = choice("axes", get_args(Directions))
+    directions: Literal["axes", "rotated"] = "axes"
     step: float = number(0.5, 1e-12, 1.0)
     expansion: float = number(2.0, 1.0, 10.0)
     contraction: float = number(0.5, 0.01, 0.99)
@@ -74,7 +63,6 @@ class GeneratingSetSearch(IndependentSearches):
     def __post_init__(self) -> None:
         super().__post_init__()
         climbers = self.climbers
-        self.given: dict[str, float] = dict(self.start or {})
         self.integer = self.space.integers
         self.centres = np.full((climbers, self.space.size), np.nan)
         self.centre_scores, self.steps = np.full(climbers, np.nan), np.full(climbers, self.step)
@@ -109,8 +97,7 @@ class GeneratingSetSearch(IndependentSearches):
 
     def _starts(self) -> Floats:
         """A random point for every search that waits for one."""
-        which = np.flatnonzero(self.waiting).tolist()
-        return random_starts(self.space, self.seed, self.generation, which, self.given) if which else self.points[:0]
+        return self._random_starts(self.space, np.flatnonzero(self.waiting).tolist())
 
     def _move(self, climber: int, point: Floats, score: float, count: int) -> None:
         """What a search does after ``count`` points, of which this was the best."""

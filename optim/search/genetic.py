@@ -11,8 +11,8 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.search.base import number, whole
-from optim.search.method import MOST_POINTS
-from optim.search.population import PopulationSearch, below_all
+from optim.search.method import MOST_POINTS, below_all
+from optim.search.population import PopulationSearch
 from optim.search.variation import around_start, mutation_steps, ranking
 from taichi_sim.base.arrays import Floats, Indices
 

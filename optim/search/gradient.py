@@ -7,9 +7,18 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.base import choice, flag, number, positive, table, whole
-from optim.search.independent import IndependentSearches, random_starts
-from optim.search.method import LARGEST, MOST_POINTS, Wants, generator, single_objective, slopes_per_range, with_values
+from optim.search.base import number, positive, whole
+from optim.search.independent import IndependentSearches
+from optim.search.method import (
+    LARGEST,
+    MOST_POINTS,
+    Wants,
+    below_all,
+    generator,
+    single_objective,
+    slopes_per_range,
+    with_values,
+)
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
@@ -62,21 +71,21 @@ class GradientAscent(IndependentSearches):
         "seeking",
     )
 
-    start: Mapping[str, float] | None = table()
-    rule: Literal["adam", "l-bfgs"] = choice("adam", ("adam", "l-bfgs"))
+    rule: Literal["adam", "l-bfgs"] = "adam"
     learning_rate: float = positive(0.05, MOST)
     clip: float = positive(1.0, MOST)
-    gradient: Literal["exact", "smoothed"] = choice("exact", ("exact", "smoothed"))
+    gradient: Literal["exact", "smoothed"] = "exact"
     samples: int = whole(8, 1, MOST_POINTS)
     smoothing: float = positive(0.05, MOST)
     sharpest: float = number(8.0, 1.0, MOST)
     stage: int = whole(20, 1)
     patience: int = whole(20, 1)
     candidates: int = whole(1, 1, MOST_POINTS)
-    verify: bool = flag(False)
+    verify: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.relaxed = self.space.relaxed()
         for variable in self.space.variables:
             if variable.kind == "integer":
                 raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
@@ -86,8 +95,6 @@ class GradientAscent(IndependentSearches):
         checks.integer("candidates", self.candidates, 1, MOST_POINTS // self.climbers)
         if self.rule == "l-bfgs" and not self.exact:
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
-        self.given: dict[str, float] = dict(self.start or {})
-        self.relaxed = self.space.relaxed()
         self.binary = self.relaxed != self.space
         self.alternates = self.verify or self.binary
         climbers, rate = self.climbers, self.learning_rate
@@ -151,7 +158,7 @@ class GradientAscent(IndependentSearches):
         """Random points, ``candidates`` for each climber that seeks a start."""
         rngs = [generator(self.seed, self.generation, climber, 2) for climber in np.flatnonzero(self.seeking).tolist()]
         points = np.concatenate([self.relaxed.sample(rng, self.candidates) for rng in rngs])
-        return with_values(self.relaxed, points, self.given)
+        return with_values(self.relaxed, points, self.start)
 
     def _choose(self, points: Floats, scores: Floats) -> None:
         """Let each climber that seeks a start have its best; the generation goes on with these."""
@@ -213,10 +220,8 @@ class GradientAscent(IndependentSearches):
 
     def _restart(self, climbers: Bools) -> None:
         """Let some climbers begin anew, at a random point of the relaxed space."""
-        which = np.flatnonzero(climbers).tolist()
         self.seeking = climbers & (self.candidates > 1)
-        if which:
-            self.here[climbers] = random_starts(self.relaxed, self.seed, self.generation, which, self.given)
+        self.here[climbers] = self._random_starts(self.relaxed, np.flatnonzero(climbers).tolist())
         for values, first in (
             (self.anchor, np.nan),
             (self.value, -np.inf),
@@ -235,6 +240,6 @@ class GradientAscent(IndependentSearches):
 
 def _best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:
     """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
-    grouped = np.where(np.isnan(scores), -np.inf, scores).reshape(climbers, -1)
+    grouped = below_all(scores).reshape(climbers, -1)
     best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)
     return points[best], scores[best]

@@ -4,14 +4,12 @@ Source: Powers 2021 dissertation, ch. 5, "Optimization": 60 climbers, 200 genera
 mutates all of its parameters by normal deviates, and keeps the child if it is better.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from optim.search.base import choice, table
-from optim.search.independent import IndependentSearches, random_starts
+from optim.search.independent import IndependentSearches
 from optim.search.method import generator, with_values
 from taichi_sim.base.arrays import Floats
 
@@ -25,23 +23,20 @@ class HillClimb(IndependentSearches):
     (differs: the published program wrapped values round, which could leave the bounds.)
 
     Attributes:
-        start: values by name with which every climber starts; the other variables start at random.
         bounds: what happens to a child beyond them: ``"reflect"`` folds it back as by a mirror, ``"clip"`` moves
             it to the nearest bound, ``"none"`` leaves it, for problems that take any value.
         streams: ``"climbers"`` have random numbers of their own, so that none depends on how many there are;
             with ``"generations"`` all climbers of a generation draw from one stream, as in chapter 2.
     """
 
-    start: Mapping[str, float] | None = table()
-    bounds: Literal["reflect", "clip", "none"] = choice("reflect", ("reflect", "clip", "none"))
-    streams: Literal["climbers", "generations"] = choice("climbers", ("climbers", "generations"))
+    bounds: Literal["reflect", "clip", "none"] = "reflect"
+    streams: Literal["climbers", "generations"] = "climbers"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.space.step.all():
             name = self.space.names[int(np.argmin(self.space.step))]
             raise ValueError(f"step: 0 of {name} is not allowed; it would never change")
-        self.given: dict[str, float] = dict(self.start or {})
         self._starts()
 
     def ask(self) -> Floats:
@@ -66,5 +61,5 @@ class HillClimb(IndependentSearches):
 
     def _starts(self) -> Floats:
         if self.streams == "generations":
-            return with_values(self.space, self.space.sample(generator(self.seed, 0), self.climbers), self.given)
-        return random_starts(self.space, self.seed, 0, range(self.climbers), self.given)
+            return with_values(self.space, self.space.sample(generator(self.seed, 0), self.climbers), self.start)
+        return self._random_starts(self.space, range(self.climbers))

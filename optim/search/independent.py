@@ -1,14 +1,14 @@
 """What methods share that run independent searches side by side."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.base import Search, whole
-from optim.search.method import MOST_POINTS, SearchResult, generator, single_objective, with_values
+from optim.search.base import Search, table, whole
+from optim.search.method import MOST_POINTS, SearchResult, below_all, generator, single_objective, with_values
 from optim.space import Space
 from taichi_sim.base.arrays import Bools, Floats
 
@@ -23,12 +23,14 @@ class IndependentSearches(Search):
     Attributes:
         climbers: C, the number of searches.
         seed: of all random numbers.
+        start: values by name with which every search starts; the other variables start at random.
     """
 
     always: ClassVar[tuple[str, ...]] = ("points", "scores")
 
     climbers: int = whole(60, 1, MOST_POINTS)
     seed: int = whole(0, 0, 2**63 - 1)
+    start: Mapping[str, float] | None = table()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,14 +52,11 @@ class IndependentSearches(Search):
 
     def result(self) -> SearchResult:
         """The best point of all searches (the first of equals) and of each."""
-        best = int(np.argmax(np.where(np.isnan(self.scores), -np.inf, self.scores)))
+        best = int(np.argmax(below_all(self.scores)))
         objectives = self.scores[:, None].copy()
         return SearchResult(self.points[best].copy(), float(self.scores[best]), self.points.copy(), objectives)
 
-
-def random_starts(
-    space: Space, seed: int, generation: int, climbers: Sequence[int], start: Mapping[str, float]
-) -> Floats:
-    """A point for each of the climbers, shape (len(climbers), D): random but for the values given by name."""
-    rngs = [generator(seed, generation, climber) for climber in climbers]
-    return with_values(space, np.concatenate([space.sample(rng, 1) for rng in rngs]), start)
+    def _random_starts(self, space: Space, climbers: Iterable[int]) -> Floats:
+        """Points of the space for some climbers in this generation: random but for the values that are given."""
+        points = [space.sample(generator(self.seed, self.generation, climber), 1) for climber in climbers]
+        return with_values(space, np.reshape(points, (-1, space.size)), self.start)

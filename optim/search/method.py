@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
 from optim.space import Space
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
@@ -46,7 +46,7 @@ class SearchResult:
 
 
 class Method(Protocol):
-    """A search method: ask for points, tell their judgement, and so on.
+    """A search method: ask for points, tell their judgement, and so on. By default it wants points only.
 
     ``ask`` changes nothing and may be repeated. ``state`` is all that ``restore`` needs to continue exactly,
     in a method built with the same settings.
@@ -69,10 +69,12 @@ class Method(Protocol):
         relaxation, for ``RelaxableProblem.evaluate_relaxed`` without and with gradients. The result is always a true
         point.
         """
+        return "points"
 
     @property
     def sharpness(self) -> float:
         """The sharpness with which relaxed points are evaluated, see ``RelaxableProblem.evaluate_relaxed``."""
+        return 0.0
 
     def ask(self) -> Floats:
         """The points to evaluate next, shape (N, D), inside the space, or its relaxation if ``wants`` says so."""
@@ -101,7 +103,7 @@ def generator(seed: int, *stream: int) -> np.random.Generator:
 
 def check_slopes(space: Space) -> None:
     """Raise a one-line ValueError if no variable has a gradient."""
-    if all(variable.kind == "integer" for variable in space.variables):
+    if space.relaxed().integers.all():
         raise ValueError(f"{space.names[0]}: an integer has no gradient, nor has any other; choose another method")
 
 
@@ -122,9 +124,18 @@ def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Floats
         return evaluation.gradients * space.span
 
 
-def with_values(space: Space, points: Floats, values: Mapping[str, float]) -> Floats:
-    """The points, shape (N, D), with the values of some variables given by name."""
-    checks.table("start", values)
+def below_all(scores: ArrayLike) -> Floats:
+    """Scores in which a failure (NaN) is below every success."""
+    return np.where(np.isnan(scores), -np.inf, scores)
+
+
+def with_values(space: Space, points: Floats, start: Mapping[str, float] | None) -> Floats:
+    """The points, shape (N, D), with the values of some variables, given by name as the setting ``start``.
+
+    Raises:
+        ValueError: if a name is no variable, or a value is not allowed there.
+    """
+    values = start or {}
     space.check_names("start", values)
     points = points.copy()
     for name, value in values.items():

@@ -4,14 +4,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import ClassVar, get_args
+from typing import ClassVar
 
 import numpy as np
 
 from optim.problem import Evaluation
-from optim.search.base import choice, flag, number, whole
-from optim.search.method import MOST_POINTS
-from optim.search.population import PopulationSearch, below_all
+from optim.search.base import number, whole
+from optim.search.method import MOST_POINTS, below_all
+from optim.search.population import PopulationSearch
 from optim.search.variation import Bounds, draw_inside
 from optim.space import Space
 from taichi_sim.base.arrays import Floats
@@ -45,10 +45,10 @@ class SeparableNES(PopulationSearch):
 
     population: int = whole(60, 4, MOST_POINTS)
     sigma: float = number(0.3, 1e-3, 1.0)
-    mirrored: bool = flag(False)
-    random_mean: bool = flag(False)
+    mirrored: bool = False
+    random_mean: bool = False
     max_sigma: float = number(1.0, "sigma", 1e300)
-    bounds: Bounds = choice("reflect", get_args(Bounds))
+    bounds: Bounds = "reflect"
 
     def __post_init__(self) -> None:
         super().__post_init__()

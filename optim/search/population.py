@@ -9,7 +9,7 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.search.base import Search, table, whole
-from optim.search.method import MOST_POINTS, Kept, SearchResult, generator, single_objective, with_values
+from optim.search.method import MOST_POINTS, Kept, SearchResult, below_all, generator, single_objective, with_values
 from taichi_sim.base.arrays import Floats
 
 
@@ -38,7 +38,7 @@ class PopulationSearch(Search):
         with_values(self.space, self.space.low[None], self.given)
         self.points = np.full((self.population, self.space.size), np.nan)
         self.objectives = np.full((self.population, 1), np.nan)
-        self.best_point, self.best_score = np.full(self.space.size, np.nan), np.array(np.nan)
+        self.best_point, self.best_score = np.full(self.space.size, np.nan), np.nan
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Take in the judgement of the points asked for, and remember the best."""
@@ -51,7 +51,7 @@ class PopulationSearch(Search):
         scores = evaluation.objectives.mean(axis=1)
         best = int(np.argmax(below_all(scores)))
         if self.generation == 0 or below_all(scores)[best] > below_all(self.best_score):
-            self.best_point, self.best_score = points[best].copy(), np.array(scores[best])
+            self.best_point, self.best_score = points[best].copy(), float(scores[best])
         self._take(points, evaluation)
         self.generation += 1
 
@@ -62,9 +62,7 @@ class PopulationSearch(Search):
     def result(self) -> SearchResult:
         """The best point ever met (the first of equals) and what the search keeps."""
         points, objectives = (values.copy() for values in self._kept())
-        return SearchResult(
-            self.best_point.copy(), float(self.best_score), points, objectives, self._numbers(), self.kind
-        )
+        return SearchResult(self.best_point.copy(), self.best_score, points, objectives, self._numbers(), self.kind)
 
     def _kept(self) -> tuple[Floats, Floats]:
         """The points of the result and their objectives: the population."""
@@ -90,8 +88,3 @@ class PopulationSearch(Search):
     def _generator(self, *stream: int) -> np.random.Generator:
         """Random numbers of this generation, the same however often they are asked for."""
         return generator(self.seed, self.generation, *stream)
-
-
-def below_all(scores: Floats) -> Floats:
-    """Scores in which a failure (NaN) is below every success."""
-    return np.where(np.isnan(scores), -np.inf, scores)

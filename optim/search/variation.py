@@ -5,8 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from optim.search.method import with_values
-from optim.search.population import below_all
+from optim.search.method import below_all, with_values
 from optim.space import Space
 from taichi_sim.base.arrays import Floats, Indices
 
