@@ -5,15 +5,13 @@ continues.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection as connections
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from optim.experiments.results import Progress
-from optim.runs.workers.processes import how_it_ended, start_process
+from optim.runs.workers.processes import ProcessWorker, how_it_ended, start_process
 from optim.runs.workers.service import Raised, portable, thread_environment
 from taichi_sim.base import compute
 from taichi_sim.base.checks import whole_number
@@ -21,21 +19,6 @@ from taichi_sim.base.checks import whole_number
 Task = Callable[[Mapping[str, Any], Progress], object]  # called with options of simulations, and told its progress
 LAST_WORK = 30.0  # s, for a process that is done: it keeps the kernels that it has compiled
 Message = float | Raised | None  # the fraction done; what a task raised; it is done
-
-
-@dataclass(frozen=True, eq=False)
-class _Job:
-    """A task that is running.
-
-    Attributes:
-        name: name of the task.
-        number: place among all tasks.
-        process: the process that does it.
-    """
-
-    name: str
-    number: int
-    process: SpawnProcess
 
 
 def run_parallel(
@@ -59,43 +42,38 @@ def run_parallel(
         return
     threads = max(1, compute.available_threads() // max(1, min(jobs, len(tasks))))
     environment, shared = thread_environment(threads), {"threads": threads, **where}
-    waiting, done = list(enumerate(tasks)), [0.0] * len(tasks)
-    running: dict[Connection[None, Message], _Job] = {}
+    done = [0.0] * len(tasks)
+    waiting, running = list(range(len(tasks))), dict[int, ProcessWorker]()
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
-                number, (name, task) = waiting.pop(0)
-                process, pipe = start_process(partial(_work, task, shared), environment)
-                running[pipe] = _Job(name, number, process)
-            for pipe in (ready for ready in connections.wait(list(running)) if isinstance(ready, Connection)):
-                message = _receive(pipe, running[pipe])
-                done[running[pipe].number] = 1.0 if message is None else message
-                if message is None:
-                    running[pipe].process.join(LAST_WORK)
-                    _end(pipe, running.pop(pipe))
-                if progress:
-                    progress(sum(done) / len(done))
+                number = waiting.pop(0)
+                task = partial(_work, tasks[number][1], shared)
+                running[number] = ProcessWorker(*start_process(task, environment))
+            ready = connections.wait([worker.connection for worker in running.values()])
+            for number, worker in list(running.items()):
+                if worker.connection in ready:
+                    message = _receive(worker, tasks[number][0])
+                    done[number] = 1.0 if message is None else message
+                    if message is None:
+                        worker.process.join(LAST_WORK)
+                        running.pop(number).kill()
+                    if progress:
+                        progress(sum(done) / len(done))
     finally:
-        for pipe, job in running.items():
-            _end(pipe, job)
+        for worker in running.values():
+            worker.kill()
 
 
-def _receive(pipe: "Connection[None, Message]", job: _Job) -> float | None:
-    """Read the next message of a job; raises what the job raised."""
+def _receive(worker: ProcessWorker, name: str) -> float | None:
+    """Read the next message of a task; raises what the task raised."""
     try:
-        message = pipe.recv()
+        message: Message = worker.connection.recv()
     except (EOFError, OSError):
-        raise RuntimeError(f"{job.name}: its process ended ({how_it_ended(job.process)})") from None
+        raise RuntimeError(f"{name}: its process ended ({how_it_ended(worker.process)})") from None
     if isinstance(message, Raised):
         raise message.error
     return message
-
-
-def _end(pipe: "Connection[None, Message]", job: _Job) -> None:
-    """Kill a process if it still runs, and wait for its end so that no zombie is left."""
-    job.process.kill()
-    job.process.join()
-    pipe.close()
 
 
 def _work(task: Task, where: Mapping[str, Any], pipe: "Connection[Message, None]") -> None:

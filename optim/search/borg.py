@@ -6,10 +6,9 @@ Source: Hadka & Reed, Borg: an auto-adaptive many-objective evolutionary computi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from optim.measures.pareto import dominates
 from optim.problem import Evaluation
@@ -19,7 +18,7 @@ from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import Kept
 from optim.search.population import PopulationSearch
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Arrays, Floats, Ints
+from taichi_sim.base.arrays import Floats, Ints
 
 RATIO = 4.0  # gamma: members of the population for each of the archive
 TOLERANCE = 0.25  # by how much the population may differ from that
@@ -53,15 +52,9 @@ class Borg(PopulationSearch):
 
     several_objectives: ClassVar[bool] = True
     kind: ClassVar[Kept] = "front"
-    arrays: ClassVar[tuple[str, ...]] = (
-        "members",
-        "member_objectives",
-        "size",
-        "missing",
-        "restarts",
-        "progress",
-        "passed",
-    )
+    archived: ClassVar[tuple[str, ...]] = ("archive_points", "archive_objectives", "archive_labels")
+    counters: ClassVar[tuple[str, ...]] = ("size", "missing", "restarts", "progress", "passed")
+    arrays: ClassVar[tuple[str, ...]] = ("members", "member_objectives", *counters, *archived)
 
     epsilons: float | Sequence[float] = 0.01
     window: int = whole(200, 1)
@@ -85,24 +78,28 @@ class Borg(PopulationSearch):
         """No members yet, for ``count`` objectives."""
         if self.sides.size not in (1, count):
             raise ValueError(f"epsilons: {self.sides.size} given for {count} objectives; give one, or one for each")
-        self.archive = EpsilonArchive.empty(np.broadcast_to(self.sides, count).copy(), self.space.size)
-        self.members, self.member_objectives = np.empty((0, self.space.size)), np.empty((0, count))
-        self.size = np.array(self.population)  # that the population shall have
-        self.missing = np.array(0)  # mutants of a restart yet to be asked for
-        self.restarts, self.progress, self.passed = np.array(0), np.array(0), np.array(0)
+        self.archive_points, self.archive_objectives = np.empty((0, self.space.size)), np.empty((0, count))
+        self.archive_labels = np.empty(0, np.int64)
+        self.members, self.member_objectives = self.archive_points.copy(), self.archive_objectives.copy()
+        self.size = self.population  # that the population shall have
+        self.missing = 0  # mutants of a restart yet to be asked for
+        self.restarts, self.progress, self.passed = 0, 0, 0
+
+    @property
+    def archive(self) -> EpsilonArchive:
+        """The archive, whose arrays are part of the state."""
+        epsilons = np.broadcast_to(self.sides, self.archive_objectives.shape[1]).copy()
+        return EpsilonArchive(epsilons, self.archive_points, self.archive_objectives, self.archive_labels)
 
     def ask(self) -> Floats:
         """The starts, shape (N, D); then mutants of a restart, if any are missing, and children."""
         if self.generation == 0:
             return self._starts()
-        if not len(self.archive.points):
+        if not len(self.archive_points):
             return self.space.sample(self._generator(), self.brood)
-        makers = self._makers()
+        makers, rng = self._makers(), self._generator(1)
         points = np.empty((self.brood, self.space.size))
-        mutants = int((makers == NOBODY).sum())
-        rng = self._generator(1)
-        chosen = self.archive.points[rng.integers(len(self.archive.points), size=mutants)]
-        points[makers == NOBODY] = uniform_mutation(self.space, chosen, rng)
+        points[makers == NOBODY] = uniform_mutation(self.space, self._archived(np.sum(makers == NOBODY), rng), rng)
         for k, operator in enumerate(OPERATORS):
             rng, mine = self._generator(2, k), makers == k
             if mine.any():
@@ -112,7 +109,7 @@ class Borg(PopulationSearch):
 
     def probabilities(self) -> Floats:
         """With which each of ``OPERATORS`` is drawn, shape (6,) (paper, section 3, with zeta = 1)."""
-        made = self.archive.labels[self.archive.labels != NOBODY]
+        made = self.archive_labels[self.archive_labels != NOBODY]
         counts = np.bincount(made, minlength=len(OPERATORS)) + 1.0
         return counts / counts.sum()
 
@@ -120,12 +117,12 @@ class Borg(PopulationSearch):
         """Which operator makes each point of this generation, shape (M,); first come those that none makes."""
         count = self.population if self.generation == 0 else self.brood
         makers = self._generator(3).choice(len(OPERATORS), count, p=self.probabilities())
-        nobody = len(makers) if not len(self.archive.points) else int(self.missing)
-        return np.where(np.arange(len(makers)) < nobody, NOBODY, makers)
+        nobody = self.missing if len(self.archive_points) else count
+        return np.where(np.arange(count) < nobody, NOBODY, makers)
 
     def _parents(self, count: int, matings: int, rng: np.random.Generator) -> Floats:
         """The parents of each mating, shape (count, M, D), the one from the archive first."""
-        first = self.archive.points[rng.integers(len(self.archive.points), size=matings)]
+        first = self._archived(matings, rng)
         entrants = max(2, int(TOURNAMENT * len(self.members)))
         winners, *others = rng.integers(len(self.members), size=(entrants, count - 1, matings))
         for other in others:
@@ -133,19 +130,25 @@ class Borg(PopulationSearch):
             winners = np.where(better, other, winners)
         return np.concatenate([first[None], self.members[winners]])
 
+    def _archived(self, count: int, rng: np.random.Generator) -> Floats:
+        """Points of the archive drawn at random, shape (count, D)."""
+        return self.archive_points[rng.integers(len(self.archive_points), size=count)]
+
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Offer the successes to the archive and the population, one after the other; then restart if need be."""
         if self.generation == 0:
             self._begin(evaluation.objectives.shape[1])
-        makers, rng = self._makers(), self._generator(4)
+        makers, rng, archive = self._makers(), self._generator(4), self.archive
         for point, objectives, maker in zip(points, evaluation.objectives, makers.tolist(), strict=True):
             if not np.isnan(objectives).any():
-                self.archive, progressed = self.archive.with_point(point, objectives, maker)
-                self.progress = self.progress + progressed
+                archive, progressed = archive.with_point(point, objectives, maker)
+                self.progress += progressed
                 self._join(point, objectives, rng)
-        mutants = min(int(self.missing), len(points))
+        self.archive_points, self.archive_objectives = archive.points, archive.objectives
+        self.archive_labels = archive.labels
+        mutants = min(self.missing, len(points))
         self.missing, self.passed = self.missing - mutants, self.passed + len(points) - mutants
-        if not self.missing and self.passed >= self.window and len(self.archive.points):
+        if not self.missing and self.passed >= self.window and len(archive.points):
             self._consider_restart()
 
     def _join(self, point: Floats, objectives: Floats, rng: np.random.Generator) -> None:
@@ -162,31 +165,19 @@ class Borg(PopulationSearch):
 
     def _consider_restart(self) -> None:
         """Begin again from the archive if the search stands still, or the population has the wrong size."""
-        archived = len(self.archive.points)
+        archived = len(self.archive_points)
         wanted = max(self.population, int(RATIO * archived))
-        if not self.progress or abs(int(self.size) - wanted) > TOLERANCE * wanted:
-            self.members, self.member_objectives = self.archive.points.copy(), self.archive.objectives.copy()
-            self.size, self.missing = np.array(wanted), np.array(max(0, wanted - archived))
-            self.restarts = self.restarts + 1
-        self.progress, self.passed = np.array(0), np.array(0)
+        if not self.progress or abs(self.size - wanted) > TOLERANCE * wanted:
+            self.members, self.member_objectives = self.archive_points.copy(), self.archive_objectives.copy()
+            self.size, self.missing = wanted, max(0, wanted - archived)
+            self.restarts += 1
+        self.progress, self.passed = 0, 0
 
     def _kept(self) -> tuple[Floats, Floats]:
         """The archive; none of its points dominates another."""
-        return self.archive.points, self.archive.objectives
+        return self.archive_points, self.archive_objectives
 
     def _numbers(self) -> Mapping[str, float | int | None]:
         """Sizes of archive and population, restarts, and the probabilities of the operators."""
-        sizes = {"front": len(self.archive.points), "population": len(self.members), "restarts": int(self.restarts)}
+        sizes = {"front": len(self.archive_points), "population": len(self.members), "restarts": self.restarts}
         return sizes | dict(zip(OPERATORS, self.probabilities().tolist(), strict=True))
-
-    def state(self) -> Arrays:
-        """What changes: the population, counters, and the archive."""
-        archive = {name: getattr(self.archive, name).copy() for name in ("points", "objectives", "labels")}
-        return super().state() | {f"archive_{name}": values for name, values in archive.items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
-        super().restore(state)
-        points, objectives, labels = (state[f"archive_{name}"].copy() for name in ("points", "objectives", "labels"))
-        epsilons = np.broadcast_to(self.sides, objectives.shape[1]).copy()
-        self.archive = EpsilonArchive(epsilons, points, objectives, labels)

@@ -8,7 +8,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search.base import hidden, number, whole
 from optim.search.cma import CMAESWithMargin
-from optim.search.method import LARGEST, MOST_POINTS, Wants, below_all, check_slopes, single_objective, slopes_per_range
+from optim.search.method import LARGEST, MOST_POINTS, Wants, below_all, check_slopes, slopes_per_range
 from optim.search.step_rules import LBFGS
 from taichi_sim.base.arrays import Floats
 
@@ -51,7 +51,7 @@ class CMAGradient(CMAESWithMargin):
         super().__post_init__()
         check_slopes(self.space)
         self.relaxed = self.space.relaxed()
-        self.sloped = np.array([variable.kind != "integer" for variable in self.space.variables])
+        self.sloped = ~self.relaxed.integers
         self._forget()
 
     def _forget(self) -> None:
@@ -76,13 +76,12 @@ class CMAGradient(CMAESWithMargin):
         if self.wants == "points":
             super().tell(points, evaluation)
             return
-        single_objective(evaluation, len(points))
         self._learn(self._mean_slope(slopes_per_range(evaluation, self.space, len(points))))
         self.generation += 1
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """As without gradients; then move the mean to a point on the step that beat all others."""
-        tried, restarts = self._tried(), int(self.restarts)
+        tried, restarts = self._tried(), self.restarts
         scores = below_all(evaluation.objectives[:, 0])
         best = int(np.argmax(scores))
         super()._take(points, evaluation)
@@ -129,8 +128,9 @@ class CMAGradient(CMAESWithMargin):
         """Mean of the slopes of the points that did not fail [objective per range], shape (D,); else NaN."""
         # Beyond a bound, or an even number of ranges further, the reflection turns the slope round.
         turned = (np.mod(self._around(), 2) > 1) & ~self.space.angles & ~self.discrete
-        valid = (abs(np.where(self.sloped, slopes, 0.0)) < LARGEST).all(axis=1) & np.isfinite(slopes).all(axis=1)
+        finite = np.isfinite(slopes).all(axis=1)
         slopes = np.where(self.sloped, slopes, 0.0) * np.where(turned, -1, 1)
+        valid = finite & (abs(slopes) < LARGEST).all(axis=1)
         return slopes[valid].mean(axis=0) if valid.any() else np.full(self.space.size, np.nan)
 
     def _learn(self, slope: Floats) -> None:

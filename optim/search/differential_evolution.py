@@ -81,7 +81,6 @@ class DifferentialEvolution(PopulationSearch):
         scores, rivals[self._unjudged(targets)] = np.split(evaluation.objectives, [len(targets)])
         taken = (below_all(scores) >= below_all(rivals))[:, 0]
         members = targets[taken]
-        self.values, self.points, self.objectives = self.values.copy(), self.points.copy(), self.objectives.copy()
         self.values[members], self.points[members] = trials[taken], points[: len(trials)][taken]
         self.objectives[members] = scores[taken]
 

@@ -56,8 +56,8 @@ class GeneticSearch(PopulationSearch):
         self.rate = 1 / self.space.size if self.mutation is None else self.mutation
         self.survivors = max(1, count // 10) if self.elites is None else min(self.elites, count)
         self.steps = mutation_steps(self.space)
-        self.binary = np.array([variable.kind == "binary" for variable in self.space.variables])
         self.whole = self.space.integers
+        self.binary = self.whole & ~self.space.relaxed().integers
 
     def ask(self) -> Floats:
         """The starts, then the children, shape (N, D)."""

@@ -14,7 +14,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search.base import hidden, number, whole
 from optim.search.differential_evolution import DifferentialEvolution
-from optim.search.method import LARGEST, Wants, check_slopes, single_objective, slopes_per_range
+from optim.search.method import LARGEST, Wants, check_slopes, slopes_per_range
 from optim.search.step_rules import LBFGS, free_variables
 from optim.search.variation import Bounds, ranking
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
@@ -52,8 +52,8 @@ class MemeticSearch(DifferentialEvolution):
         check_slopes(self.space)
         self.refine = min(self.refine, self.population)
         self.relaxed = self.space.relaxed()
-        self.integer = np.array([variable.kind == "integer" for variable in self.space.variables])
-        self.binary = np.array([variable.kind == "binary" for variable in self.space.variables])
+        self.integer = self.relaxed.integers
+        self.binary = self.space.integers & ~self.integer
         self.rule = LBFGS(self.population, self.space.size, self.learning_rate)
         shape = self.points.shape
         self.refined = np.full(shape, np.nan)  # where gradients lead to, NaN in the rows of the others
@@ -74,7 +74,6 @@ class MemeticSearch(DifferentialEvolution):
         if self.wants == "points":
             super().tell(points, evaluation)
             return
-        single_objective(evaluation, self.refine)
         known = slopes_per_range(evaluation, self.space, self.refine)
         slopes = np.full(self.points.shape, np.nan)
         slopes[self._best_members()] = np.where(abs(known) < LARGEST, known, np.nan)

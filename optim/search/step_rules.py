@@ -27,7 +27,7 @@ class StepRule(Protocol):
         """Whether a step must be taken back, and a shorter one tried, where it has not led up enough."""
 
     def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
-        """Take in by how much the gradients of some climbers changed as these moved, both of shape (C, D)."""
+        """Take in by how much gradients changed as some climbers moved, both of shape (C, D); none by default."""
 
     def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """Steps, shape (C, D), of which those of ``climbers`` count; zero where a bound holds (not ``free``)."""
@@ -51,9 +51,6 @@ class Adam(StepRule):
         self.rate, self.clip = rate, clip
         shape = (climbers, size)
         self.arrays = {"mean": np.zeros(shape), "square": np.zeros(shape), "count": np.zeros((climbers, 1))}
-
-    def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
-        """Ignore curvature: Adam needs none."""
 
     def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """Mean gradient over its root mean square, both of the past, corrected for their start at zero."""

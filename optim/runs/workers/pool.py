@@ -1,6 +1,7 @@
 """A pool of workers, in processes or on a cluster, that evaluates the parts of a request."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
@@ -47,10 +48,11 @@ class Backend(Protocol[W]):
         """List workers that have an answer or are dead; with ``wait``, wait for at least one."""
 
 
+@dataclass(eq=False)
 class Pool(Generic[W]):
     """A fixed number of workers of one backend; those that die are replaced.
 
-    Args:
+    Attributes:
         backend: starts the workers.
         count: number of workers.
         size: most points that a worker evaluates at once.
@@ -59,66 +61,54 @@ class Pool(Generic[W]):
         progress: told the fraction of a request's points that is done with.
     """
 
-    def __init__(
-        self,
-        backend: Backend[W],
-        count: int,
-        size: int,
-        save_failed: Callable[[Floats, str], Path],
-        note: Callable[[str], None],
-        progress: Callable[[float], None] | None,
-    ) -> None:
-        self._backend = backend
-        self._count = count
-        self._size = size
-        self._save_failed = save_failed
-        self._note = note
-        self._progress = progress
-        self._starting: list[W] = []
+    backend: Backend[W]
+    count: int
+    size: int
+    save_failed: Callable[[Floats, str], Path]
+    note: Callable[[str], None]
+    progress: Callable[[float], None] | None
+
+    def __post_init__(self) -> None:
         self._idle: list[W] = []
-        self._busy: dict[W, Part] = {}
+        self._busy: dict[W, Part | None] = {}  # with the part that it evaluates, or None while it starts
         self._start_deaths = 0
         self._known: Evaluation | None = None  # the last evaluation of any part
 
     def fill(self) -> None:
         """Start workers until there are enough."""
-        while len(self._starting) + len(self._idle) + len(self._busy) < self._count:
-            self._starting.append(self._backend.start())
+        while len(self._idle) + len(self._busy) < self.count:
+            self._busy[self.backend.start()] = None
 
     def close(self) -> None:
         """End all workers at once."""
-        for worker in (*self._starting, *self._idle, *self._busy):
+        for worker in (*self._idle, *self._busy):
             worker.kill()
 
     def evaluate(self, request: Request) -> Evaluation:
         """Evaluate a request, as :func:`optim.runs.workers.open_workers` describes."""
-        size = max(1, min(self._size, -(-len(request.points) // self._count)))
-        batch = Batch(request, size)
+        batch = Batch(request, max(1, min(self.size, -(-len(request.points) // self.count))))
         try:
             while not batch.complete:
                 self._bury_idle()
                 self.fill()
-                self._assign(batch)
-                for worker in self._backend.ready([*self._starting, *self._busy], wait=True):
+                while self._idle and (taken := batch.take()):
+                    worker = self._idle.pop(0)
+                    self._busy[worker] = taken[0]
+                    worker.submit(taken[1])
+                for worker in self.backend.ready(list(self._busy), wait=True):
                     self._hear(worker, batch)
         except BaseException:
-            for worker in self._busy:  # nobody waits for their answers any more
-                worker.kill()
-            self._busy.clear()
+            for worker in [worker for worker, part in self._busy.items() if part is not None]:
+                worker.kill()  # nobody waits for its answer any more
+                del self._busy[worker]
             raise
         return batch.joined(self._save(batch.killers, len(request.points)))
 
     def _bury_idle(self) -> None:
-        for worker in self._backend.ready(self._idle, wait=False):  # they owe nothing, so they must be dead
+        for worker in self.backend.ready(self._idle, wait=False):  # they owe nothing, so they must be dead
             self._idle.remove(worker)
             worker.kill()
-            self._note("note: a worker died while it was idle; it is replaced")
-
-    def _assign(self, batch: Batch) -> None:
-        while self._idle and (taken := batch.take()):
-            worker = self._idle.pop(0)
-            self._busy[worker] = taken[0]
-            worker.submit(taken[1])
+            self.note("note: a worker died while it was idle; it is replaced")
 
     def _hear(self, worker: W, batch: Batch) -> None:
         """Receive the answer of a worker.
@@ -126,11 +116,11 @@ class Pool(Generic[W]):
         Raises:
             Exception: that the problem raised in the worker.
         """
-        part = self._busy.pop(worker, None)
-        if part is None:
-            self._starting.remove(worker)
+        part = self._busy.pop(worker)
         try:
             answer = worker.answer()
+            if part is None and isinstance(answer, Raised):
+                raise answer.error
         except Died as death:
             worker.kill()
             self._mourn(part, death, batch)
@@ -138,10 +128,7 @@ class Pool(Generic[W]):
         except BaseException:
             worker.kill()
             raise
-        if isinstance(answer, Raised) and part is None:
-            worker.kill()
-        else:
-            self._idle.append(worker)
+        self._idle.append(worker)
         if isinstance(answer, Raised):
             raise answer.error
         if part is None:
@@ -149,18 +136,18 @@ class Pool(Generic[W]):
         elif answer is not None:
             self._known = answer
             batch.put(part, answer)
-            if self._progress:
-                self._progress(batch.fraction)
+            if self.progress:
+                self.progress(batch.fraction)
 
     def _mourn(self, part: Part | None, death: Died, batch: Batch) -> None:
         if part is not None:
-            self._note(f"note: a worker died ({death}) with {part} of a generation: {batch.bury(part)}")
+            self.note(f"note: a worker died ({death}) with {part} of a generation: {batch.bury(part)}")
             return
         self._start_deaths += 1
         if self._start_deaths == STARTS:
             self._start_deaths = 0
             raise RuntimeError(f"workers: {STARTS} died one after the other before they were ready ({death})")
-        self._note(f"note: a worker died ({death}) before it was ready; another one is started")
+        self.note(f"note: a worker died ({death}) before it was ready; another one is started")
 
     def _save(self, killers: Floats, count: int) -> Evaluation:
         """Save points that killed their workers; return any evaluation so far, for the form of its details.
@@ -168,11 +155,11 @@ class Pool(Generic[W]):
         Raises:
             RuntimeError: if there has never been one.
         """
-        path = self._save_failed(killers, KILLER) if len(killers) else None
+        path = self.save_failed(killers, KILLER) if len(killers) else None
         if self._known is None:
             raise RuntimeError(
                 f"workers: every design killed its worker twice, so the fault is hardly theirs; see {path}"
             )
         if path:
-            self._note(f"note: {len(killers)} of {count} designs killed their workers and failed; saved in {path}")
+            self.note(f"note: {len(killers)} of {count} designs killed their workers and failed; saved in {path}")
         return self._known

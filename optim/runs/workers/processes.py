@@ -35,7 +35,7 @@ class ProcessWorker:
     """A worker process, with this side's end of the pipe to it."""
 
     process: SpawnProcess
-    connection: "Connection[object, Answer]"
+    connection: "Connection[Any, Any]"
 
     def submit(self, request: Request) -> None:
         """Write the request to the pipe."""

@@ -50,7 +50,6 @@ class RayWorker:
         check: raises ValueError if its machine is not suitable.
         started: when it was requested [s].
         checked: whether the machine has been checked.
-        killed: whether it has been ended here.
     """
 
     ray: Any
@@ -60,7 +59,6 @@ class RayWorker:
     check: Callable[[dict[str, Any]], None]
     started: float
     checked: bool = False
-    killed: bool = False
 
     def submit(self, request: Request) -> None:
         """Send a request to the actor."""
@@ -82,7 +80,6 @@ class RayWorker:
 
     def kill(self) -> None:
         """End the actor by force."""
-        self.killed = True
         self.ray.kill(self.actor, no_restart=True)
 
     @property
@@ -109,9 +106,7 @@ class RayCluster:
         self._actor = ray.remote(num_cpus=threads, max_restarts=0, runtime_env={"env_vars": variables})(RemoteService)
         self._pickled = pickled(problem, ray.cloudpickle.dumps)
         self._note = note
-        self._workers: list[RayWorker] = []
-        self._hosts: set[str] = set()
-        self._noted = False
+        self._noted: set[str] = set()  # hosts with other CPUs, and "places" once some were missing
 
     @property
     def cores(self) -> int:
@@ -122,9 +117,7 @@ class RayCluster:
         """Request an actor, the description of its machine, and whether it can load the problem."""
         actor = self._actor.remote()
         owed = actor.about.remote(), actor.load.remote(self._pickled)
-        worker = RayWorker(self._ray, actor, *owed, self._check, time.monotonic())
-        self._workers = [known for known in self._workers if not known.killed] + [worker]
-        return worker
+        return RayWorker(self._ray, actor, *owed, self._check, time.monotonic())
 
     def ready(self, workers: Sequence[RayWorker], wait: bool) -> list[RayWorker]:
         """List the workers whose answer has come, or never will."""
@@ -134,25 +127,24 @@ class RayCluster:
             found, _ = self._ray.wait(list(by_reference), timeout=timeout)
             if found or not wait:
                 return [by_reference[reference] for reference in found]
-            self._look_for_places()
+            self._look_for_places(workers)
         return []
 
-    def _look_for_places(self) -> None:
+    def _look_for_places(self, workers: Sequence[RayWorker]) -> None:
         """Note if the cluster has had no room for some actors for long.
 
         Raises:
             RuntimeError: if there has been no room for any for very long.
         """
         now = time.monotonic()
-        workers = [worker for worker in self._workers if not worker.killed]
         waits = [now - worker.started for worker in workers if not worker.runs]
         if len(waits) == len(workers) and min(waits) > GIVE_UP_AFTER:
             raise RuntimeError(
                 f"ray: none of {len(workers)} workers could be started in {GIVE_UP_AFTER:g} s; "
                 "the cluster has too few free CPUs"
             )
-        if waits and max(waits) > NOTE_AFTER and not self._noted:
-            self._noted = True
+        if waits and max(waits) > NOTE_AFTER and "places" not in self._noted:
+            self._noted.add("places")
             self._note(
                 f"note: ray: {len(workers) - len(waits)} of {len(workers)} workers run; "
                 "the others wait for free CPUs of the cluster"
@@ -170,8 +162,8 @@ class RayCluster:
                 raise ValueError(
                     f"ray: {host} has {name} {there[name]}, this machine {here[name]}; install the same there"
                 )
-        if about["cpu"] != cpu_model() and host not in self._hosts:
-            self._hosts.add(host)
+        if about["cpu"] != cpu_model() and host not in self._noted:
+            self._noted.add(host)
             self._note(
                 f"note: ray: {host} has another CPU ({about['cpu']}) than this machine ({cpu_model()}); "
                 "results may differ in their last bits"
