@@ -117,20 +117,20 @@ def _search(
 def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> list[str]:
     """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
     from optim.problems.robot import RobotDesigning
-    from optim.runs.products import Products
+    from optim.runs.products import make_product
 
     if last.best_point is None:
         return []
     if not isinstance(problem, RobotDesigning):
         return ["best.json"]
     robot = problem.robot_of(problem.space.from_dict(last.best_point))
-    products, written = Products(folder), ["best.json"]
+    written = ["best.json"]
     if robot.exportable:
-        products.make("gait.csv", functools.partial(_write_table, robot, folder.config["method"]["seed"]))
+        make_product(folder, "gait.csv", functools.partial(_write_table, robot, folder.config["method"]["seed"]))
         written.append("gait.csv")
     for world in problem.tried_in if robot.pictured else ():
         name = f"robot_{world.name.replace(':', '_')}.png"
-        products.make(name, functools.partial(robot.save_picture, world))
+        make_product(folder, name, functools.partial(robot.save_picture, world))
         written.append(name)
     return written
 

@@ -9,15 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.tables import markdown
-from optim.measures.statistics import (
-    Alternative,
-    bonferroni,
-    bootstrap_means,
-    difference_of_means,
-    holm,
-    mann_whitney,
-    superiority,
-)
+from optim.measures.statistics import Alternative, bonferroni, difference_of_means, effect, holm, mann_whitney
 from taichi_sim.base.arrays import Floats
 
 
@@ -41,22 +33,20 @@ def compare(
     found: list[dict[str, Any]] = []
     for first, second in pairs:
         a, b = (np.asarray(samples[name], float) for name in (first, second))
-        larger = superiority(a, b)
-        differences = bootstrap_means(b, seed=1) - bootstrap_means(a, seed=0)
-        low, high = np.percentile(differences, [2.5, 97.5]).tolist()
+        known = effect(a, b)
         found.append(
             {
                 "first": first,
                 "second": second,
                 "n": [len(a), len(b)],
                 "medians": [float(np.median(a)), float(np.median(b))],
-                "U": (1 - larger) * len(a) * len(b),
+                "U": (1 - known.superiority) * len(a) * len(b),
                 "alternative": alternative,
                 "method": "asymptotic",
-                "p": mann_whitney(a, b, alternative, "asymptotic") if np.ptp(np.concatenate([a, b])) else 1.0,
-                "A12": larger,
-                "difference": float(b.mean() - a.mean()),
-                "interval": [low, high],
+                "p": mann_whitney(a, b, alternative, "asymptotic"),
+                "A12": known.superiority,
+                "difference": known.difference,
+                "interval": [known.low, known.high],
             }
         )
     for row, p in zip(found, bonferroni([row["p"] for row in found]), strict=True):

@@ -27,10 +27,8 @@ _Settings = TypeVar("_Settings")
 
 def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
     """Settings of a study for a budget; raises ValueError for a budget that it does not have."""
-    for name, settings in scales.items():
-        if name == budget:
-            return settings
-    raise ValueError(f"budget: {budget!r} is unknown; choose one of {', '.join(scales)}")
+    checks.choice("budget", budget, scales)
+    return next(settings for name, settings in scales.items() if name == budget)
 
 
 def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:

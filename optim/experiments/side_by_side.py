@@ -1,6 +1,7 @@
 """Run searches side by side: the loop that all studies and benchmarks use."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
@@ -86,33 +87,27 @@ def judge_together(
         yield found[number]
 
 
+@dataclass(eq=False)
 class BudgetedSearch:
     """A search in memory that ends when its budget of evaluations is spent, or when its observer says so.
 
     Attributes:
         name: its name for the observer, such as a number.
+        method: the method, not yet used.
+        budget: evaluations of the search; those of its last turn beyond the budget are not observed.
+        observe: called with the name, new points and their evaluation, in order; returns whether to end.
         turns: number of turns so far.
         spent: evaluations so far, those of the last turn beyond the budget included.
+        done: whether the budget is spent, or the observer has ended the search.
     """
 
-    def __init__(
-        self, name: int, method: Method, budget: int, observe: Callable[[int, Floats, Evaluation], bool]
-    ) -> None:
-        """Set up the search.
-
-        Args:
-            name: its name for the observer, such as a number.
-            method: the method, not yet used.
-            budget: evaluations of the search; those of its last turn beyond the budget are not observed.
-            observe: called with the name, new points and their evaluation, in order; returns whether to end.
-        """
-        self.name, self.method, self.budget, self.observe = name, method, budget, observe
-        self.turns, self.spent, self._ended = 0, 0, False
-
-    @property
-    def done(self) -> bool:
-        """Whether the budget is spent, or the observer has ended the search."""
-        return self._ended or self.spent >= self.budget
+    name: int
+    method: Method
+    budget: int
+    observe: Callable[[int, Floats, Evaluation], bool]
+    turns: int = 0
+    spent: int = 0
+    done: bool = False
 
     def ask(self) -> Request:
         """Points that the method wants evaluated next."""
@@ -123,7 +118,8 @@ class BudgetedSearch:
         left = slice(0, self.budget - self.spent)
         self.method.tell(request.points, evaluation)
         self.turns, self.spent = self.turns + 1, self.spent + len(request.points)
-        self._ended = self.observe(self.name, request.points[left], part_of(evaluation, left))
+        ended = self.observe(self.name, request.points[left], part_of(evaluation, left))
+        self.done = ended or self.spent >= self.budget
 
 
 def run_with_budget(

@@ -2,34 +2,19 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
-from optim.problem import Evaluation
-from optim.runs.requests import Request
+from optim.problem import Evaluation, Problem
+from optim.runs.requests import Request, judge
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
-from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 
 NOTHING = -1  # where a trial has ended, or has found nothing yet
-
-
-class SolvableProblem(Protocol):
-    """A problem for trials: its details say how many environments each point solves."""
-
-    @property
-    def space(self) -> Space:
-        """Space of the variables."""
-
-    def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Evaluate points, with ``solved`` among the details."""
-
-    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """Evaluate points of the relaxed space, with gradients if asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +95,7 @@ def first_time(happens: Bools) -> Ints:
 
 
 def record_trials(
-    problem: SolvableProblem,
+    problem: Problem,
     method: str,
     settings: Mapping[str, Any],
     seeds: Sequence[int],
@@ -123,7 +108,7 @@ def record_trials(
     """Run searches of several seeds side by side.
 
     Args:
-        problem: the problem to search.
+        problem: the problem to search; its details say how many environments each point has ``solved``.
         method: its name in ``METHODS``.
         settings: settings of the method, but for the seed.
         seeds: R, one for each search.
@@ -137,9 +122,7 @@ def record_trials(
     with_gradient, objectives = np.zeros(size, bool), list[Floats]()
 
     def evaluate(_: Sequence[BudgetedSearch], request: Request) -> Evaluation:
-        if request.wants == "points":
-            return problem.evaluate(request.points)
-        return problem.evaluate_relaxed(request.points, 0.0, request.wants == "gradients")
+        return judge(problem, request)
 
     def observe(trial: int, asked: Floats, evaluation: Evaluation) -> bool:
         if not objectives:

@@ -42,8 +42,7 @@ class Horizon:
     @property
     def errors(self) -> Floats:
         """Relative error |difference - exact| / |exact| over all directions, for every step size, shape (S,)."""
-        found: Floats = np.linalg.norm(self.differences - self.exact, axis=1) / np.linalg.norm(self.exact)
-        return found
+        return np.asarray(np.linalg.norm(self.differences - self.exact, axis=1) / np.linalg.norm(self.exact))
 
     @property
     def exact_cosines(self) -> Floats:

@@ -8,7 +8,7 @@ Artificial Life Conference 2020 (M_L and M_CF); Powers, Grindle, Frati & Bongard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.arrays import Floats
 
 
 def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
@@ -26,7 +26,7 @@ def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
         ValueError: if the overlaps are no matrices of whole numbers from 0 to E, or E is below 1.
     """
     counts = _checked(overlap, environments)
-    return np.asarray(_cells(counts == environments) / (counts.shape[-2] * counts.shape[-1]))
+    return np.asarray((counts == environments).mean(axis=(-2, -1)))
 
 
 def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
@@ -46,12 +46,8 @@ def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
         ValueError: as in :func:`learnability`.
     """
     counts = _checked(overlap, environments)
-    return np.asarray(_cells(counts == environments) / np.maximum(_cells(counts >= 1), 1))
-
-
-def _cells(mask: Bools) -> Ints:
-    """Number of true cells of each matrix."""
-    return np.asarray(np.count_nonzero(mask, axis=(-2, -1)))
+    solving_all, solving_any = ((counts >= least).sum(axis=(-2, -1)) for least in (environments, 1))
+    return np.asarray(solving_all / np.maximum(solving_any, 1))
 
 
 def _checked(overlap: ArrayLike, environments: int) -> NDArray[np.integer]:

@@ -106,7 +106,9 @@ def cohens_d(a: ArrayLike, b: ArrayLike) -> float | None:
 
 
 def mann_whitney(a: ArrayLike, b: ArrayLike, alternative: Alternative, method: Literal["exact", "asymptotic"]) -> float:
-    """p of the Mann-Whitney U test; ``"less"``: a tends to be less than b."""
+    """p of the Mann-Whitney U test, 1 where nothing varies; ``"less"``: a tends to be less than b."""
+    if not np.ptp(np.concatenate([a, b])):
+        return 1.0
     return float(_scipy().mannwhitneyu(a, b, alternative=alternative, method=method).pvalue)
 
 
@@ -230,7 +232,7 @@ def effect(a: ArrayLike, b: ArrayLike) -> Effect:
     tied = len(np.unique(np.concatenate([a, b]))) < len(a) + len(b)
     exact = not tied and max(len(a), len(b)) <= 20
     low, high = np.percentile(bootstrap_means(b, seed=1) - bootstrap_means(a, seed=0), [2.5, 97.5])
-    p = mann_whitney(a, b, "two-sided", "exact" if exact else "asymptotic") if np.ptp(np.concatenate([a, b])) else 1.0
+    p = mann_whitney(a, b, "two-sided", "exact" if exact else "asymptotic")
     return Effect(float(b.mean() - a.mean()), float(low), float(high), superiority(a, b), cohens_d(a, b), p)
 
 

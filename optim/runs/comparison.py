@@ -170,7 +170,7 @@ def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
         for a, b in itertools.combinations(compared, 2)
         if min(len(a.at(x)), len(b.at(x))) >= 2
     ]
-    adjusted = holm([found.p for *_, found in pairs]) if pairs else []
+    adjusted = holm([found.p for *_, found in pairs])
     return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
 
 
@@ -222,11 +222,10 @@ def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> 
 
 def _places(history: History, axis: Axis) -> Floats:
     """Places of a run's generations on the axis."""
-    if axis == "evaluations":
-        return np.array([generation.evaluations for generation in history.generations], float)
-    if axis == "generations":
-        return np.array([generation.generation for generation in history.generations], float)
-    return np.cumsum(history.seconds)
+    if axis == "seconds":
+        return np.cumsum(history.seconds)
+    name = "generation" if axis == "generations" else axis
+    return np.array([getattr(generation, name) for generation in history.generations], float)
 
 
 def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,12 +14,8 @@ def save_failed(folder: RunFolder, space: Space, points: Floats, reason: str) ->
 
     Its number is above those of all existing files, even if some were deleted.
     """
-    names = space.names
-    document = {
-        "reason": reason,
-        "generation": folder.lines,
-        "designs": [dict(zip(names, point, strict=True)) for point in points.tolist()],
-    }
+    designs = [dict(zip(space.names, point, strict=True)) for point in points.tolist()]
+    document = {"reason": reason, "generation": folder.lines, "designs": designs}
     taken = (re.fullmatch(r"failed-(\d+)\.json", path.name) for path in folder.path.iterdir())
     number = 1 + max((int(match[1]) for match in taken if match), default=0)
     path = folder.path / f"failed-{number}.json"

@@ -25,6 +25,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ class RunFolder:
     Attributes:
         path: the folder.
         config: content of ``config.toml``.
+        lines: number of complete generations.
     """
 
     def __init__(
@@ -54,13 +56,8 @@ class RunFolder:
         self.path, self.config, self._note = path, config, note
         self._environment = environment
         self._settings = identity(config)
-        self._lines = 0
+        self.lines = 0
         self._log, self._timing = hashlib.sha256(), hashlib.sha256()
-
-    @property
-    def lines(self) -> int:
-        """Number of complete generations."""
-        return self._lines
 
     def restore(self) -> tuple[State, str] | None:
         """Go back to the last checkpoint; return the method's state and the last line of the log, or None without any.
@@ -84,7 +81,7 @@ class RunFolder:
 
     def _cut(self, lines: int) -> None:
         """Cut the logs back to the lines that the checkpoint covers."""
-        self._lines = lines
+        self.lines = lines
         files.keep_lines(self.path / LOG, lines)
         files.keep_lines(self.path / TIMING, lines)
         self._log, self._timing = (
@@ -117,17 +114,17 @@ class RunFolder:
             RuntimeError: if the disk is full or broken; what was there before is kept.
         """
         finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        timing = {"generation": self._lines, "seconds": round(seconds, 3), "finished": finished}
+        timing = {"generation": self.lines, "seconds": round(seconds, 3), "finished": finished}
         with self.writing():
             for name, hasher, text in ((LOG, self._log, line), (TIMING, self._timing, json.dumps(timing))):
                 files.append_line(self.path / name, text)
                 hasher.update(text.encode() + b"\n")
             environment = files.sha256((self.path / ENVIRONMENT).read_bytes())
             digests = self._log.hexdigest(), self._timing.hexdigest(), environment, self._settings
-            checkpoint.save(self.path, state, Record(self._lines + 1, *digests))
-        self._lines += 1
+            checkpoint.save(self.path, state, Record(self.lines + 1, *digests))
+        self.lines += 1
 
-    def update(self, name: str, write: Callable[[Path], None]) -> None:
+    def update(self, name: str, write: Callable[[Path], object]) -> None:
         """Write the file ``name`` of the folder by calling ``write``; the file changes only if its content does.
 
         Raises:
@@ -138,11 +135,7 @@ class RunFolder:
 
     def update_text(self, name: str, text: str) -> None:
         """Write a text to the file ``name``; the file changes only if the text does."""
-
-        def write(path: Path) -> None:
-            path.write_text(text, encoding="utf-8")
-
-        self.update(name, write)
+        self.update(name, partial(Path.write_text, data=text, encoding="utf-8"))
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
@@ -155,7 +148,7 @@ class RunFolder:
             yield
         except (OSError, ValueError, RuntimeError) as error:  # all that can be wrong with a design's file is the disk
             reason = error.strerror if isinstance(error, OSError) else str(error)
-            kept = f"its {self._lines} complete generations are kept, go on with --resume"
+            kept = f"its {self.lines} complete generations are kept, go on with --resume"
             raise RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}") from None
 
 

@@ -7,37 +7,25 @@ from pathlib import Path
 from optim.runs.folder import RunFolder
 from taichi_sim.base import files
 
-PRODUCTS = "products.json"
+PRODUCTS = "products.json"  # checksums of design and file, by the file's name
 
 
-class Products:
-    """Files that are made from the best design; ``products.json`` has the checksums of source and files."""
+def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> None:
+    """Write the file ``name`` by calling ``write``, unless it exists undamaged and is made from the best design.
 
-    def __init__(self, run: RunFolder, source: str = "best.json") -> None:
-        """Read the checksums of the files made from ``source``."""
-        self._run, self._folder, self._source = run, run.path, run.path / source
-        try:
-            known = json.loads((self._folder / PRODUCTS).read_text(encoding="utf-8"))
-            self._known = known if isinstance(known, dict) else {}
-        except (OSError, ValueError):  # lost or damaged: all files are made again
-            self._known = {}
-
-    def make(self, name: str, write: Callable[[Path], object]) -> None:
-        """Write the file ``name`` by calling ``write``, unless it exists undamaged and is made from the current source.
-
-        Raises:
-            RuntimeError: if it cannot be written.
-        """
-        with self._run.writing():
-            self._make(name, write)
-
-    def _make(self, name: str, write: Callable[[Path], object]) -> None:
-        path, source = self._folder / name, files.sha256(self._source.read_bytes())
-        if path.is_file() and self._known.get(name) == [source, files.sha256(path.read_bytes())]:
-            return
+    Raises:
+        RuntimeError: if it cannot be written.
+    """
+    path, design = run.path / name, files.sha256((run.path / "best.json").read_bytes())
+    try:
+        known = json.loads((run.path / PRODUCTS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # lost or damaged: all files are made again
+        known = None
+    known = known if isinstance(known, dict) else {}
+    if path.is_file() and known.get(name) == [design, files.sha256(path.read_bytes())]:
+        return
+    with run.writing():
         with files.replacing(path) as aside:
             write(aside)
-        self._known[name] = [source, files.sha256(path.read_bytes())]
-        text = json.dumps(self._known, indent=1, sort_keys=True) + "\n"
-        with files.replacing(self._folder / PRODUCTS) as aside:
-            aside.write_text(text)
+        known[name] = [design, files.sha256(path.read_bytes())]
+    run.update_text(PRODUCTS, json.dumps(known, indent=1, sort_keys=True) + "\n")

@@ -76,9 +76,9 @@ class CMAESWithMargin(PopulationSearch):
             ranks = np.unique(-scores, return_inverse=True)[1].astype(float)
             strategy.tell(list(zip(raw, ranks, strict=True)))
             self.strategy = to_arrays(strategy)
-            over = self._collapsed() or bool(strategy.should_stop())
+            over = self._collapsed() or strategy.should_stop()
         else:
-            over = bool(np.isnan(self.record))
+            over = np.isnan(self.record)
         if over or self.stalled >= self.patience:
             self.record, self.stalled, self.restarts = np.nan, 0, self.restarts + 1
             self.strategy = self._begin(self._to_ranges(self.space.sample(self._generator(1), 1)[0]))

@@ -27,7 +27,8 @@ class StepRule(Protocol):
         """Whether a step must be taken back, and a shorter one tried, where it has not led up enough."""
 
     def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
-        """Take in by how much gradients changed as some climbers moved, both of shape (C, D); none by default."""
+        """Take in by how much gradients changed as some climbers moved, both of shape (C, D); ignored by default."""
+        return
 
     def steps(self, climbers: Bools, gradients: Floats, free: Bools) -> Floats:
         """Steps, shape (C, D), of which those of ``climbers`` count; zero where a bound holds (not ``free``)."""

@@ -59,9 +59,7 @@ def open_workers(
     """
     for name, value in {"count": 1 if count is None else count, "threads": threads, "part": part}.items():
         checks.integer(name, value, 1)
-    if backend not in get_args(BackendName):
-        allowed = ", ".join(get_args(BackendName))
-        raise ValueError(f"backend: {backend!r} is unknown; choose one of {allowed}")
+    checks.choice("backend", backend, get_args(BackendName))
     if address is not None and backend != "ray":
         raise ValueError(f"address: {address!r} is not allowed with {backend}; it belongs to ray")
     with contextlib.ExitStack() as stack:
