@@ -55,8 +55,7 @@ class Search(Method):
     """
 
     several_objectives: ClassVar[bool] = False
-    always: ClassVar[tuple[str, ...]]  # names of the attributes that change in every method of a family
-    arrays: ClassVar[tuple[str, ...]] = ()  # names of the attributes, arrays or numbers, that change beside those
+    arrays: ClassVar[tuple[str, ...]] = ("generation",)  # attributes that change, beside those of the classes above
 
     space: Space = field(kw_only=False)
 
@@ -76,7 +75,7 @@ class Search(Method):
 
     def state(self) -> Arrays:
         """Everything that changes, as arrays by name."""
-        changing = {name: getattr(self, name) for name in ("generation", *self.always, *self.arrays)}
+        changing = {name: getattr(self, name) for name in self._changing()}
         for part, arrays in self._groups().items():
             changing |= {f"{part}/{name}": values for name, values in arrays.items()}
         return {name: np.array(value) for name, value in changing.items()}
@@ -86,10 +85,15 @@ class Search(Method):
         expected = self.state()["points"].shape
         if state["points"].shape != expected:
             raise ValueError(f"state: points of shape {state['points'].shape}, expected {expected}")
-        for name in ("generation", *self.always, *self.arrays):
+        for name in self._changing():
             setattr(self, name, state[name].copy() if state[name].ndim else state[name].item())
         for part, arrays in self._groups().items():
             arrays.update({name: state[f"{part}/{name}"].copy() for name in arrays})
+
+    @classmethod
+    def _changing(cls) -> list[str]:
+        """Names of the attributes, arrays or numbers, that change."""
+        return [name for each in cls.__mro__ for name in vars(each).get("arrays", ())]
 
     def _groups(self) -> Mapping[str, Arrays]:
         """Arrays that change and are held by parts of the method, by the name of the part."""

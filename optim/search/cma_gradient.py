@@ -8,7 +8,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search.base import hidden, number, whole
 from optim.search.cma import CMAESWithMargin
-from optim.search.method import LARGEST, MOST_POINTS, Wants, below_all, check_slopes, slopes_per_range
+from optim.search.method import LARGEST, MOST_POINTS, Wants, below_all, check_slopes
 from optim.search.step_rules import LBFGS
 from taichi_sim.base.arrays import Floats
 
@@ -40,7 +40,7 @@ class CMAGradient(CMAESWithMargin):
         rate: first step, along the longest of the distribution's axes in it [standard deviations].
     """
 
-    arrays: ClassVar[tuple[str, ...]] = (*CMAESWithMargin.arrays, "anchor", "slope", "moved", "change", "step")
+    arrays: ClassVar[tuple[str, ...]] = ("anchor", "slope", "moved", "change", "step")
 
     random_mean: bool = hidden(False)
     every: int = whole(1, 1)
@@ -70,14 +70,6 @@ class CMAGradient(CMAESWithMargin):
         if self.wants == "points":
             return super().ask()
         return self.relaxed.round(self.relaxed.reflect(self.space.low + self._around() * self.space.span))
-
-    def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Move the distribution by points; find the next step by gradients."""
-        if self.wants == "points":
-            super().tell(points, evaluation)
-            return
-        self._learn(self._mean_slope(slopes_per_range(evaluation, self.space, len(points))))
-        self.generation += 1
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """As without gradients; then move the mean to a point on the step that beat all others."""
@@ -133,9 +125,9 @@ class CMAGradient(CMAESWithMargin):
         valid = finite & (abs(slopes) < LARGEST).all(axis=1)
         return slopes[valid].mean(axis=0) if valid.any() else np.full(self.space.size, np.nan)
 
-    def _learn(self, slope: Floats) -> None:
-        """Remember how the slope changed since the last mean, and step."""
-        one, mean = np.array([True]), self.strategy["mean"]
+    def _follow(self, slopes: Floats) -> None:
+        """Remember how the mean slope changed since the last mean, and step."""
+        one, mean, slope = np.array([True]), self.strategy["mean"], self._mean_slope(slopes)
         if np.isnan(slope).any():
             return
         memory = self._rule(self.moved, self.change)

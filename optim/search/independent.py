@@ -26,7 +26,7 @@ class IndependentSearches(Search):
         start: values by name with which every search starts; the other variables start at random.
     """
 
-    always: ClassVar[tuple[str, ...]] = ("points", "scores")
+    arrays: ClassVar[tuple[str, ...]] = ("points", "scores")
 
     climbers: int = whole(60, 1, MOST_POINTS)
     seed: int = whole(0, 0, 2**63 - 1)

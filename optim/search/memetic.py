@@ -14,7 +14,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search.base import hidden, number, whole
 from optim.search.differential_evolution import DifferentialEvolution
-from optim.search.method import LARGEST, Wants, check_slopes, slopes_per_range
+from optim.search.method import LARGEST, Wants, check_slopes
 from optim.search.step_rules import LBFGS, free_variables
 from optim.search.variation import Bounds, ranking
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
@@ -39,7 +39,7 @@ class MemeticSearch(DifferentialEvolution):
         learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
     """
 
-    arrays: ClassVar[tuple[str, ...]] = ("values", "refined", "anchor", "slopes", "scale")
+    arrays: ClassVar[tuple[str, ...]] = ("refined", "anchor", "slopes", "scale")
 
     trials: int = hidden(0)
     bounds: Bounds = hidden("reflect")
@@ -69,17 +69,6 @@ class MemeticSearch(DifferentialEvolution):
         """The starts, then a trial for each member, shape (N, D); or the best members, relaxed, shape (R, D)."""
         return self._relaxed_members()[self._best_members()] if self.wants == "gradients" else super().ask()
 
-    def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Replace members by better trials, or find out where their gradients lead."""
-        if self.wants == "points":
-            super().tell(points, evaluation)
-            return
-        known = slopes_per_range(evaluation, self.space, self.refine)
-        slopes = np.full(self.points.shape, np.nan)
-        slopes[self._best_members()] = np.where(abs(known) < LARGEST, known, np.nan)
-        self._follow(slopes)
-        self.generation += 1
-
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         super()._take(points, evaluation)
         tried = ~np.isnan(self.refined[:, 0])
@@ -99,9 +88,11 @@ class MemeticSearch(DifferentialEvolution):
         return np.where(self.integer, self.points, self.values)
 
     def _follow(self, slopes: Floats) -> None:
-        """A step for each member whose gradient [objective per range], shape (N, D), is known and leads somewhere."""
-        valid = np.all(np.isfinite(slopes), axis=1)
-        slopes = np.where(valid[:, None] & ~self.integer, slopes, 0.0)
+        """A step for each of the best members whose gradient is a number and leads somewhere."""
+        known = np.full(self.points.shape, np.nan)
+        known[self._best_members()] = slopes
+        valid = np.all(abs(known) < LARGEST, axis=1)
+        slopes = np.where(valid[:, None] & ~self.integer, known, 0.0)
         here = self._relaxed_members()
         self._learn(valid, here, slopes)
         free = free_variables(self.relaxed, here, slopes) & ~self.binary

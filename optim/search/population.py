@@ -9,7 +9,16 @@ import numpy as np
 
 from optim.problem import Evaluation
 from optim.search.base import Search, table, whole
-from optim.search.method import MOST_POINTS, Kept, SearchResult, below_all, generator, single_objective, with_values
+from optim.search.method import (
+    MOST_POINTS,
+    Kept,
+    SearchResult,
+    below_all,
+    generator,
+    single_objective,
+    slopes_per_range,
+    with_values,
+)
 from taichi_sim.base.arrays import Floats
 
 
@@ -26,7 +35,7 @@ class PopulationSearch(Search):
     """
 
     kind: ClassVar[Kept] = "population"  # what the points of the result are
-    always: ClassVar[tuple[str, ...]] = ("points", "objectives", "best_point", "best_score")
+    arrays: ClassVar[tuple[str, ...]] = ("points", "objectives", "best_point", "best_score")
 
     population: int = whole(60, 1, MOST_POINTS)
     seed: int = whole(0, 0, 2**63 - 1)
@@ -41,23 +50,28 @@ class PopulationSearch(Search):
         self.best_point, self.best_score = np.full(self.space.size, np.nan), np.nan
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Take in the judgement of the points asked for, and remember the best."""
+        """Take in the judgement of the points asked for, and remember the best; or take in their gradients."""
         if not self.several_objectives:
-            single_objective(evaluation, len(self.ask()))
+            single_objective(evaluation, len(points))
         elif len(evaluation.objectives) != len(points):
-            raise ValueError(
-                f"evaluation: {len(evaluation.objectives)} given for {len(points)} points; give one for each"
-            )
-        scores = evaluation.objectives.mean(axis=1)
-        best = int(np.argmax(below_all(scores)))
-        if self.generation == 0 or below_all(scores)[best] > below_all(self.best_score):
-            self.best_point, self.best_score = points[best].copy(), float(scores[best])
-        self._take(points, evaluation)
+            given = f"{len(evaluation.objectives)} given for {len(points)} points"
+            raise ValueError(f"evaluation: {given}; give one for each")
+        if self.wants == "gradients":
+            self._follow(slopes_per_range(evaluation, self.space, len(points)))
+        else:
+            scores = evaluation.objectives.mean(axis=1)
+            best = int(np.argmax(below_all(scores)))
+            if self.generation == 0 or below_all(scores)[best] > below_all(self.best_score):
+                self.best_point, self.best_score = points[best].copy(), float(scores[best])
+            self._take(points, evaluation)
         self.generation += 1
 
     @abstractmethod
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Take in the judgement of the points asked for, before the generation is counted."""
+
+    def _follow(self, slopes: Floats) -> None:
+        """Take in the gradients of the points asked for [objective per range], if the method wants any."""
 
     def result(self) -> SearchResult:
         """The best point ever met (the first of equals) and what the search keeps."""

@@ -57,10 +57,13 @@ class Adam(StepRule):
         """Mean gradient over its root mean square, both of the past, corrected for their start at zero."""
         slope = np.where(free, gradients, 0.0)
         slope = slope * (self.clip / np.maximum(_length(slope), self.clip))
-        for name, keep, new in (("mean", MOMENTUM, slope), ("square", SQUARES, slope**2), ("count", 1.0, None)):
-            old = self.arrays[name]
-            changed = old + 1 if new is None else keep * old + (1 - keep) * new
-            self.arrays[name] = np.where(climbers[:, None], changed, old)
+        new = {
+            "mean": MOMENTUM * self.arrays["mean"] + (1 - MOMENTUM) * slope,
+            "square": SQUARES * self.arrays["square"] + (1 - SQUARES) * slope**2,
+            "count": self.arrays["count"] + 1,
+        }
+        for name, values in new.items():
+            self.arrays[name] = np.where(climbers[:, None], values, self.arrays[name])
         count = np.maximum(self.arrays["count"], 1.0)
         mean = self.arrays["mean"] / (1 - MOMENTUM**count)
         square = self.arrays["square"] / (1 - SQUARES**count)

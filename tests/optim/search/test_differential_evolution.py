@@ -105,7 +105,7 @@ def test_differences_of_angles_go_the_short_way():
 
 def test_equals_move_on_a_plateau():
     method = run(DifferentialEvolution(mixed_space(4), population=8), lambda p: np.zeros(len(p)), 1)
-    before, trials = method.points, method.ask()
+    before, trials = method.points.copy(), method.ask()
     run(method, lambda p: np.zeros(len(p)), 1)
     assert np.array_equal(method.points, trials) and not np.array_equal(before, trials)
 
