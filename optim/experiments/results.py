@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from optim.experiments.tables import write_records
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.files import (
     ASIDE,
