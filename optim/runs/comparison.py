@@ -15,9 +15,8 @@ import numpy as np
 
 from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
-from optim.runs.config import identity
+from optim.runs.config import identity, usual_settings
 from optim.runs.history import History
-from optim.search import METHODS, default_settings
 from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
@@ -230,10 +229,8 @@ def _places(history: History, axis: Axis) -> Floats:
 
 def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Problem and method without the seed; settings that an older version did not have get their defaults."""
-    given = config["method"]
-    usual = default_settings(given["name"]) if given["name"] in METHODS else {}
-    method = {name: value for name, value in {**usual, **given}.items() if name != "seed"}
-    return {"problem": config["problem"], "method": method}
+    method = usual_settings(config["method"]) | config["method"]
+    return {"problem": config["problem"], "method": {name: method[name] for name in method if name != "seed"}}
 
 
 def _labels(groups: Sequence[Sequence[History]]) -> list[str]:

@@ -128,13 +128,12 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
             check_same(old, value, folder, f"{name}.")
         elif prefix + name == "generations" and value < known[name]:
             raise ValueError(f"generations: {value} is below the {old} of the run in {folder}; it may only be raised")
-        elif prefix == "method." and name not in known and value == _default(known, name):
+        elif prefix == "method." and name not in known and value == usual_settings(known).get(name):
             continue  # a setting that methods did not have when the run began
         elif prefix + name != "generations" and value != old:
             raise ValueError(f"{prefix}{name}: {value!r} is not what the run in {folder} has, {old!r}; leave it out")
 
 
-def _default(method: Mapping[str, Any], setting: str) -> Any:
-    """Default of a setting of the run's method; None if there is none."""
-    name = str(method.get("name"))
-    return default_settings(name).get(setting) if name in METHODS else None
+def usual_settings(method: Mapping[str, Any]) -> dict[str, Any]:
+    """Default settings of a run's method, by name; none if the method is not installed."""
+    return default_settings(str(method["name"])) if str(method.get("name")) in METHODS else {}

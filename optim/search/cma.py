@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.base import number, whole
-from optim.search.cma_arrays import build_strategy, set_arrays, to_arrays
 from optim.search.method import MOST_POINTS, below_all
 from optim.search.population import PopulationSearch
 from taichi_sim.base.arrays import Arrays, Floats
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from cmaes import CMAwM
 
 COLLAPSED = 1e-9  # the widest continuous variable has a smaller standard deviation: nothing is left to search [ranges]
+# What changes from generation to generation: of the inner CMA, and of the margin around it, which is there only
+# if a variable is discrete. Between two generations nothing else has a value that the constructor would not give.
+INNER = ("_mean", "_C", "_sigma", "_p_sigma", "_pc", "_g", "_funhist_values")
+MARGIN = ("_A", "m_z_lim_low", "m_z_lim_up")
 
 
 @dataclass(eq=False, kw_only=True)
@@ -53,7 +57,7 @@ class CMAESWithMargin(PopulationSearch):
         super().__post_init__()
         self.discrete = self.space.integers
         given = np.array([self.random_mean or name in self.given for name in self.space.names])
-        self.strategy = self._begin(np.where(given, self._to_ranges(self._starts()[0]), 0.5))
+        self.strategy = to_arrays(self._build(np.where(given, self._to_ranges(self._starts()[0]), 0.5)))
         # Of this restart: its best score, and generations since it rose.
         self.record, self.stalled, self.restarts = np.nan, 0, 0
 
@@ -81,7 +85,7 @@ class CMAESWithMargin(PopulationSearch):
             over = np.isnan(self.record)
         if over or self.stalled >= self.patience:
             self.record, self.stalled, self.restarts = np.nan, 0, self.restarts + 1
-            self.strategy = self._begin(self._to_ranges(self.space.sample(self._generator(1), 1)[0]))
+            self.strategy = to_arrays(self._build(self._to_ranges(self.space.sample(self._generator(1), 1)[0])))
 
     def _collapsed(self) -> bool:
         deviations = self.strategy["sigma"] * np.sqrt(np.diag(self.strategy["C"]))
@@ -97,9 +101,6 @@ class CMAESWithMargin(PopulationSearch):
         strategy.reseed_rng(int(self._generator(0).integers(2**32)))
         places, raw = zip(*(strategy.ask() for _ in range(self.population)), strict=True)
         return strategy, np.array(places), np.array(raw)
-
-    def _begin(self, mean: Floats) -> Arrays:
-        return to_arrays(self._build(mean))
 
     def _build(self, mean: Floats) -> "CMAwM":
         bounds = np.where(self.discrete[:, None], [0.0, 1.0], [-np.inf, np.inf])
@@ -118,3 +119,34 @@ class CMAESWithMargin(PopulationSearch):
 
     def _groups(self) -> Mapping[str, Arrays]:
         return {"strategy": self.strategy}
+
+
+def build_strategy(mean: Floats, sigma: float, bounds: Floats, steps: Floats, population: int) -> "CMAwM":
+    """Make a strategy of the library, which has not been told anything.
+
+    Args:
+        mean: shape (D,).
+        sigma: step size.
+        bounds: low and high of each variable, shape (D, 2).
+        steps: between the values of a discrete variable, 0 of a continuous one, shape (D,).
+        population: points a generation.
+    """
+    from cmaes import CMAwM  # it costs time, and not every search needs it
+
+    strategy = CMAwM(mean=mean, sigma=sigma, bounds=bounds, steps=steps, population_size=population, seed=0)
+    strategy._cma._funhist_values[:] = 0.0  # not initialised by the library, though never read before it is set
+    return strategy
+
+
+def to_arrays(strategy: "CMAwM") -> Arrays:
+    """What changes of a strategy, by name; to be taken after it was told, before it is asked again."""
+    inner = {name.strip("_"): np.array(getattr(strategy._cma, name)) for name in INNER}
+    return inner | {name.strip("_"): np.array(getattr(strategy, name)) for name in MARGIN if hasattr(strategy, name)}
+
+
+def set_arrays(strategy: "CMAwM", arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Put into a strategy of the same shape what :func:`to_arrays` returned."""
+    for owner, names in ((strategy._cma, INNER), (strategy, MARGIN)):
+        for name in names:
+            if (values := arrays.get(name.strip("_"))) is not None:
+                setattr(owner, name, values.copy() if values.ndim else values.item())

@@ -59,17 +59,8 @@ class GradientAscent(IndependentSearches):
             that judges relaxed points differently.
     """
 
-    arrays: ClassVar[tuple[str, ...]] = (
-        "here",
-        "anchor",
-        "value",
-        "slope",
-        "step",
-        "scale",
-        "record",
-        "stalled",
-        "seeking",
-    )
+    points_of_climbers: ClassVar[tuple[str, ...]] = ("here", "anchor", "slope", "step")
+    arrays: ClassVar[tuple[str, ...]] = (*points_of_climbers, "value", "scale", "record", "stalled", "seeking")
 
     rule: Literal["adam", "l-bfgs"] = "adam"
     learning_rate: float = positive(0.05, MOST)
@@ -100,10 +91,11 @@ class GradientAscent(IndependentSearches):
         climbers, rate = self.climbers, self.learning_rate
         shape = (climbers, self.space.size)
         self.steps: StepRule = LBFGS(*shape, rate) if self.rule == "l-bfgs" else Adam(*shape, rate, self.clip)
-        self.here, self.anchor = np.empty(shape), np.empty(shape)  # what is evaluated; the last that did not fail
-        self.value, self.slope = np.empty(climbers), np.empty(shape)  # of the anchor; objective per range
-        self.step, self.scale = np.empty(shape), np.empty(climbers)  # from the anchor, and how much of it to go
-        self.record, self.stalled = np.empty(climbers), np.empty(climbers)  # best value, moves since it rose
+        self.here = np.empty(shape)  # what is evaluated
+        # The last point that did not fail, its slope [objective per range] and the step from there; its value, how
+        # much of the step to go, the best value, and the number of moves since it rose.
+        self.anchor, self.slope, self.step = np.empty((3, *shape))
+        self.value, self.scale, self.record, self.stalled = np.empty((4, climbers))
         self.seeking = np.zeros(climbers, bool)  # whose starts are to be chosen
         self._restart(np.ones(climbers, bool))
 
@@ -222,16 +214,10 @@ class GradientAscent(IndependentSearches):
         """Let some climbers begin anew, at a random point of the relaxed space."""
         self.seeking = climbers & (self.candidates > 1)
         self.here[climbers] = self._random_starts(self.relaxed, np.flatnonzero(climbers).tolist())
-        for values, first in (
-            (self.anchor, np.nan),
-            (self.value, -np.inf),
-            (self.slope, 0.0),
-            (self.step, 0.0),
-            (self.scale, 1.0),
-            (self.record, -np.inf),
-            (self.stalled, 0.0),
-        ):
-            values[climbers] = first
+        self.anchor[climbers], self.scale[climbers] = np.nan, 1.0
+        self.value[climbers] = self.record[climbers] = -np.inf
+        self.slope[climbers] = self.step[climbers] = 0.0
+        self.stalled[climbers] = 0.0
         self.steps.forget(climbers)
 
     def _groups(self) -> Mapping[str, Arrays]:

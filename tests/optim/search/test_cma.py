@@ -7,7 +7,7 @@ from searching import EVERYTHING, run_up_to
 from standard_functions import continuous_space, mixed_space, rosenbrock, sphere
 
 from optim.search import CMAESWithMargin
-from optim.search.cma_arrays import INNER, MARGIN, build_strategy, set_arrays, to_arrays
+from optim.search.cma import INNER, MARGIN, build_strategy, set_arrays, to_arrays
 from optim.search.method import generator
 
 SEEDS = range(3)
