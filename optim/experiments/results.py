@@ -8,17 +8,8 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from optim.experiments.tables import write_records
-from taichi_sim.base import checks
+from taichi_sim.base import checks, files
 from taichi_sim.base.arrays import Arrays
-from taichi_sim.base.files import (
-    ASIDE,
-    append_line,
-    complete_lines,
-    keep_lines,
-    make_folder,
-    write_record,
-    write_text,
-)
 from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None
@@ -47,13 +38,13 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
     known = {*names, f"{kind}.json"}
 
     def other(path: Path) -> bool:
-        return path.name not in known and not path.name.startswith(ASIDE)  # what a kill left of a write
+        return path.name not in known and not path.name.startswith(files.ASIDE)  # what a kill left of a write
 
     if folder.exists() and (not folder.is_dir() or any(map(other, folder.iterdir()))):
         raise ValueError(f"out: {folder} holds something else; name a new folder")
     if kind and not (folder / f"{kind}.json").exists():
-        make_folder(folder)
-        write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
+        files.make_folder(folder)
+        files.write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 
 def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
@@ -79,7 +70,7 @@ def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progr
 
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
     """Write numbers as JSON; raises ValueError for numbers that are not finite."""
-    write_text(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+    files.write_text(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
 def write_summary(folder: Path, name: str, summary: Mapping[str, Any], page: str = "") -> None:
@@ -93,7 +84,7 @@ def write_summary(folder: Path, name: str, summary: Mapping[str, Any], page: str
     """
     write_records(folder / f"{name}.csv", summary["rows"])
     if page:
-        write_text(folder / f"{name}.md", page)
+        files.write_text(folder / f"{name}.md", page)
     write_json(folder / "summary.json", summary)
 
 
@@ -103,7 +94,7 @@ class Costs:
     def __init__(self, path: Path) -> None:
         """Continue the file, if it exists."""
         self._path = path
-        keep_lines(path, len(complete_lines(path)))  # a torn last line
+        files.keep_lines(path, len(files.complete_lines(path)))  # a torn last line
 
     @contextmanager
     def of(self, part: str) -> Iterator[None]:
@@ -111,12 +102,12 @@ class Costs:
         wall, cpu = time.perf_counter(), time.process_time()
         yield
         spent = {"wall": round(time.perf_counter() - wall, 3), "cpu": round(time.process_time() - cpu, 3)}
-        append_line(self._path, json.dumps({"part": part, **spent}))
+        files.append_line(self._path, json.dumps({"part": part, **spent}))
 
     def total(self) -> dict[str, dict[str, float]]:
         """Seconds of wall time and of CPU time (of all threads), by part, and of ``"all"``."""
         found: dict[str, dict[str, float]] = {}
-        for line in complete_lines(self._path):
+        for line in files.complete_lines(self._path):
             entry = json.loads(line)
             for part in (entry["part"], "all"):
                 sums = found.setdefault(part, {"wall": 0.0, "cpu": 0.0})

@@ -75,7 +75,7 @@ class Borg(PopulationSearch):
         self._begin(max(self.sides.size, 1))
 
     def _begin(self, count: int) -> None:
-        """No members yet, for ``count`` objectives."""
+        """Set up an empty population and archive for ``count`` objectives."""
         if self.sides.size not in (1, count):
             raise ValueError(f"epsilons: {self.sides.size} given for {count} objectives; give one, or one for each")
         self.archive_points, self.archive_objectives = np.empty((0, self.space.size)), np.empty((0, count))
@@ -108,13 +108,13 @@ class Borg(PopulationSearch):
         return points
 
     def probabilities(self) -> Floats:
-        """With which each of ``OPERATORS`` is drawn, shape (6,) (paper, section 3, with zeta = 1)."""
+        """Probability with which each of ``OPERATORS`` is drawn, shape (6,) (paper, section 3, with zeta = 1)."""
         made = self.archive_labels[self.archive_labels != NOBODY]
         counts = np.bincount(made, minlength=len(OPERATORS)) + 1.0
         return counts / counts.sum()
 
     def _makers(self) -> Ints:
-        """Which operator makes each point of this generation, shape (M,); first come those that none makes."""
+        """Operator that makes each point of this generation, shape (M,); mutants, which ``NOBODY`` made, come first."""
         count = self.population if self.generation == 0 else self.brood
         makers = self._generator(3).choice(len(OPERATORS), count, p=self.probabilities())
         nobody = self.missing if len(self.archive_points) else count

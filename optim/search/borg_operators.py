@@ -23,7 +23,7 @@ class OperatorParameters:
     """Parameters of the operators; the defaults are those published with the Borg MOEA.
 
     Attributes:
-        parents: P, of each child of PCX, SPX and UNDX.
+        parents: P, the number of parents of a child of PCX, SPX and UNDX.
         sbx_index: distribution index of SBX.
         de_rate: crossover rate of DE.
         de_step: step size of DE.
@@ -59,7 +59,7 @@ class OperatorParameters:
 def breed(
     space: Space, operator: str, parents: Floats, parameters: OperatorParameters, rng: np.random.Generator
 ) -> Floats:
-    """One child of each of M matings, shape (M, D), of parents of shape (P, M, D); mutated, but for those of UM.
+    """Breed one child, shape (M, D), from each of M matings of parents, shape (P, M, D); all but those of UM mutate.
 
     Coordinates beyond a bound are set to it; angles wrap; whole numbers are rounded.
     """

@@ -55,7 +55,7 @@ class CMAGradient(CMAESWithMargin):
         self._forget()
 
     def _forget(self) -> None:
-        """All that was learnt from gradients."""
+        """Forget all that was learnt from gradients."""
         self.anchor, self.slope = np.full((2, self.space.size), np.nan)  # the last mean, and objective per range there
         self.moved, self.change = LBFGS(1, self.space.size, self.rate).arrays.values()
         self.step = np.zeros(self.space.size)  # to be tried next [ranges]; zeros for none

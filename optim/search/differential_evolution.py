@@ -44,10 +44,11 @@ class DifferentialEvolution(PopulationSearch):
         start: values by name of the first member; the others start with these mutated by a step of the
             variable, and with random values of the other variables.
         strategy: where a mutant comes from, see :meth:`_mutants`.
-        weight: F, of the differences.
+        weight: F, the factor of the differences.
         dither: F of a trial is drawn evenly from ``weight - dither`` to ``weight + dither``.
         crossover: CR, the probability that a variable of the trial comes from the mutant; one always does.
-        trials: T, of a generation, at most N; 0: generation 0 judges the starts, then all members get one.
+        trials: T, the number of trials of a generation, at most N; 0: generation 0 judges the starts, then every
+            member gets one.
         bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between member and bound.
     """
 

@@ -15,7 +15,7 @@ from taichi_sim.base.arrays import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class EpsilonArchive:
-    """A points that differ by more than epsilon in some objective.
+    """The A points of an archive, which differ by more than epsilon in some objective.
 
     Objectives, all maximised, are divided into boxes of side epsilon that begin at 0; a box is as good as its upper
     corner. Which boxes are held does not depend on the order in which points came. Nor does the point in a box, the

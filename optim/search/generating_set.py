@@ -41,11 +41,11 @@ class GeneratingSetSearch(IndependentSearches):
         start: values by name with which every search starts, again and again; the others are random.
         directions: ``"axes"``: one variable at a time; ``"rotated"``: a random orthonormal basis for every poll,
             of all but the whole numbers, which keep their axes.
-        step: the first [ranges].
+        step: length of the first step [ranges].
         expansion: factor of the step after a success.
         contraction: factor of the step after a poll without one.
         tolerance: step [ranges] below which a search begins anew.
-        max_step: the longest [ranges]. What is longer than 1 leads beyond a bound, so that a poll draws points on
+        max_step: length of the longest step [ranges]. What is longer than 1 leads beyond a bound, so that a poll draws points on
             lines through the centre; a search may then take long to contract.
         polled: points of a poll that are judged at once; 2 D is all of them.
     """
@@ -100,7 +100,7 @@ class GeneratingSetSearch(IndependentSearches):
         return self._random_starts(self.space, np.flatnonzero(self.waiting).tolist())
 
     def _move(self, climber: int, point: Floats, score: float, count: int) -> None:
-        """What a search does after ``count`` points, of which this was the best."""
+        """Go on with a search after ``count`` of its points, of which this was the best."""
         if self.waiting[climber]:
             if not np.isnan(score):
                 self._set_centre(climber, point, score, self.step)

@@ -7,18 +7,9 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from optim.problem import Evaluation
+from optim.search import method
 from optim.search.base import number, positive, whole
 from optim.search.independent import IndependentSearches
-from optim.search.method import (
-    LARGEST,
-    MOST_POINTS,
-    Wants,
-    below_all,
-    generator,
-    single_objective,
-    slopes_per_range,
-    with_values,
-)
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
@@ -44,12 +35,12 @@ class GradientAscent(IndependentSearches):
 
     Attributes:
         start: values by name with which every climber starts, again and again; the others are random.
-        rule: of the steps, ``"adam"`` or ``"l-bfgs"``.
+        rule: rule of the steps, ``"adam"`` or ``"l-bfgs"``.
         learning_rate: typical step of Adam and first step of L-BFGS [ranges of the variables].
         clip: length to which Adam shortens longer gradients [objective per range].
         gradient: ``"exact"`` from the problem; ``"smoothed"`` estimated here, by ``2 * samples`` evaluations.
         samples: antithetic pairs of a smoothed gradient.
-        smoothing: their standard deviation [ranges].
+        smoothing: standard deviation of these pairs [ranges].
         sharpest: the last sharpness.
         stage: moves between two doublings.
         patience: moves without progress before a climber restarts.
@@ -66,12 +57,12 @@ class GradientAscent(IndependentSearches):
     learning_rate: float = positive(0.05, MOST)
     clip: float = positive(1.0, MOST)
     gradient: Literal["exact", "smoothed"] = "exact"
-    samples: int = whole(8, 1, MOST_POINTS)
+    samples: int = whole(8, 1, method.MOST_POINTS)
     smoothing: float = positive(0.05, MOST)
     sharpest: float = number(8.0, 1.0, MOST)
     stage: int = whole(20, 1)
     patience: int = whole(20, 1)
-    candidates: int = whole(1, 1, MOST_POINTS)
+    candidates: int = whole(1, 1, method.MOST_POINTS)
     verify: bool = False
 
     def __post_init__(self) -> None:
@@ -82,8 +73,8 @@ class GradientAscent(IndependentSearches):
                 raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
         self.exact = self.gradient == "exact"
         if not self.exact:
-            checks.integer("samples", self.samples, 1, MOST_POINTS // (2 * self.climbers))
-        checks.integer("candidates", self.candidates, 1, MOST_POINTS // self.climbers)
+            checks.integer("samples", self.samples, 1, method.MOST_POINTS // (2 * self.climbers))
+        checks.integer("candidates", self.candidates, 1, method.MOST_POINTS // self.climbers)
         if self.rule == "l-bfgs" and not self.exact:
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
         self.binary = self.relaxed != self.space
@@ -100,7 +91,7 @@ class GradientAscent(IndependentSearches):
         self._restart(np.ones(climbers, bool))
 
     @property
-    def wants(self) -> Wants:
+    def wants(self) -> method.Wants:
         """Points of the space and relaxed ones in turns; all are relaxed where that is the same."""
         if self.seeking.any():
             return "relaxed"
@@ -129,10 +120,10 @@ class GradientAscent(IndependentSearches):
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Keep true points that are better; move after relaxed ones, unless they are starts to choose from."""
+        scores = method.single_objective(evaluation, len(points))
         if self.seeking.any():
-            self._choose(points, single_objective(evaluation, int(self.seeking.sum()) * self.candidates))
+            self._choose(points, scores)
             return
-        scores = single_objective(evaluation, self.climbers * (2 * self.samples if self.wants == "relaxed" else 1))
         if self.wants == "points":
             self.stalled[self._keep(points, scores)] = 0
             self._advance()
@@ -140,7 +131,7 @@ class GradientAscent(IndependentSearches):
         if not self.alternates:
             self._keep(*_best_of_each(points, scores, self.climbers))
         if self.exact:
-            values, slopes = scores, slopes_per_range(evaluation, self.space, self.climbers)
+            values, slopes = scores, method.slopes_per_range(evaluation, self.space, self.climbers)
         else:
             values, slopes = self._smoothed(scores)
         self._advance()  # the streams of restarts are those of the generation to come
@@ -148,9 +139,10 @@ class GradientAscent(IndependentSearches):
 
     def _starts(self) -> Floats:
         """Random points, ``candidates`` for each climber that seeks a start."""
-        rngs = [generator(self.seed, self.generation, climber, 2) for climber in np.flatnonzero(self.seeking).tolist()]
+        seeking = np.flatnonzero(self.seeking).tolist()
+        rngs = [method.generator(self.seed, self.generation, climber, 2) for climber in seeking]
         points = np.concatenate([self.relaxed.sample(rng, self.candidates) for rng in rngs])
-        return with_values(self.relaxed, points, self.start)
+        return method.with_values(self.relaxed, points, self.start)
 
     def _choose(self, points: Floats, scores: Floats) -> None:
         """Let each climber that seeks a start have its best; the generation goes on with these."""
@@ -172,7 +164,7 @@ class GradientAscent(IndependentSearches):
     def _smoothed(self, scores: Floats) -> tuple[Floats, Floats]:
         """Values and slopes of the mean under normal deviates, from the pairs that did not fail; else NaN."""
         up, down = np.moveaxis(scores.reshape(self.climbers, 2, self.samples), 1, 0)
-        valid = (abs(up) < LARGEST) & (abs(down) < LARGEST)
+        valid = (abs(up) < method.LARGEST) & (abs(down) < method.LARGEST)
         count = np.where(valid.any(axis=1), valid.sum(axis=1), np.nan)
         up, down = np.where(valid, up, 0.0), np.where(valid, down, 0.0)
         values = (up + down).sum(axis=1) / (2 * count)
@@ -181,12 +173,12 @@ class GradientAscent(IndependentSearches):
 
     def _deviates(self) -> Floats:
         """Standard normal, shape (C, samples, D), the same as often as asked in a generation."""
-        rngs = [generator(self.seed, self.generation, climber, 1) for climber in range(self.climbers)]
+        rngs = [method.generator(self.seed, self.generation, climber, 1) for climber in range(self.climbers)]
         return np.stack([rng.standard_normal((self.samples, self.space.size)) for rng in rngs])
 
     def _move(self, values: Floats, slopes: Floats) -> None:
         """Go on from the points just judged, or half way back; restart what is lost or stalled."""
-        valid = (abs(values) < LARGEST) & (abs(slopes) < LARGEST).all(axis=1)
+        valid = (abs(values) < method.LARGEST) & (abs(slopes) < method.LARGEST).all(axis=1)
         values, slopes = np.where(valid, values, -np.inf), np.where(valid[:, None], slopes, 0.0)
         moved = self.relaxed.offset(self.here, self.anchor)
         accepted = valid
@@ -226,6 +218,6 @@ class GradientAscent(IndependentSearches):
 
 def _best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:
     """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
-    grouped = below_all(scores).reshape(climbers, -1)
+    grouped = method.below_all(scores).reshape(climbers, -1)
     best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)
     return points[best], scores[best]

@@ -22,7 +22,7 @@ class IndependentSearches(Search):
 
     Attributes:
         climbers: C, the number of searches.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         start: values by name with which every search starts; the other variables start at random.
     """
 

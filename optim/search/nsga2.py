@@ -35,7 +35,8 @@ class NSGA2(PopulationSearch):
     by at least one, or evaluations would be wasted.)
 
     Attributes:
-        crossover_probability: with which two parents are crossed; else their children are copies, then mutated.
+        crossover_probability: probability that two parents are crossed; otherwise their children are copies, which
+            are then mutated.
         crossover_index: distribution index of the crossover; the larger, the closer children are to parents.
         mutation_index: distribution index of the mutation, which changes one variable in D on average.
     """

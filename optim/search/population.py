@@ -8,17 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from optim.problem import Evaluation
+from optim.search import method
 from optim.search.base import Search, table, whole
-from optim.search.method import (
-    MOST_POINTS,
-    Kept,
-    SearchResult,
-    below_all,
-    generator,
-    single_objective,
-    slopes_per_range,
-    with_values,
-)
 from taichi_sim.base.arrays import Floats
 
 
@@ -30,21 +21,21 @@ class PopulationSearch(Search):
 
     Attributes:
         population: N, the number of points.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         start: values by name with which the search begins; the other variables start at random.
     """
 
-    kind: ClassVar[Kept] = "population"  # what the points of the result are
+    kind: ClassVar[method.Kept] = "population"  # what the points of the result are
     arrays: ClassVar[tuple[str, ...]] = ("points", "objectives", "best_point", "best_score")
 
-    population: int = whole(60, 1, MOST_POINTS)
+    population: int = whole(60, 1, method.MOST_POINTS)
     seed: int = whole(0, 0, 2**63 - 1)
     start: Mapping[str, float] | None = table()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.given: dict[str, float] = dict(self.start or {})
-        with_values(self.space, self.space.low[None], self.given)
+        method.with_values(self.space, self.space.low[None], self.given)
         self.points = np.full((self.population, self.space.size), np.nan)
         self.objectives = np.full((self.population, 1), np.nan)
         self.best_point, self.best_score = np.full(self.space.size, np.nan), np.nan
@@ -52,16 +43,16 @@ class PopulationSearch(Search):
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Take in the judgement of the points asked for, and remember the best; or take in their gradients."""
         if not self.several_objectives:
-            single_objective(evaluation, len(points))
+            method.single_objective(evaluation, len(points))
         elif len(evaluation.objectives) != len(points):
             given = f"{len(evaluation.objectives)} given for {len(points)} points"
             raise ValueError(f"evaluation: {given}; give one for each")
         if self.wants == "gradients":
-            self._follow(slopes_per_range(evaluation, self.space, len(points)))
+            self._follow(method.slopes_per_range(evaluation, self.space, len(points)))
         else:
             scores = evaluation.objectives.mean(axis=1)
-            best = int(np.argmax(below_all(scores)))
-            if self.generation == 0 or below_all(scores)[best] > below_all(self.best_score):
+            best = int(np.argmax(method.below_all(scores)))
+            if self.generation == 0 or method.below_all(scores)[best] > method.below_all(self.best_score):
                 self.best_point, self.best_score = points[best].copy(), float(scores[best])
             self._take(points, evaluation)
         self.generation += 1
@@ -73,10 +64,12 @@ class PopulationSearch(Search):
     def _follow(self, slopes: Floats) -> None:
         """Take in the gradients of the points asked for [objective per range], if the method wants any."""
 
-    def result(self) -> SearchResult:
+    def result(self) -> method.SearchResult:
         """The best point ever met (the first of equals) and what the search keeps."""
         points, objectives = (values.copy() for values in self._kept())
-        return SearchResult(self.best_point.copy(), self.best_score, points, objectives, self._numbers(), self.kind)
+        return method.SearchResult(
+            self.best_point.copy(), self.best_score, points, objectives, self._numbers(), self.kind
+        )
 
     def _kept(self) -> tuple[Floats, Floats]:
         """The points of the result and their objectives: the population."""
@@ -88,7 +81,7 @@ class PopulationSearch(Search):
 
     def _starts(self) -> Floats:
         """The first population, shape (N, D): random but for the values given by name."""
-        return with_values(self.space, self.space.sample(self._generator(), self.population), self.given)
+        return method.with_values(self.space, self.space.sample(self._generator(), self.population), self.given)
 
     def _complete_start(self) -> Floats:
         """The start itself, shape (1, D), in generation 0 of a distribution around it; else none, shape (0, D).
@@ -97,8 +90,8 @@ class PopulationSearch(Search):
         Nor is anything judged where ``start`` leaves variables open.
         """
         complete = self.generation == 0 and set(self.given) == set(self.space.names)
-        return with_values(self.space, self.space.low[None], self.given)[: int(complete)]
+        return method.with_values(self.space, self.space.low[None], self.given)[: int(complete)]
 
     def _generator(self, *stream: int) -> np.random.Generator:
         """Random numbers of this generation, the same however often they are asked for."""
-        return generator(self.seed, self.generation, *stream)
+        return method.generator(self.seed, self.generation, *stream)
