@@ -45,8 +45,8 @@ class GeneratingSetSearch(IndependentSearches):
         expansion: factor of the step after a success.
         contraction: factor of the step after a poll without one.
         tolerance: step [ranges] below which a search begins anew.
-        max_step: length of the longest step [ranges]. What is longer than 1 leads beyond a bound, so that a poll draws points on
-            lines through the centre; a search may then take long to contract.
+        max_step: length of the longest step [ranges]. What is longer than 1 leads beyond a bound, so that a poll
+            draws points on lines through the centre; a search may then take long to contract.
         polled: points of a poll that are judged at once; 2 D is all of them.
     """
 
