@@ -37,7 +37,7 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
     if args.workers is None and args.ray is None:
         yield None
         return
-    from optim.runs.failures import save_failed
+    from optim.runs.products import save_failed
     from optim.runs.workers import open_workers
 
     cores = os.cpu_count() or 1

@@ -1,11 +1,14 @@
-"""Files made from the best design of a run, made again if the design or a file has changed."""
+"""Files beside those of the search in a run folder: what is made of its best design, and designs that failed."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from optim.runs.folder import RunFolder
+from optim.space import Space
 from taichi_sim.base import files
+from taichi_sim.base.arrays import Floats
 
 PRODUCTS = "products.json"  # checksums of design and file, by the file's name
 
@@ -16,16 +19,30 @@ def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> 
     Raises:
         RuntimeError: if it cannot be written.
     """
-    path, design = run.path / name, files.sha256((run.path / "best.json").read_bytes())
     try:
         known = json.loads((run.path / PRODUCTS).read_text(encoding="utf-8"))
     except (OSError, ValueError):  # lost or damaged: all files are made again
         known = None
-    known = known if isinstance(known, dict) else {}
-    if path.is_file() and known.get(name) == [design, files.sha256(path.read_bytes())]:
-        return
+    known, path = known if isinstance(known, dict) else {}, run.path / name
     with run.writing():
+        design = files.sha256((run.path / "best.json").read_bytes())
+        if path.is_file() and known.get(name) == [design, files.sha256(path.read_bytes())]:
+            return
         with files.replacing(path) as aside:
             write(aside)
         known[name] = [design, files.sha256(path.read_bytes())]
     run.update_text(PRODUCTS, json.dumps(known, indent=1, sort_keys=True) + "\n")
+
+
+def save_failed(folder: RunFolder, space: Space, points: Floats, reason: str) -> Path:
+    """Write points that killed their workers, shape (N, D), to a new file such as ``failed-1.json``; return its path.
+
+    Its number is above those of all existing files, even if some were deleted.
+    """
+    designs = [dict(zip(space.names, point, strict=True)) for point in points.tolist()]
+    document = {"reason": reason, "generation": folder.lines, "designs": designs}
+    taken = (re.fullmatch(r"failed-(\d+)\.json", path.name) for path in folder.path.iterdir())
+    number = 1 + max((int(match[1]) for match in taken if match), default=0)
+    path = folder.path / f"failed-{number}.json"
+    folder.update_text(path.name, json.dumps(document, indent=1) + "\n")
+    return path

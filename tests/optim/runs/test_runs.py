@@ -16,7 +16,7 @@ import pytest
 from optim.problem import Evaluation, Objective
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config, score_in, settings_of
-from optim.runs.failures import save_failed
+from optim.runs.products import save_failed
 from optim.search import build_method
 from optim.space import Space, Variable
 from taichi_sim.base.files import pack, unpack, write_text
