@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from optim.problem import Evaluation, Problem
+from optim.problem import Evaluation
 from optim.search.method import Wants
+from optim.space import Space
 from taichi_sim.base.arrays import Floats
 
 
@@ -28,7 +29,18 @@ class Request:
 Evaluate = Callable[[Request], Evaluation]
 
 
-def judge(problem: Problem, request: Request) -> Evaluation:
+class Judging(Protocol):
+    """The part of a ``Problem`` that judges points; it may have ``evaluate_relaxed``, too."""
+
+    @property
+    def space(self) -> Space:
+        """The variables that may change."""
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points, shape (N, D)."""
+
+
+def judge(problem: Judging, request: Request) -> Evaluation:
     """Evaluate a request in this process.
 
     Raises:
