@@ -90,7 +90,7 @@ def read_machine(folder: Path) -> dict[str, Any]:
     """The state machine of a package.
 
     Raises:
-        ValueError: in one line, for a folder that has none, or a damaged one.
+        ValueError: for a folder that has none, or a damaged one.
     """
     path = folder / MACHINE
     if not path.is_file():
@@ -118,7 +118,7 @@ def read_machine(folder: Path) -> dict[str, Any]:
 
 
 def properties_of(simulated: Mapping[str, Any]) -> Properties | None:
-    """Of the robot that a package was made for; None if it is the published one."""
+    """Properties of the robot that a package was made for; None if it is the published one."""
     return Properties(**simulated["properties"]) if "properties" in simulated else None
 
 

@@ -36,7 +36,7 @@ class Package:
         speeds: of them, see ``speeds_of``.
         plan: the one chosen.
         one_gait: the best with one gait everywhere; None if no gait works everywhere.
-        one_shape: the best with one shape everywhere; likewise.
+        one_shape: the best with one shape everywhere; None if no shape works everywhere.
         states: one per terrain.
         changes: from state to state, by their names; None where the shape stays.
         crossings: changes of terrain mid-way that were simulated, by the names of the states.
@@ -95,7 +95,7 @@ def write_package(package: Package, folder: Path) -> list[str]:
         The files, relative to the folder.
 
     Raises:
-        ValueError: in one line, when the rig's limits refuse a gait.
+        ValueError: if the rig's limits refuse a gait.
     """
     from optim.pipeline.page import PLAYER, report_page
     from robots.view.picture import save_motion_picture

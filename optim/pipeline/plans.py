@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from robots.inflatable.cores import common_pressure, kilopascals
+from robots.inflatable.cores import common_pressure
 from robots.inflatable.design import InflatableDesign
 
 
@@ -60,14 +60,9 @@ def rank_plans(
 
 
 def core_of(design: InflatableDesign) -> float:
-    """The core pressure of a design [Pa].
-
-    Raises:
-        ValueError: in one line, for cores at different pressures, which a table of line pressures cannot say.
-    """
+    """The core pressure of a design [Pa]; a task has checked that there is one, as a table can say no more."""
     pressure = common_pressure(design.pressure)
-    if pressure is None:
-        raise ValueError(f"pressure: {kilopascals(design.pressure)} is not allowed; a table has one core pressure")
+    assert pressure is not None
     return pressure
 
 

@@ -42,7 +42,7 @@ def replay_package(folder: Path, progress: Progress = None, threads: int | None 
     """Play every gait of a package from the rows of its table, with the noise with which it was measured.
 
     Raises:
-        ValueError: in one line, for a folder that holds no package, or a damaged one.
+        ValueError: for a folder that holds no package, or a damaged one.
     """
     machine = read_machine(folder)
     found = []

@@ -81,7 +81,7 @@ class PipelineTask:
         seed: of noise and searches.
         precision: of all simulations.
         frames: of the player page, about; fewer make it smaller.
-        limits: see there.
+        limits: what gaits and changes of shape must keep to.
         rig: that plays the package.
         calibration: properties of the robot on that rig; None is the published robot.
     """
@@ -172,8 +172,8 @@ def read_task(path: Path) -> PipelineTask:
     """Read a task.
 
     Raises:
-        ValueError: in one line, for a file that cannot be read, unknown keys (with the nearest known) and values that
-            are not allowed.
+        ValueError: for a file that cannot be read, unknown keys (with the nearest known) and values that are not
+            allowed.
     """
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -39,7 +39,7 @@ class State:
 
     @property
     def name(self) -> str:
-        """Of the state and its files."""
+        """Name of the state and its files."""
         return slug(self.terrain)
 
     @property

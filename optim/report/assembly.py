@@ -63,7 +63,7 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
         progress: called with the fraction done.
 
     Raises:
-        ValueError: in one line, for what cannot be reported, before anything is simulated.
+        ValueError: for what cannot be reported, before anything is simulated.
     """
     for path in paths:
         if read := study_of(path):

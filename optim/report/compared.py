@@ -22,7 +22,7 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
         axis: by which they are compared.
 
     Raises:
-        ValueError: in one line, if they cannot be compared, see ``optim.runs.comparison``.
+        ValueError: if they cannot be compared, see ``optim.runs.comparison``.
     """
     curves = comparison.curves([run.history for run in runs], axis)
     end = comparison.shared_end(curves, axis)

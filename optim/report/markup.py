@@ -5,10 +5,9 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from importlib import resources
 
 import numpy as np
-
-from optim.report.style import STYLE
 
 MINUS = "\N{MINUS SIGN}"
 
@@ -139,6 +138,7 @@ def page(title: str, lead: Sequence[Html], sections: Sequence[Section], foot: st
         f'<section id="{one.anchor}"><h2>{html.escape(one.title)}</h2>{"".join(one.content)}</section>\n'
         for one in sections
     )
+    style = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     inline = "'unsafe-inline'"
     policy = f"default-src 'none'; script-src {inline}; style-src {inline}; img-src data: blob:; frame-src 'self'"
     return (
@@ -146,7 +146,7 @@ def page(title: str, lead: Sequence[Html], sections: Sequence[Section], foot: st
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
-        f"<title>{html.escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{html.escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
         f"<header><h1>{html.escape(title)}</h1>{''.join(lead)}\n"
         f'<nav aria-label="Sections"><ul>{links}</ul></nav></header>\n'
         f"<main>\n{parts}</main>\n<footer><p>{html.escape(foot)}</p></footer>\n</body>\n</html>\n"

@@ -1,12 +1,18 @@
 """What the pneumatic rig's limits say of a gait."""
 
+import re
+from collections.abc import Sequence
 from typing import Any
 
 from optim.report.markup import Html, Section, Text, joined, number, paragraph, table
 from robots.hardware import KPA_PER_UNIT
 from robots.hardware.headroom import AT_THE_LIMIT, EXCEEDED, NEAR_THE_LIMIT, WITHIN, RigReport, Use
 
-KPA_PER_PSI = KPA_PER_UNIT["psi"]
+HEADER = (
+    *("Channel", "Pressure, kPa", "Allowed, kPa", "Pressure, psi", "Allowed, psi"),
+    *("Rate, kPa/s", "Allowed, kPa/s", "Verdict"),
+)
+USE = ("names", "lowest_kpa", "highest_kpa", "fastest_kpa_per_s", "verdict")  # told of each channel
 KINDS = {EXCEEDED: "bad", AT_THE_LIMIT: "warn", NEAR_THE_LIMIT: "warn", WITHIN: "good"}
 
 
@@ -26,40 +32,17 @@ def rig_section(report: RigReport, default: bool, simulated: float) -> tuple[Sec
         f"It takes {report.shaping_s:.1f} s to give the body its shape, then {report.playing_s:.1f} s for "
         f"{report.states} states of {_range(report)}{slower}."
     )
-    header = [
-        "Channel",
-        "Pressure, kPa",
-        "Allowed, kPa",
-        "Pressure, psi",
-        "Allowed, psi",
-        "Rate, kPa/s",
-        "Allowed, kPa/s",
-        "Verdict",
-    ]
     content = [
         paragraph(joined([Html(f"<strong>{verdict}</strong>"), time], " "), "note" if report.exceeded else ""),
-        table("What the gait asks of each channel (gauge pressures)", header, map(_row, report.uses)),
+        table("What the gait asks of each channel (gauge pressures)", HEADER, map(_row, report.uses)),
         paragraph(
             "Near: more than 90 % of a limit. Channels start vented; columns of the gait last until the slowest "
             "of them is done."
         ),
     ]
-    document = {
-        "exceeded": report.exceeded,
-        "shaping_s": report.shaping_s,
-        "playing_s": report.playing_s,
-        "channels": [
-            {
-                "names": use.names,
-                "lowest_kpa": use.lowest_kpa,
-                "highest_kpa": use.highest_kpa,
-                "fastest_kpa_per_s": use.fastest_kpa_per_s,
-                "verdict": use.verdict,
-            }
-            for use in report.uses
-        ],
-    }
-    return Section("On the pneumatic rig", content), document
+    told = {name: getattr(report, name) for name in ("exceeded", "shaping_s", "playing_s")}
+    channels = [{name: getattr(use, name) for name in USE} for use in report.uses]
+    return Section("On the pneumatic rig", content), {**told, "channels": channels}
 
 
 def _range(report: RigReport) -> str:
@@ -69,29 +52,21 @@ def _range(report: RigReport) -> str:
 
 def _row(use: Use) -> list[Text]:
     limits, share = use.channel, max(use.shares, key=lambda name: use.shares[name])
-    what = "" if use.verdict == WITHIN else f" ({share})"
-    return [
-        _name(use.names),
-        _span(use.lowest_kpa, use.highest_kpa),
-        _span(limits.minimum_kpa, limits.maximum_kpa),
-        _span(use.lowest_kpa / KPA_PER_PSI, use.highest_kpa / KPA_PER_PSI),
-        _span(limits.minimum_kpa / KPA_PER_PSI, limits.maximum_kpa / KPA_PER_PSI),
-        number(use.fastest_kpa_per_s, 1),
-        number(limits.slew_kpa_per_s, 1),
-        Html(f'<span class="{KINDS[use.verdict]}">{use.verdict}</span>{what}'),
-    ]
+    asked, allowed = (use.lowest_kpa, use.highest_kpa), (limits.minimum_kpa, limits.maximum_kpa)
+    pressures = [_span(*ends, unit) for unit in (1.0, KPA_PER_UNIT["psi"]) for ends in (asked, allowed)]
+    rates = number(use.fastest_kpa_per_s, 1), number(limits.slew_kpa_per_s, 1)
+    why = "" if use.verdict == WITHIN else f" ({share})"
+    return [_name(use.names), *pressures, *rates, Html(f'<span class="{KINDS[use.verdict]}">{use.verdict}</span>{why}')]
 
 
-def _span(low: float, high: float) -> Html:
-    return Html(f'<span class="whole">{number(low, 1)} to {number(high, 1)}</span>')
+def _span(low: float, high: float, unit: float) -> Html:
+    return Html(f'<span class="whole">{number(low / unit, 1)} to {number(high / unit, 1)}</span>')
 
 
-def _name(names: tuple[str, ...]) -> str:
+def _name(names: Sequence[str]) -> str:
     """Channels in words, such as ``bladders 1 to 8``."""
-    kind, first = names[0].rstrip("0123456789"), names[0].lstrip("abcdefghijklmnopqrstuvwxyz")
-    if len(names) == 1:
-        return f"{kind} {first}".strip()
-    last = names[-1].lstrip("abcdefghijklmnopqrstuvwxyz")
-    if names[-1].rstrip("0123456789") != kind:
-        return ", ".join(_name((name,)) for name in names)
+    words = [re.sub(r"(\d+)", r" \1", name) for name in names]
+    (kind, _, first), (last_kind, _, last) = words[0].partition(" "), words[-1].partition(" ")
+    if len(words) == 1 or kind != last_kind:
+        return ", ".join(words)
     return f"{ {'foot': 'feet'}.get(kind, kind + 's') } {first} to {last}"

@@ -4,6 +4,7 @@ import base64
 import gzip
 import html
 import json
+import re
 from collections.abc import Sequence
 from functools import cache
 from importlib import resources
@@ -48,22 +49,17 @@ def page(motions: Motion | Sequence[Motion], title: str = "") -> str:
         "style": _file("player.css"),
         "about": json.dumps(about, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
         "data": data,
-        "three": f"/*\n{_file('LICENSE.three')}*/\n{_three()}",
+        "three": f"/*\n{_file('LICENSE.three')}*/\n{_file('three.min.js.gz')}",
         "program": "\n".join(_file(name) for name in PROGRAM),
     }
-    first, *rest = _file("page.html").split("{{")
-    return first + "".join(parts[piece.partition("}}")[0]] + piece.partition("}}")[2] for piece in rest)
-
-
-@cache
-def _three() -> str:
-    packed = resources.files(__package__).joinpath("three.min.js.gz").read_bytes()
-    return gzip.decompress(packed).decode()
+    return re.sub(r"{{(\w+)}}", lambda place: parts[place[1]], _file("page.html"))
 
 
 @cache
 def _file(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    """Text of a file beside this module, which may be compressed."""
+    content = resources.files(__package__).joinpath(name).read_bytes()
+    return (gzip.decompress(content) if name.endswith(".gz") else content).decode()
 
 
 def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
@@ -144,9 +140,8 @@ def _skin(skin: Skin) -> dict[str, Any]:
 def _solid(solid: Solid) -> dict[str, Any]:
     if isinstance(solid, Box):
         return {"kind": "box", "size": np.asarray(solid.size, float).tolist()}
-    if isinstance(solid, Capsule):
-        return {"kind": "capsule", "radius": solid.radius, "length": solid.length}
-    return {"kind": "sphere", "radius": solid.radius}
+    length = {"length": solid.length} if isinstance(solid, Capsule) else {}
+    return {"kind": type(solid).__name__.lower(), "radius": solid.radius, **length}
 
 
 def _channel(channel: Channel, start: float) -> dict[str, Any]:
