@@ -1,7 +1,7 @@
 """From folders to a page."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from robots.view.motion import Motion
 from robots.view.player import MOST_MOTIONS, embedded, page
 
 MOST_BYTES = 15_000_000  # of a page, so that it can be mailed
+PLAYER = Html("<!-- player -->")  # where it goes in the page
 FOOT = "Made by morpholab report. This page is one file and needs no network."
 
 
@@ -108,12 +109,15 @@ def _page(
     before, more = compared
     replays = run.replays(settings.frames, progress) if settings.player else []
     best = run.best(replays, settings.rig)
+    if best:
+        best = replace(best, content=[PLAYER, *best.content])
     shown, notes = [replay.motion for replay in replays[:MOST_MOTIONS]], []
     if len(shown) < len(replays):
         notes.append(f"the player shows {MOST_MOTIONS} of {len(replays)} motions")
+    sections = run.sections(best, "The best run" if before else "The run")
+    around = page_of(title, lead, [*before, *sections], FOOT)
     while True:
-        sections = run.sections(best, _player(shown) if shown else None, "The best run" if before else "The run")
-        text = page_of(title, lead, [*before, *sections], FOOT)
+        text = around.replace(PLAYER, _player(shown) if shown else "")
         size, frames = len(text.encode()), max((len(motion.times) for motion in shown), default=0)
         if size <= MOST_BYTES or frames <= 2:
             break

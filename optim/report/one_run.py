@@ -157,17 +157,16 @@ class OneRun:
         """The best design, simulated again or not; None if every evaluation has failed."""
         return None if self.best_point is None else self.subject.best(self.last, self.best_point, replays, rig)
 
-    def sections(self, best: Best | None, player: Html | None, name: str) -> list[Section]:
-        """All of them.
+    def sections(self, best: Best | None, name: str) -> list[Section]:
+        """Sections of the page.
 
         Args:
             best: the best design; None if every evaluation has failed.
-            player: its motion.
-            name: of the first of them.
+            name: title of the first section.
         """
         parts = [Section(name, self._run()), Section("How the search went", self._search())]
         if best is not None:
-            parts.append(Section("The best design", [*([player] if player else []), *best.content]))
+            parts.append(Section("The best design", best.content))
             parts += best.sections
         front = front_section(self.history, self.subject)
         return [*parts, *([front] if front else []), Section("How to reproduce", self._reproduce())]

@@ -25,11 +25,13 @@ class Colouring:
     """Colours of a motion's nodes in every frame, with their legend.
 
     Attributes:
+        name: "material", "strain", "contact", "friction" or "beams".
         of: the colours of the nodes in a frame: red, green, blue from 0 to 1, shape (N, 3).
         key: legend: names of colours.
         limit: strain, of either sign, at the ends of the colour scale; 0 if the colours do not show strains.
     """
 
+    name: str
     of: Callable[[int], Floats]
     key: tuple[tuple[str, Colour], ...] = ()
     limit: float = 0.0
@@ -71,16 +73,16 @@ def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()
         def contact(frame: int) -> Floats:
             return colours[lattice.part([frame]).contacts()[0]]
 
-        return Colouring(contact, (("touches the floor", FLOOR), ("touches itself", ITSELF), ("both", BOTH)))
+        return Colouring(name, contact, (("touches the floor", FLOOR), ("touches itself", ITSELF), ("both", BOTH)))
     part = lattice.part(frames) if len(frames) else lattice
     if name == "beams":
-        return replace(_material(motion), limit=strain_limit(part.strains()))
+        return replace(_material(motion), name=name, limit=strain_limit(part.strains()))
     limit = strain_limit(part.voxel_strains())
 
     def strain(frame: int) -> Floats:
         return STRAINS(0.5 + 0.5 * lattice.part([frame]).voxel_strains()[0] / limit)[:, :3]
 
-    return Colouring(strain, limit=limit)
+    return Colouring(name, strain, limit=limit)
 
 
 def strain_limit(strains: Floats) -> float:
@@ -96,7 +98,7 @@ def _material(motion: Motion) -> Colouring:
         weight = _shown(motion, frame)[:, None]
         return weight * full + (1 - weight) * faint
 
-    return Colouring(material)
+    return Colouring("material", material)
 
 
 def _friction(motion: Motion) -> Colouring:
@@ -109,7 +111,7 @@ def _friction(motion: Motion) -> Colouring:
         grips = _shown(motion, frame)[:, None] > 0.5
         return np.where(of_feet[:, None], np.where(grips, GRIPS, SLIDES), PLAIN)
 
-    return Colouring(friction, (("foot grips", GRIPS), ("foot slides", SLIDES)))
+    return Colouring("friction", friction, (("foot grips", GRIPS), ("foot slides", SLIDES)))
 
 
 def _shown(motion: Motion, frame: int) -> Floats:

@@ -3,9 +3,10 @@
 import importlib.util
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from io import BytesIO
-from itertools import pairwise
+from itertools import chain, pairwise
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ from robots.view.scene import INK, Polygons
 from robots.view.still import Setting, arrange, draw_ground, draw_key, draw_motion, limits, save_figure, setting
 from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.checks import install_extra, number, whole_number
-from taichi_sim.base.files import new_path, write_bytes
+from taichi_sim.base.files import new_path, replacing, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -238,11 +239,12 @@ def save_mp4(
     film = pictures(motions, rate=rate, **options)
     first = next(film)
     size = first.shape[1], first.shape[0]
-    writer = write_frames(str(path), size, fps=rate, codec="libx264", quality=8, macro_block_size=2)
-    writer.send(None)
-    for picture in (first, *film):
-        writer.send(np.ascontiguousarray(picture))
-    writer.close()
+    with replacing(Path(path)) as aside:
+        writing = write_frames(str(aside), size, fps=rate, codec="libx264", quality=8, macro_block_size=2)
+        with closing(writing) as writer:
+            writer.send(None)
+            for picture in chain([first], film):
+                writer.send(np.ascontiguousarray(picture))
     return Path(path).stat().st_size
 
 

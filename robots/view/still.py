@@ -44,14 +44,12 @@ class Setting:
         motion: to show.
         camera: that looks at it.
         area: ground that is seen: first and last place along the way, and to the left of it [m], shape (2, 2).
-        colour: "material", "strain", "contact", "friction", or "beams": links and pressure.
-        colouring: colouring of the nodes; for beams with the scale of the strains.
+        colouring: colours of the nodes; those named beams are of links and pressure, with the scale of the strains.
     """
 
     motion: Motion
     camera: Camera
     area: Floats
-    colour: str
     colouring: Colouring
 
     @property
@@ -116,7 +114,7 @@ def setting(
     camera = camera or default_camera(motion)
     colours = colouring(motion, colour, frames)
     reach = number("reach", reach, 1.0) if reach != math.inf else reach
-    return Setting(motion, camera, _area(motion, frames, camera, reach), colour, colours)
+    return Setting(motion, camera, _area(motion, frames, camera, reach), colours)
 
 
 def default_camera(motion: Motion) -> Camera:
@@ -139,12 +137,12 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
     """
     motion = given.motion
     draw_ground(axes, given)
-    if given.colour == "beams":
+    if given.colouring.name == "beams":
         assert motion.lattice is not None
         draw_beams(axes, motion.lattice, frame, given.camera, given.level, given.colouring.limit)
     else:
         draw_polygons(axes, given.polygons(frame), outlined=outlined and motion.skin is not None)
-        if given.colour == "contact":
+        if given.colouring.name == "contact":
             _draw_seen_through(axes, given, frame)
     draw_path(axes, given.way(frame), 5.0)
     rim = given.rim
@@ -185,7 +183,7 @@ def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], 
     points = [given.rim, given.way(max(frames)), camera.project(given.lights) + motion.light_radius]
     for frame in frames:
         points.append(camera.project(faces(motion, frame)[0]).reshape(-1, 2))
-        if given.colour == "beams" and motion.lattice is not None:
+        if given.colouring.name == "beams" and motion.lattice is not None:
             points.append(camera.project(arrows(motion.lattice, frame)[1]))
     (left, bottom), (right, top) = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
     wide = right - left

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
+from robots.view import film
 from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring
 from robots.view.film import pictures, save_gif, save_mp4, save_strip, strip_picture
 from robots.view.mesh import BOX_CELLS, faces
@@ -188,11 +189,11 @@ def test_strips_of_all_kinds(tmp_path):
 
 def test_a_film_is_as_long_as_told():
     robots = [motions.inflatable(), motions.soft_walker()]
-    film = list(pictures(robots, seconds=1.0, rate=4.0, width=201))
-    assert len(film) == 4 and {p.shape for p in film} == {film[0].shape}
-    height, width, _ = film[0].shape
+    drawn = list(pictures(robots, seconds=1.0, rate=4.0, width=201))
+    assert len(drawn) == 4 and {p.shape for p in drawn} == {drawn[0].shape}
+    height, width, _ = drawn[0].shape
     assert width == 200 and height % 2 == 0
-    assert all((a != b).any() for a, b in pairwise(film))
+    assert all((a != b).any() for a, b in pairwise(drawn))
 
 
 def test_films_have_a_key_of_their_colours():
@@ -236,6 +237,22 @@ def test_a_video_has_its_pictures(tmp_path):
     reader = ffmpeg.read_frames(str(tmp_path / "a.mp4"))
     about = next(reader)
     assert about["size"][0] == 200 and sum(1 for _ in reader) == 5
+
+
+def test_a_video_that_is_not_complete_is_not_there(tmp_path, monkeypatch):
+    pytest.importorskip("imageio_ffmpeg")
+    draw, drawn = film._drawn, []
+
+    def stopping(*arguments):
+        drawn.append(arguments)
+        if len(drawn) == 3:
+            raise KeyboardInterrupt
+        return draw(*arguments)
+
+    monkeypatch.setattr(film, "_drawn", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        save_mp4(motions.vehicle(), tmp_path / "a.mp4", seconds=0.5, rate=10.0, width=200)
+    assert not any(tmp_path.iterdir())
 
 
 def test_without_ffmpeg_videos_are_refused_in_one_line(tmp_path, monkeypatch):
