@@ -77,6 +77,11 @@ FRAMES = 1000  # of a motion, at most
 Progress = Callable[[float], None]
 
 
+def counted(count: int, one: str) -> str:
+    """A count and its noun, such as ``1 cycle`` or ``4 cycles``."""
+    return f"{count} {one}" if count == 1 else f"{count} {one}s"
+
+
 def part_of(progress: Progress | None, done: int, count: int) -> Progress | None:
     """Progress of the part after ``done`` of ``count`` equal parts, told as that of all; None if nobody is told."""
     return (lambda fraction: progress((done + fraction) / count)) if progress else None
@@ -234,8 +239,11 @@ class Robot:
         Raises:
             ValueError: for another shape, or numbers that are not finite.
         """
-        points = np.atleast_2d(np.asarray(given, float))
-        if points.ndim != 2 or points.shape[1] != len(self.parameters) or not np.isfinite(points).all():
+        try:
+            points = np.atleast_2d(np.asarray(given, float))
+        except (TypeError, ValueError):
+            points = np.empty((0, 0))
+        if points.shape[1:] != (len(self.parameters),) or not len(points) or not np.isfinite(points).all():
             raise ValueError(
                 f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.parameters)})"
             )

@@ -3,17 +3,15 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from optim.problem import ROBOT, check_kind
 from optim.problems.robot import JudgedRobot
-from robots.lattice_robot.offered import OwnRobot
-from robots.lattice_robot.record import robot_of_record, robot_record
+from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.robot import LatticeRobot
-from robots.robot import KINDS, Robot, World
+from robots.robot import KINDS, World
 from robots.world import Terrain
 
 OPTIONS = ("precision", "device")
@@ -36,10 +34,10 @@ class LatticeRobotProblem(JudgedRobot):
     def __post_init__(self) -> None:
         _ = self.space, self.robot.on(self.terrain)
 
-    @cached_property
-    def offered(self) -> Robot:
-        """The robot, as any kind of robot is seen."""
-        return OwnRobot(self.robot)
+    @property
+    def offered(self) -> LatticeRobot:
+        """The robot."""
+        return self.robot
 
     @property
     def tried_in(self) -> tuple[World, ...]:
@@ -54,7 +52,7 @@ class LatticeRobotProblem(JudgedRobot):
         """All that results depend on; :meth:`from_description` builds the problem again, and runs no code for it."""
         return {
             "kind": ROBOT,
-            "robot": json.dumps(robot_record(self.robot), separators=(",", ":")),
+            "robot": json.dumps(self.robot.describe(), separators=(",", ":")),
             "terrain": KINDS["lattice"].world_record(self.terrain),
             **{name: getattr(self, name) for name in OPTIONS},
         }

@@ -2,13 +2,13 @@
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported
+from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
-    from robots.articulated.robot import ArticulatedRobot, load_robot
-    from robots.articulated.simulation import ArticulatedResult, differentiate, simulate
+    from robots.articulated.robot import ArticulatedRobot as ArticulatedRobot
+    from robots.articulated.robot import load_robot as load_robot
+    from robots.articulated.simulation import ArticulatedResult as ArticulatedResult
+    from robots.articulated.simulation import differentiate as differentiate
+    from robots.articulated.simulation import simulate as simulate
 
-__all__ = ["ArticulatedResult", "ArticulatedRobot", "differentiate", "load_robot", "simulate"]
-
-_DESCRIBED = ("ArticulatedRobot", "load_robot")
-__getattr__ = exported(__name__, {n: f"{__name__}.{'robot' if n in _DESCRIBED else 'simulation'}" for n in __all__})
+__getattr__, __dir__ = exported_names(__name__)

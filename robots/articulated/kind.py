@@ -36,16 +36,15 @@ class ArticulatedKind(RobotKind):
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file."""
-        from robots.articulated.offered import OfferedArticulated
         from robots.articulated.robot import load_robot
 
         if source is None:
             raise ValueError("robot: an articulated robot is made of a file; give it, such as ant.xml or arm.urdf")
-        return OfferedArticulated(load_robot(source, **options))
+        return load_robot(source, **options)
 
     def world(self, text: str) -> World:
         """The only one there is."""
-        from robots.articulated.offered import GROUND
+        from robots.articulated.robot import GROUND
 
         checks.choice(self.world_option, text, (GROUND.name,))
         return GROUND
@@ -56,7 +55,6 @@ class ArticulatedKind(RobotKind):
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The robot of a record."""
-        from robots.articulated.offered import OfferedArticulated
         from robots.articulated.robot import robot_of_record
 
-        return OfferedArticulated(robot_of_record(description))
+        return robot_of_record(description)

@@ -3,28 +3,34 @@
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from robots.outcome import recorded
+from robots.robot import Facts, Measure, Outcome, Parameter, Place, Robot, Trial, World, counted
+from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text
-from taichi_sim.base.variables import Variable
-from taichi_sim.rigid import Network, Senses, World
+from taichi_sim.rigid import Network, Senses
 from taichi_sim.rigid.model.assembly import Model
 from taichi_sim.rigid.model.files import parse_model
 
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
+
 Controller = Literal["rhythm", "network"]
-PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 LONGEST = 3600.0  # s
+GROUND = Place("ground")
 
 
 @dataclass(frozen=True, eq=False)
-class ArticulatedRobot:
+class ArticulatedRobot(Robot):
     """A robot of an MJCF or URDF file, a tree of hinges on flat ground, and what commands its drives.
 
     A command from -1 to 1 means a drive's whole range: an angle or a rate, as the file says. By a rhythm it is
@@ -70,6 +76,15 @@ class ArticulatedRobot:
     fastest: float = 10.0
     model: Model = field(init=False, repr=False)
 
+    kind = "articulated"
+    measures = (
+        Measure("speed", "m/s", "speed along its heading"),
+        Measure("distance", "m", "distance along its heading"),
+    )
+    worlds = (GROUND,)
+    differentiable = True
+    horizons = (1, 2, 4)
+
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, get_args(Controller))
         checks.number("duration", self.duration, 1e-3, LONGEST, "s")
@@ -102,11 +117,11 @@ class ArticulatedRobot:
         return Senses(self.model.senses.touch, eyes)
 
     @property
-    def world(self) -> World:
+    def world(self) -> rigid.World:
         """Time step and gravity of the file; friction as asked for."""
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
-        return World(own.time_step, own.gravity, own.slip, friction, own.error_reduction, own.integration)
+        return rigid.World(own.time_step, own.gravity, own.slip, friction, own.error_reduction, own.integration)
 
     @property
     def network(self) -> Network:
@@ -129,36 +144,21 @@ class ArticulatedRobot:
         angle = math.radians(self.heading)
         return np.array([math.cos(angle), math.sin(angle), 0.0])
 
-    @property
-    def parameters(self) -> tuple[Variable, ...]:
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """What is free: the frequency of a rhythm and three numbers of each drive, or the weights of a network."""
         if self.controller == "network":
             sensors = [*(f"touch {name}" for name in self.senses.touch), *(["light"] if self.light else [])]
             names = [f"{sensor} to {drive}" for sensor in sensors for drive in self.drives]
-            return tuple(Variable(name, -1.0, 1.0, step=0.05) for name in names)
+            return tuple(Parameter(name, -1.0, 1.0, step=0.05) for name in names)
         ranges = {"amplitude": (0.0, 1.0), "phase": (0.0, 1.0), "offset": (-1.0, 1.0)}
         span = self.quickest - self.slowest
-        found = [Variable("frequency", self.slowest, self.quickest, step=0.1 * span, unit="Hz")]
+        found = [Parameter("frequency", self.slowest, self.quickest, step=0.1 * span, unit="Hz")]
         for drive in self.drives:
             for part, (low, high) in ranges.items():
                 kind: Literal["angle", "continuous"] = "angle" if part == "phase" else "continuous"
-                found.append(Variable(f"{drive}_{part}", low, high, kind, 0.1 * (high - low)))
+                found.append(Parameter(f"{drive}_{part}", low, high, kind, 0.1 * (high - low)))
         return tuple(found)
-
-    def points(self, given: object) -> Floats:
-        """Points as an array (N, P); the point of one design becomes the first of one.
-
-        Raises:
-            ValueError: for another shape, or numbers that are not finite.
-        """
-        try:
-            points = np.atleast_2d(np.asarray(given, float))
-        except (TypeError, ValueError):
-            points = np.empty((0, 0))
-        wanted = len(self.parameters)
-        if points.ndim != 2 or points.shape[1] != wanted or len(points) == 0 or not np.isfinite(points).all():
-            raise ValueError(f"points: shape {points.shape} is not allowed; give finite numbers, (N, {wanted})")
-        return points
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as values that fit JSON; :func:`robot_of_record` gives it back."""
@@ -166,6 +166,45 @@ class ArticulatedRobot:
         light = None if self.light is None else list(self.light)
         friction = "inf" if self.friction == math.inf else self.friction
         return {**found, "light": light, "friction": friction, "angles": dict(self.angles)}
+
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Let the robot move at N points, with the gradients of speed and distance if wanted."""
+        from robots.articulated.simulation import differentiate, simulate
+
+        compute, tell = trial.compute.options, trial.progress
+        if trial.gradients:
+            found = differentiate(self, points, progress=tell, **compute)
+        else:
+            found = simulate(self, points, record_every=trial.record_every, progress=tell, **compute)
+        seconds = self.steps * self.world.time_step
+        slopes = {}
+        if found.gradient is not None:
+            slopes = {"speed": found.gradient / seconds, "distance": found.gradient}
+        measures = {"speed": found.distance / seconds, "distance": found.distance}
+        frames = recorded(found.runs[0].frames)
+        return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the robot, with its sensors and commands."""
+        from robots.view.rigid_motion import driven_motion
+
+        (run,), lights = outcome.result.runs, [] if self.light is None else [self.light]
+        sensors = [*(f"{body} on ground" for body in self.senses.touch), *(["light"] if self.light else [])]
+        return driven_motion(self.model.tree, run.frames, sensors, self.drives, name=name, lights=lights)
+
+    def facts(self) -> Facts:
+        """Body, drives and trial."""
+        tree = self.model.tree
+        mass = sum(body.mass for body in tree.bodies)
+        return [
+            ("Robot", f"{self.name}: {len(tree.bodies)} bodies on {len(tree.hinges)} hinges, {mass:.3g} kg"),
+            ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
+            ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
+        ]
+
+    def at_horizon(self, length: int) -> tuple[str, "ArticulatedRobot"]:
+        """The robot for so many seconds."""
+        return counted(length, "second"), replace(self, duration=float(length))
 
 
 def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:

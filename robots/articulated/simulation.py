@@ -1,22 +1,24 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from robots.articulated.robot import PARTS, ArticulatedRobot
+from robots.robot import Progress
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
 from taichi_sim.rigid.pose import rotation_matrix
 
+if TYPE_CHECKING:
+    from robots.articulated.robot import ArticulatedRobot
+
+PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +43,8 @@ class ArticulatedResult:
 
 
 def simulate(
-    robot: ArticulatedRobot,
-    points: object,
+    robot: "ArticulatedRobot",
+    points: ArrayLike,
     *,
     record_every: int | None = None,
     progress: Progress | None = None,
@@ -63,17 +65,14 @@ def simulate(
     checked = robot.points(points)
     engine = _engine(robot, Compute.given(compute))
     runs = []
-    for first in range(0, len(checked), ROBOTS_AT_ONCE):
-        some = checked[first : first + ROBOTS_AT_ONCE]
+    for some in _in_parts(checked, ROBOTS_AT_ONCE, progress):
         runs.append(engine.run(robot.steps, **_driven(robot, some), record_every=record_every))  # type: ignore[arg-type]
-        if progress:
-            progress((first + len(some)) / len(checked))
     return _result(robot, runs)
 
 
 def differentiate(
-    robot: ArticulatedRobot,
-    points: object,
+    robot: "ArticulatedRobot",
+    points: ArrayLike,
     *,
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
@@ -91,24 +90,29 @@ def differentiate(
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1)))
     runs, slopes = [], []
-    for first in range(0, len(checked), at_once):
-        some = checked[first : first + at_once]
+    for some in _in_parts(checked, at_once, progress):
         tape = engine.record(robot.steps, **_driven(robot, some))  # type: ignore[arg-type]
         of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
         found = tape.pull_back(position=of_position, orientation=of_orientation, angles=of_angles)
         given = found.weights if robot.controller == "network" else rhythm_slopes(robot, some, found.commands)
         runs.append(tape.result)
         slopes.append(given.reshape(len(some), -1))
-        if progress:
-            progress((first + len(some)) / len(checked))
     return _result(robot, runs, np.concatenate(slopes))
 
 
-def _engine(robot: ArticulatedRobot, compute: Compute) -> RigidEngine:
+def _in_parts(points: Floats, at_once: int, progress: Progress | None) -> Iterator[Floats]:
+    """Points, part by part; the progress is told after each."""
+    for first in range(0, len(points), at_once):
+        yield points[first : first + at_once]
+        if progress:
+            progress(min(1.0, (first + at_once) / len(points)))
+
+
+def _engine(robot: "ArticulatedRobot", compute: Compute) -> RigidEngine:
     return RigidEngine(robot.model.tree, robot.world, robot.senses, robot.network, **compute.options)
 
 
-def _driven(robot: ArticulatedRobot, points: Floats) -> dict[str, object]:
+def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, object]:
     """What drives the robot at some points, as arguments of the engine."""
     light = {} if robot.light is None else {"lights": np.array([robot.light])}
     if robot.controller == "network":
@@ -116,13 +120,13 @@ def _driven(robot: ArticulatedRobot, points: Floats) -> dict[str, object]:
     return {"commands": rhythm(robot, points), "hold": robot.hold, **light}
 
 
-def rhythm(robot: ArticulatedRobot, points: Floats) -> Floats:
+def rhythm(robot: "ArticulatedRobot", points: Floats) -> Floats:
     """Commands over time, (N, K, M), of rhythms."""
     amplitude, offset, turns, _ = _parts(robot, points)
     return amplitude * np.sin(2 * np.pi * turns) + (1 - amplitude) * offset
 
 
-def rhythm_slopes(robot: ArticulatedRobot, points: Floats, of_commands: Floats) -> Floats:
+def rhythm_slopes(robot: "ArticulatedRobot", points: Floats, of_commands: Floats) -> Floats:
     """Derivatives of a cost by the parameters of rhythms, (N, P), from those by the commands, (N, K, M)."""
     amplitude, offset, turns, times = _parts(robot, points)
     of_turns = of_commands * amplitude * 2 * np.pi * np.cos(2 * np.pi * turns)
@@ -135,7 +139,7 @@ def rhythm_slopes(robot: ArticulatedRobot, points: Floats, of_commands: Floats) 
     return np.column_stack([(of_turns * times).sum((1, 2)), each])
 
 
-def _parts(robot: ArticulatedRobot, points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _parts(robot: "ArticulatedRobot", points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Amplitudes and offsets, (N, 1, M), where in the cycle drives are, (N, K, M), and when, (K, 1) [s]."""
     count = -(-robot.steps // robot.hold)
     times: Floats = np.arange(count, dtype=float)[:, None] * (robot.hold * robot.world.time_step)
@@ -178,7 +182,7 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
     return np.tile(direction, (len(places), 1)), of_orientation, of_angles
 
 
-def _result(robot: ArticulatedRobot, runs: list[RigidResult], gradient: Floats | None = None) -> ArticulatedResult:
+def _result(robot: "ArticulatedRobot", runs: list[RigidResult], gradient: Floats | None = None) -> ArticulatedResult:
     tree, still = robot.model.tree, np.array([[1.0, 0.0, 0.0, 0.0]])
     begin = np.array([tree.ordered[0][0].position], float)
     start = centres(tree, begin, still, np.zeros((1, len(tree.hinges))))

@@ -11,12 +11,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.frames import Frames
 from robots.world import Terrain, weights
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
-from taichi_sim.lattice import LatticeBody, LatticeProgram, LatticeResult, Quantity
-from taichi_sim.lattice.faces import half_extents
+from taichi_sim.lattice import LatticeProgram, Quantity
 from taichi_sim.lattice.program import EVENT
 
 SEGMENTS = 16  # straight pieces of a cycle
@@ -150,12 +148,3 @@ def _played(cycle: Cycle, rest: ArrayLike, swing: Floats) -> tuple[Floats, Float
         return values, rates
     start = np.broadcast_to(np.asarray(rest, float), swing.shape[:2])[None]
     return np.concatenate([start, values]), np.concatenate([swung[:1] / cycle.begin, rates])
-
-
-def recorded_frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:
-    """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
-    extents = half_extents(body, run.strains, run.sizes)
-    positions, orientations, shown, rest = (
-        np.swapaxes(a[robot : robot + 1, STARTS:], 0, 1) for a in (run.positions, run.orientations, extents, run.sizes)
-    )
-    return Frames(positions, orientations, np.arange(len(positions)) * interval, shown, rest)

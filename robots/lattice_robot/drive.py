@@ -1,13 +1,12 @@
 """What drives groups of a robot's regions: waves of size, temperature, pressure or friction, some of them free."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
-from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.lattice import Quantity
@@ -127,89 +126,56 @@ class Drive:
                     found[f"{self.name}_{field}_{place}" if several else f"{self.name}_{field}"] = value
         return found
 
-    def given(self, points: Floats) -> "DriveValues":
-        """The drive at points, shape (N, P), values of :attr:`free` in its order."""
-        columns: dict[str, list[int]] = {}
-        arrays: dict[str, Floats] = {}
-        taken = 0
+    def filled(self, given: Iterable[float]) -> "Drive":
+        """The drive without anything free; ``given`` are values of :attr:`free`, in its order."""
+        numbers = iter(given)
+        plain: dict[str, Any] = {}
         for field, values in self._fields():
-            array = np.empty((len(points), len(values)))
-            columns[field] = []
-            for place, value in enumerate(values):
-                if isinstance(value, Free):
-                    array[:, place] = points[:, taken]
-                    columns[field].append(taken)
-                    taken += 1
-                else:
-                    array[:, place] = value
-                    columns[field].append(-1)
-            arrays[field] = array
-        return DriveValues(self, arrays, columns, taken)
+            filled = tuple(next(numbers) if isinstance(value, Free) else value for value in values)
+            plain[field] = filled if isinstance(getattr(self, field), tuple) else filled[0]
+        return replace(self, **plain)
 
+    def describe(self) -> dict[str, Any]:
+        """All of the drive, fit for JSON; a free value is a record of its fields."""
+        told = {"name": self.name, "regions": list(self.regions), "quantity": self.quantity, "axes": self.axes}
+        values = {field: _plain(getattr(self, field)) for field in FIELDS}
+        return told | {field: value for field, value in values.items() if value is not None}
 
-@dataclass(frozen=True, eq=False)
-class DriveValues:
-    """A drive at N points.
-
-    Attributes:
-        drive: that has G regions.
-        arrays: values of its fields, shape (N, number of values) each.
-        columns: where each value stands among what is free, -1 where it is not.
-        free_count: how much is free.
-    """
-
-    drive: Drive
-    arrays: dict[str, Floats]
-    columns: dict[str, list[int]]
-    free_count: int
-
-    @property
-    def filled(self) -> Drive:
-        """The drive of the first point, without anything free."""
-        given = {field: tuple(array[0].tolist()) for field, array in self.arrays.items()}
-        plain: dict[str, Any] = {
-            f: v if f == "knots" or isinstance(getattr(self.drive, f), tuple) else v[0] for f, v in given.items()
-        }
-        return replace(self.drive, **plain)
-
-    def nodes(self, rest: Floats) -> Floats:
-        """The quantity at the nodes of a cycle, shape (N, G, 16).
+    def nodes(self, points: Any, rest: Floats) -> Any:
+        """What the drive makes of its channels at the nodes of a cycle, shape (N, Q, G, 16): Q channels of G regions.
 
         Args:
-            rest: what the materials say, shape (G,).
+            points: values of :attr:`free` in its order, shape (N, F); they may be traced.
+            rest: what the materials say of each channel, shape (Q, G).
         """
-        return self._nodes(self.arrays, rest)
+        columns, count = iter(range(len(self.free))), len(points)
+        arrays = {
+            field: np.stack([points[:, next(columns)] if isinstance(v, Free) else np.full(count, v) for v in values], 1)
+            for field, values in self._fields()
+        }
+        amplitude, phase = (self._of_regions(arrays[field])[..., None] for field in ("amplitude", "phase"))
+        places = np.arange(SEGMENTS) / SEGMENTS + phase
+        wave = amplitude * (_curve(arrays["knots"], places) if "knots" in arrays else np.sin(2 * np.pi * places))
+        if "mean" in arrays:
+            wave = self._of_regions(arrays["mean"])[..., None] + wave
+        several = np.repeat(wave[:, None], len(rest), axis=1)
+        return several if "mean" in arrays else rest[..., None] + several
 
-    def pull_back(self, nodes: Floats) -> Floats:
-        """Derivatives of a cost by what is free, shape (N, free_count), from those by the nodes, shape (N, G, 16)."""
-        fields, rest = list(self.arrays), np.zeros(len(self.drive.regions))
-        _, pull_back = trace(
-            lambda *given: self._nodes(dict(zip(fields, given, strict=True)), rest), *self.arrays.values()
-        )
-        gradient = np.zeros((len(nodes), self.free_count))
-        for field, by_field in zip(fields, pull_back(nodes), strict=True):
-            for place, column in enumerate(self.columns[field]):
-                if column >= 0:
-                    gradient[:, column] = by_field[:, place]
-        return gradient
+    def _of_regions(self, values: Any) -> Any:
+        return np.broadcast_to(values, (len(values), len(self.regions)))
 
-    def _nodes(self, arrays: Mapping[str, Floats], rest: Floats) -> Floats:
-        """The quantity at the nodes, with other values of the fields; these may be traced."""
-        mean, amplitude = arrays.get("mean", rest[None]), arrays["amplitude"]
-        return self._of_regions(mean)[..., None] + self._of_regions(amplitude)[..., None] * self._wave(arrays)
 
-    def _of_regions(self, values: Floats) -> Floats:
-        return np.broadcast_to(values, (len(values), len(self.drive.regions)))
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return asdict(value) if isinstance(value, Free) else value
 
-    def _wave(self, arrays: Mapping[str, Floats]) -> Floats:
-        """w at the nodes, shape (N, G, 16)."""
-        places = np.arange(SEGMENTS) / SEGMENTS + self._of_regions(arrays["phase"])[..., None]
-        if "knots" not in arrays:
-            return np.sin(2 * np.pi * places)
-        knots = arrays["knots"]
-        count = knots.shape[1]
-        first = np.floor(places * count).astype(int)
-        part = places * count - first
-        rows = np.arange(len(knots))[:, None, None]
-        left, right = knots[rows, first % count], knots[rows, (first + 1) % count]
-        return left + part * (right - left)
+
+def _curve(knots: Any, places: Any) -> Any:
+    """Values at places of the cycle, shape (N, G, 16), of a closed curve through knots, shape (N, K)."""
+    count = knots.shape[1]
+    first = np.floor(places * count).astype(int)
+    part = places * count - first
+    rows = np.arange(len(knots))[:, None, None]
+    left, right = knots[rows, first % count], knots[rows, (first + 1) % count]
+    return left + part * (right - left)

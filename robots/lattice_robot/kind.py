@@ -18,12 +18,11 @@ class LatticeRobotKind(TerrainKind):
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file."""
-        from robots.lattice_robot.offered import OwnRobot
         from robots.lattice_robot.sources import load_robot
 
         if source is None:
             raise ValueError("robot: a lattice robot is made of a file; give it, such as my_robot.py")
-        return OwnRobot(load_robot(source))
+        return load_robot(source)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Files of Python and of voxels, and saved robots."""
@@ -31,7 +30,6 @@ class LatticeRobotKind(TerrainKind):
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The robot of a record."""
-        from robots.lattice_robot.offered import OwnRobot
         from robots.lattice_robot.record import robot_of_record
 
-        return OwnRobot(robot_of_record(description))
+        return robot_of_record(description)

@@ -1,27 +1,40 @@
 """A robot of the user's own: a lattice body, what drives it, and what a search may change of both."""
 
 import dataclasses
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.cyclic import Cycle
-from robots.lattice_robot.drive import Drive, DriveValues, Free
-from robots.world import Terrain
+from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.formats import ROBOT_FORMAT
+from robots.outcome import recorded
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material, Quantity
+from taichi_sim.lattice.files import VoxelFile, write_vxl_json
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 MOST_CYCLES = 10_000
+STEP = 0.1  # of a mutation, part of a parameter's range
+SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
 
 @dataclass(frozen=True, eq=False)
-class LatticeRobot:
-    """A soft robot that repeats a cycle.
+class LatticeRobot(Robot):
+    """A soft robot of the user's own, which repeats a cycle.
 
     Attributes:
         body: of the robot; it is moved so that it stands on the ground.
@@ -48,6 +61,15 @@ class LatticeRobot:
     heading: float = 0.0
     time_step_safety: float = 1.3
     name: str = "robot"
+
+    kind = "lattice"
+    measures = (
+        Measure("speed", "BL/s", "speed along its heading"),
+        Measure("distance", "m", "distance along its heading"),
+    )
+    worlds = (Terrain(),)
+    differentiable = True
+    horizons = (1, 2, 4)
 
     def __post_init__(self) -> None:
         number("frequency", self.frequency, 0.1, 100.0, "Hz")
@@ -117,30 +139,33 @@ class LatticeRobot:
         names = [m.name for m in self.body.materials]
         return found | {f"{names[n] or f'material_{n}'}_modulus": free for n, free in self.free_moduli.items()}
 
-    @property
-    def start(self) -> Floats:
-        """The point where nothing has been searched, shape (P,)."""
-        return np.array([free.middle for free in self.free.values()])
-
-    def points(self, given: ArrayLike | None) -> Floats:
-        """Points, shape (N, P); by default the start alone.
-
-        Raises:
-            ValueError: in one line, for another shape or numbers that are not finite.
-        """
-        points = np.atleast_2d(self.start if given is None else np.asarray(given, float))
-        if points.ndim != 2 or points.shape[1] != len(self.free) or not len(points) or not np.isfinite(points).all():
-            raise ValueError(
-                f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.free)})"
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """What is free; a phase that may be all of a cycle is an angle."""
+        phases = {name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")}
+        return tuple(
+            Parameter(
+                name,
+                free.low,
+                free.high,
+                "angle" if name in phases and free.high - free.low == 1 else "continuous",
+                STEP * (free.high - free.low),
+                start=free.middle,
             )
-        return points
+            for name, free in self.free.items()
+        )
 
     def filled(self, point: ArrayLike) -> "LatticeRobot":
         """The robot of a point, without anything free; it moves in the same time steps."""
         points = self.points(point)
-        drives, body = tuple(values.filled for values in self.given(points)), self.bodies(points)[0]
+        each = zip(self.drives, self._shares(points[:1]), strict=True)
+        drives, body = tuple(drive.filled(share[0].tolist()) for drive, share in each), self.bodies(points)[0]
         safety = self.time_step_safety * body.recommended_time_step / self._stiffest.recommended_time_step
         return dataclasses.replace(self, body=body, drives=drives, moduli={}, time_step_safety=safety)
+
+    def design(self, point: ArrayLike) -> "LatticeRobot":
+        """The robot of a point, without anything free."""
+        return self.filled(point)
 
     def bodies(self, points: Floats) -> list[LatticeBody]:
         """The body of each point; one object if no modulus is free."""
@@ -192,23 +217,19 @@ class LatticeRobot:
         )
         return dataclasses.replace(self, body=dataclasses.replace(self.body, materials=materials))
 
-    def given(self, points: Floats) -> list[DriveValues]:
-        """The drives at points, shape (N, P)."""
-        found, taken = [], 0
-        for drive in self.drives:
-            count = len(drive.free)
-            found.append(drive.given(points[:, taken : taken + count]))
-            taken += count
-        return found
+    def _shares(self, points: Any) -> list[Any]:
+        """What of points, shape (N, P), is free of each drive."""
+        ends = np.cumsum([len(drive.free) for drive in self.drives]).tolist()
+        return [points[:, first:end] for first, end in zip([0, *ends], ends, strict=False)]
 
-    def nodes_of(self, values: DriveValues, quantity: int) -> Floats:
-        """What a drive makes of a channel of its regions at the nodes of a cycle, shape (N, G, 16)."""
-        return values.nodes(np.array([self.rest(region, quantity) for region in values.drive.regions]))
+    def nodes(self, points: Any) -> list[Any]:
+        """What each drive makes of its channels at points, shape (N, P), see ``Drive.nodes``."""
+        each = zip(self.drives, self._shares(points), strict=True)
+        return [drive.nodes(share, self.rest_of(drive)) for drive, share in each]
 
-    def nodes(self, point: ArrayLike) -> dict[Drive, Floats]:
-        """What all drives do at one point, in their first channel, shape (G, 16) each."""
-        every = self.given(self.points(point)[:1])
-        return {values.drive: self.nodes_of(values, values.drive.quantities[0])[0] for values in every}
+    def rest_of(self, drive: Drive) -> Floats:
+        """What the channels of a drive hold before anything drives them, shape (Q, G)."""
+        return np.array([[self.rest(region, quantity) for region in drive.regions] for quantity in drive.quantities])
 
     @cached_property
     def _material_of(self) -> dict[int, Material]:
@@ -231,7 +252,8 @@ class LatticeRobot:
 
     def fault(self, point: ArrayLike) -> str:
         """Why a point, shape (P,), is no robot; empty if it is one."""
-        for drive, nodes in self.nodes(point).items():
+        for drive, every in zip(self.drives, self.nodes(self.points(point)), strict=True):
+            nodes = every[0, 0]
             least = float(nodes.min())
             if drive.quantity == "temperature":
                 alphas = np.array([m.thermal_expansion for m in self.body.materials])[self.body.material_index]
@@ -241,3 +263,56 @@ class LatticeRobot:
             if drive.quantity == "friction" and least < 0:
                 return f"{drive.name} has a friction of {least:.3g}; 0 is the least"
         return ""
+
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Let the robot move at N points, with the gradients of speed and distance if wanted."""
+        from robots.lattice_robot.simulation import differentiate, simulate
+
+        terrain, compute, tell = terrain_of(trial.world), trial.compute.options, trial.progress
+        if trial.gradients:
+            found = differentiate(self, points, terrain, **compute, progress=tell)
+        else:
+            found = simulate(self, points, terrain, **compute, record_every=trial.record_every, progress=tell)
+        gradients = {}
+        if found.gradient is not None:
+            seconds = self.cycle.duration
+            gradients = {"speed": found.gradient / (self.length * seconds), "distance": found.gradient}
+        measures, frames = {"speed": found.speed, "distance": found.distance}, recorded(found.frames[0])
+        return Outcome(measures, found.status, found.reason, found.steps, gradients, frames, found)
+
+    @property
+    def steps(self) -> int:
+        """Time steps of the cycles."""
+        return self.cycle.end - self.cycle.begin
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the robot."""
+        from robots.view.soft_motion import lattice_robot_motion
+
+        return lattice_robot_motion(outcome.result, self, terrain_of(world), name=name)
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the robot of one point, for ``load_robot``."""
+        write_record(path, ROBOT_FORMAT, self.design(point).describe())
+
+    def describe(self) -> dict[str, Any]:
+        """All of the robot, with what is free of it, fit for JSON; ``robot_of_record`` gives it back to the bit."""
+        return {
+            **{name: getattr(self, name) for name in SETTINGS},
+            "drives": [drive.describe() for drive in self.drives],
+            "moduli": [[number, dataclasses.asdict(free)] for number, free in self.free_moduli.items()],
+            "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
+        }
+
+    def facts(self) -> Facts:
+        """Body, drives and cycle."""
+        voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"
+        return [
+            ("Robot", f"{self.name}: {voxels}"),
+            ("Driven", ", ".join(f"{drive.name} ({drive.quantity})" for drive in self.drives)),
+            ("Cycle", f"{self.frequency:g} Hz; the speed is that of {counted(self.cycles, 'cycle')}"),
+        ]
+
+    def at_horizon(self, length: int) -> tuple[str, "LatticeRobot"]:
+        """The robot for so many cycles."""
+        return counted(length, "cycle"), dataclasses.replace(self, cycles=length)

@@ -1,21 +1,25 @@
 """What lattice robots do on a terrain, and how far that depends on what is free of them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.control.cyclic import CyclicProgram, build_cyclic_program, recorded_frames, surroundings
+from robots.control.cyclic import SEGMENTS, STARTS, CyclicProgram, build_cyclic_program, surroundings
 from robots.frames import Frames
-from robots.lattice_robot.robot import LatticeRobot
+from robots.robot import Progress, part_of
 from robots.world import Terrain
 from taichi_sim import runtime
+from taichi_sim.autodiff.arrays import trace
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
+from taichi_sim.lattice.faces import half_extents
+
+if TYPE_CHECKING:
+    from robots.lattice_robot.robot import LatticeRobot
 
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
@@ -50,7 +54,7 @@ class LatticeRobotResult:
 
 
 def simulate(
-    robot: LatticeRobot,
+    robot: "LatticeRobot",
     points: ArrayLike | None = None,
     terrain: Terrain | None = None,
     *,
@@ -58,7 +62,7 @@ def simulate(
     device: str = "cpu",
     threads: int | None = None,
     record_every: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> LatticeRobotResult:
     """Let a robot move on a terrain, at many points as one batch.
 
@@ -77,14 +81,14 @@ def simulate(
     """
     where = {"precision": precision, "device": device, "threads": threads}
     every = None if record_every is None else whole_number("record_every", record_every, 1)
-    batch = _Batch(robot.on(terrain := terrain or Terrain()), robot.points(points), terrain, every)
+    batch = _Batch(robot.on(terrain := terrain or Terrain()), _points(robot, points), terrain, every)
     if not len(batch.rows):
         return batch.result(None)
     return batch.result(batch.engine(where).run(batch.program.program, progress))
 
 
 def differentiate(
-    robot: LatticeRobot,
+    robot: "LatticeRobot",
     points: ArrayLike | None = None,
     terrain: Terrain | None = None,
     *,
@@ -92,7 +96,7 @@ def differentiate(
     device: str = "cpu",
     threads: int | None = None,
     memory: float = 1e9,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> LatticeRobotResult:
     """The same, with the derivatives of the distances by what is free.
 
@@ -112,19 +116,12 @@ def differentiate(
     """
     where = {"precision": precision, "device": device, "threads": threads}
     running = runtime.start(device, precision, threads)  # an unknown device or precision is refused before any work
-    points, robot, report = (
-        robot.points(points),
-        robot.on(terrain := terrain or Terrain()),
-        progress or (lambda _: None),
-    )
+    points, robot = _points(robot, points), robot.on(terrain := terrain or Terrain())
     size = len(points) if device != "cpu" else NATIVE_WIDTH[precision] * running.thread_count
     groups = [points[i : i + size] for i in range(0, len(points), size)]
     parts = []
     for place, group in enumerate(groups):
-
-        def tick(fraction: float, place: int = place) -> None:
-            report((place + fraction) / len(groups))
-
+        tick = part_of(progress, place, len(groups)) or (lambda _: None)
         parts.append(_differentiate(_Batch(robot, group, terrain, None), where, memory, tick))
     joined = {
         name: np.concatenate([getattr(part, name) for part in parts])
@@ -134,9 +131,11 @@ def differentiate(
     return LatticeRobotResult(**joined, time_step=robot.cycle.time_step, bodies=bodies, frames=frames)
 
 
-def _differentiate(
-    batch: "_Batch", where: dict[str, Any], memory: float, progress: Callable[[float], None]
-) -> LatticeRobotResult:
+def _points(robot: "LatticeRobot", given: ArrayLike | None) -> Floats:
+    return robot.points(robot.start if given is None else given)
+
+
+def _differentiate(batch: "_Batch", where: dict[str, Any], memory: float, progress: Progress) -> LatticeRobotResult:
     if not len(batch.rows):
         return batch.result(None, np.zeros((0, batch.points.shape[1])))
     tape = batch.engine(where).record(batch.program.program, memory, lambda f: progress(RECORDING * f))
@@ -146,15 +145,9 @@ def _differentiate(
     seeds[ok, 0], seeds[ok, 1] = -push, push
     back = tape.pull_back(positions=seeds, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
     nodes = batch.program.pull_back(back.values, back.rates)
-    slopes, taken = [], 0
-    for values in batch.drives:
-        drive = values.drive
-        count = len(drive.quantities) * len(drive.regions)
-        of_drive = nodes[:, taken : taken + count].reshape(len(nodes), len(drive.quantities), len(drive.regions), -1)
-        slopes.append(values.pull_back(of_drive.sum(axis=1)))
-        taken += count
-    slopes.append(back.materials["youngs_modulus"][:, list(batch.robot.free_moduli)])
-    gradient = np.concatenate(slopes, axis=1)
+    gradient: Floats = trace(batch.swing, batch.points[batch.rows])[1](nodes)[0]
+    if numbers := list(batch.robot.free_moduli):
+        gradient[:, -len(numbers) :] = back.materials["youngs_modulus"][:, numbers]
     gradient[~ok] = np.nan
     return batch.result(tape.result, gradient)
 
@@ -162,34 +155,29 @@ def _differentiate(
 class _Batch:
     """A robot at points on a terrain; ``rows`` are those points that are robots."""
 
-    def __init__(self, robot: LatticeRobot, points: Floats, terrain: Terrain, record_every: int | None) -> None:
+    def __init__(self, robot: "LatticeRobot", points: Floats, terrain: Terrain, record_every: int | None) -> None:
         self.robot, self.points, self.terrain, self.record_every = robot, points, terrain, record_every
         self.reason = np.array([robot.fault(point) for point in points])
         self.rows = np.flatnonzero(self.reason == "")
-        self.drives = robot.given(points[self.rows])
         body = robot.body
         density = np.array([m.density for m in body.materials])[body.material_index]
         self.shares = density / density.sum()  # of the mass
         if len(self.rows):
             self.program = self._program(surroundings(terrain, robot.heading))
 
+    def swing(self, points: Any) -> Any:
+        """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
+        pairs = zip(self.robot.drives, self.robot.nodes(points), strict=True)
+        moved = [nodes - self.robot.rest_of(drive)[..., None] for drive, nodes in pairs]
+        return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
+
     def _program(self, around: dict[int, float]) -> CyclicProgram:
-        regions: list[int] = []
-        quantities: list[int] = []
-        rest: list[float] = []
-        swing: list[Floats] = []
-        for values in self.drives:
-            for quantity in values.drive.quantities:
-                still = [self.robot.rest(region, quantity) for region in values.drive.regions]
-                swing.append(self.robot.nodes_of(values, quantity) - np.array(still)[:, None])
-                regions += values.drive.regions
-                quantities += [quantity] * len(still)
-                rest += still
+        drives = self.robot.drives
         return build_cyclic_program(
-            regions,
-            quantities,
-            rest,
-            np.concatenate(swing, axis=1),
+            np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),
+            np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
+            np.concatenate([self.robot.rest_of(drive).ravel() for drive in drives]),
+            self.swing(self.points[self.rows]),
             self.robot.cycle,
             around,
             self.robot.body.region_count,
@@ -216,7 +204,7 @@ class _Batch:
             for row, i in enumerate(rows.tolist()):
                 if self.record_every:
                     interval = self.record_every * robot.cycle.time_step
-                    frames[i] = recorded_frames(bodies[i], run, row, interval)
+                    frames[i] = _frames(bodies[i], run, row, interval)
         slopes = None
         if gradient is not None:
             slopes = np.full((count, self.points.shape[1]), np.nan)
@@ -233,3 +221,12 @@ class _Batch:
             tuple(frames),
             slopes,
         )
+
+
+def _frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:
+    """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
+    positions, orientations, strains, sizes = (
+        each[robot, STARTS:, None] for each in (run.positions, run.orientations, run.strains, run.sizes)
+    )
+    times = np.arange(len(positions)) * interval
+    return Frames(positions, orientations, times, half_extents(body, strains, sizes), sizes)

@@ -13,7 +13,7 @@ from robots.lattice_robot import walker
 from robots.lattice_robot.walker import KINDS, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker_encoding import WalkerEncoding, encoding_of
 from robots.outcome import recorded
-from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
@@ -124,12 +124,14 @@ class WalkerRobot(Robot):
 
     def facts(self) -> Facts:
         """Lattice, encoding and actuation."""
-        drive = self.actuation
-        cycles = "1 cycle" if drive.cycles == 1 else f"{drive.cycles} cycles"
+        drive, cycles = self.actuation, counted(self.actuation.cycles, "cycle")
         return [
             ("Robot", f"soft voxel walker in a lattice of {' x '.join(map(str, self.shape))} voxels"),
             ("Encoding", self.encoding),
-            ("Actuation", f"{100 * drive.amplitude:g} % of the edges at {drive.frequency:g} Hz, {cycles}"),
+            (
+                "Actuation",
+                f"{100 * drive.amplitude:g} % of the edges at {drive.frequency:g} Hz, {cycles}",
+            ),
         ]
 
     def facts_of(self, point: ArrayLike) -> Facts:

@@ -159,8 +159,8 @@ def lattice_robot_motion(
     cycle, region = robot.cycle, np.asarray(robot.body.regions)
     times: Floats = np.arange((cycle.cycles + 1) * SEGMENTS + 1, dtype=float) * (cycle.segment * cycle.time_step)
     driven, shown = list[Channel](), np.full(body.voxel_count, -1)
-    for number, (drive, values) in enumerate(robot.nodes(robot.start).items()):
-        wave: Floats = np.tile(values[0], cycle.cycles + 2)[: len(times)]
+    for number, (drive, nodes) in enumerate(zip(robot.drives, robot.nodes(robot.start[None]), strict=True)):
+        wave: Floats = np.tile(nodes[0, 0, 0], cycle.cycles + 2)[: len(times)]
         colour, label = BLADDERS[number % len(BLADDERS)], f"{drive.name} {drive.quantity}"
         driven.append(Channel(label, UNITS[drive.quantity], times, wave, colour))
         shown[np.isin(region, drive.regions)] = number

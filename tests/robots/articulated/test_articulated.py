@@ -164,7 +164,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
     assert replay.outcome.measures["distance"][0] == outcome.measures["distance"][1]
     assert [channel.name for channel in replay.motion.channels][:4] == ["front on ground", "trunk on ground", "a", "b"]
     said, longer = robot.at_horizon(2)
-    assert said == "2 seconds" and longer.robot.steps == 200
+    assert said == "2 seconds" and longer.steps == 200
     assert robot.facts()[0] == ("Robot", "articulated robot: 3 bodies on 2 hinges, 1.6 kg")
 
 

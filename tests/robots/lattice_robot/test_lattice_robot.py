@@ -16,7 +16,7 @@ from robots.lattice_robot import (
     save_robot,
     simulate,
 )
-from robots.lattice_robot.record import robot_of_record, robot_record
+from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk
 from robots.view.soft_motion import lattice_robot_motion
@@ -133,11 +133,12 @@ def test_drives_do_at_their_nodes_what_they_say():
         phase=Free(0, 1),
         knots=(0.0, Free(0, 3), 0, 0),
     )
-    nodes = drive.given(points).nodes(np.ones(2))
+    nodes = drive.nodes(points, np.ones((3, 2)))
+    assert np.array_equal(nodes[:, 0], nodes[:, 1])
     ring = np.interp((np.arange(16) / 16 + 0.125) % 1, np.arange(5) / 4, [0, 2, 0, 0, 0])
-    assert nodes[0] == pytest.approx(0.5 + np.outer([0.2, 0.25], ring))
-    sine = Drive("b", (0,), "pressure", amplitude=3.0, phase=0.25).given(np.zeros((1, 0))).nodes(np.zeros(1))
-    assert sine[0, 0] == pytest.approx(3 * np.cos(2 * np.pi * np.arange(16) / 16))
+    assert nodes[0, 0] == pytest.approx(0.5 + np.outer([0.2, 0.25], ring))
+    sine = Drive("b", (0,), "pressure", amplitude=3.0, phase=0.25).nodes(np.zeros((1, 0)), np.zeros((1, 1)))
+    assert sine[0, 0, 0] == pytest.approx(3 * np.cos(2 * np.pi * np.arange(16) / 16))
 
 
 @pytest.mark.kernels
@@ -172,10 +173,10 @@ def test_robots_survive_files(tmp_path):
     robot = lopsided()
     save_robot(robot, tmp_path / "robot.json")
     again = load_robot(tmp_path / "robot.json")
-    assert robot_record(again) == robot_record(robot) and again.drives == robot.drives
+    assert again.describe() == robot.describe() and again.drives == robot.drives
     assert again.free_moduli == robot.free_moduli and np.array_equal(again.body.voxels, robot.body.voxels)
     assert simulate(again, threads=1).distance == simulate(robot, threads=1).distance
-    damaged = robot_record(robot)
+    damaged = robot.describe()
     del damaged["frequency"]
     with pytest.raises(KeyError, match="frequency"):
         robot_of_record(damaged)
