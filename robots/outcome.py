@@ -54,7 +54,7 @@ class Measure:
 
 
 class World(Protocol):
-    """Where a robot is tried: any frozen description with two names."""
+    """Where a robot is tried: any frozen description with these names."""
 
     @property
     def name(self) -> str:
@@ -63,10 +63,12 @@ class World(Protocol):
     @property
     def spoken(self) -> str:
         """What it is after the name of a robot, such as ``up a slope of 15°``; may be empty."""
+        return ""
 
     @property
     def where(self) -> str:
         """What it is after the name of a motion, such as ``on hill:15``; may be empty."""
+        return ""
 
 
 @dataclass(frozen=True)

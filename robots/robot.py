@@ -18,61 +18,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.outcome import (
-    DIVERGED,
-    INVALID,
-    OK,
-    Facts,
-    Judgement,
-    Measure,
-    Outcome,
-    Picture,
-    Place,
-    Quantity,
-    Replay,
-    World,
-)
+from robots.outcome import DIVERGED as DIVERGED
+from robots.outcome import INVALID as INVALID
+from robots.outcome import OK as OK
+from robots.outcome import Facts as Facts
+from robots.outcome import Judgement as Judgement
+from robots.outcome import Measure as Measure
+from robots.outcome import Outcome as Outcome
+from robots.outcome import Picture as Picture
+from robots.outcome import Place as Place
+from robots.outcome import Quantity as Quantity
+from robots.outcome import Replay as Replay
+from robots.outcome import World as World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, read_text, write_record
-from taichi_sim.base.options import Option
+from taichi_sim.base.options import Option as Option
 from taichi_sim.base.registry import Registry
-from taichi_sim.base.variables import Variable as Parameter
+from taichi_sim.base.variables import Variable
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
-__all__ = [
-    "DIVERGED",
-    "FRAMES",
-    "HERE",
-    "INVALID",
-    "KINDS",
-    "OK",
-    "Facts",
-    "FixedRobot",
-    "Judgement",
-    "Measure",
-    "Option",
-    "Outcome",
-    "Parameter",
-    "Picture",
-    "Place",
-    "Progress",
-    "Quantity",
-    "Replay",
-    "Robot",
-    "RobotKind",
-    "Trial",
-    "World",
-    "find_robot",
-    "kind_of_file",
-    "load_design",
-    "make_robot",
-]
-
 DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
 HERE = Compute()
+Parameter = Variable  # what is free of a robot
 FRAMES = 1000  # of a motion, at most
 Progress = Callable[[float], None]
 

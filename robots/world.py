@@ -4,11 +4,12 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self, TypedDict
+from functools import partial
+from typing import Annotated, Any, Self, TypedDict
 
 from robots.robot import Option, RobotKind, World
 from taichi_sim.autodiff.dual import Real, cosine, sine
-from taichi_sim.base.checks import number
+from taichi_sim.base.checks import NotNegative, check_fields, number
 from taichi_sim.base.options import checked
 from taichi_sim.base.options import number as number_type
 
@@ -45,18 +46,15 @@ class Terrain:
         friction_drag: coefficient of faces that it flows along; None is 0.02.
     """
 
-    slope: float = 0.0
-    high_friction: float | None = None
-    low_friction: float | None = None
-    fluid_density: float | None = None
-    pressure_drag: float | None = None
-    friction_drag: float | None = None
+    slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
+    high_friction: NotNegative | None = None
+    low_friction: NotNegative | None = None
+    fluid_density: NotNegative | None = None
+    pressure_drag: NotNegative | None = None
+    friction_drag: NotNegative | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "slope", number("slope", self.slope, -STEEPEST, STEEPEST, "degrees"))
-        for field in ("high_friction", "low_friction", *FLUID_FIELDS):
-            if (value := getattr(self, field)) is not None:
-                object.__setattr__(self, field, number(field, value, 0.0))
+        check_fields(self)
         low, high = self.low_friction, self.high_friction
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
@@ -171,7 +169,7 @@ class TerrainKind(RobotKind):
 
 
 @dataclass(frozen=True)
-class Environment:
+class Environment(World):
     """One of the numbered environments of a task: where a robot starts, or where the light is.
 
     Attributes:
@@ -190,11 +188,6 @@ class Environment:
         """Such as ``environment 1``."""
         return f"environment {self.number}"
 
-    @property
-    def where(self) -> str:
-        """Nothing: names of motions do without."""
-        return ""
-
     @classmethod
     def parse(cls, text: str, count: int = 4) -> "Environment":
         """The environment of a number up to ``count``.
@@ -205,17 +198,6 @@ class Environment:
         if not text.isdecimal() or not 1 <= int(text) <= count:
             raise ValueError(f"environment: {text!r} is not allowed; give a whole number from 1 to {count}")
         return cls(int(text))
-
-
-class EnvironmentKind(RobotKind):
-    """A kind of robot whose worlds are four numbered environments."""
-
-    world_option = "environment"
-    world_hint = "place of the light, or of the robot, from 1 to 4 (default: 1, of searches all)"
-
-    def world(self, text: Any) -> World:
-        """The environment of a number."""
-        return Environment.parse(text)
 
 
 def terrain_of(world: World) -> Terrain:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from robots.braitenberg.body import CONTROLLERS, FORMAT
-from robots.robot import Option, Robot
-from robots.world import EnvironmentKind
+from robots.robot import Option, Robot, RobotKind, World
+from robots.world import Environment
 from taichi_sim.base.options import whole
 
 DESIGN = Option(
@@ -17,11 +17,13 @@ DESIGN = Option(
 )
 
 
-class VehicleKind(EnvironmentKind):
+class VehicleKind(RobotKind):
     """Braitenberg vehicles: light sensors that drive two motors."""
 
     name = "vehicle"
     title = "Braitenberg vehicle"
+    world_option = "environment"
+    world_hint = "place of the light, or of the robot, from 1 to 4 (default: 1, of searches all)"
     options = (
         DESIGN,
         Option(
@@ -48,6 +50,10 @@ class VehicleKind(EnvironmentKind):
         if controller in CONTROLLERS:
             return VehicleRobot(body, controller, options.get("sensors", 2))
         return one_vehicle(body or VehicleBody.published(6553), pair_of(controller))
+
+    def world(self, text: Any) -> World:
+        """The environment of a number."""
+        return Environment.parse(text)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs that searches save."""

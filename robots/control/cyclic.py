@@ -6,13 +6,12 @@ A sine through 16 pieces is off by at most 1 - cos(pi / 16) = 1.9 % of its ampli
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.world import Terrain, weights
-from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeProgram, Quantity
 from taichi_sim.lattice.program import EVENT
@@ -64,27 +63,6 @@ class Cycle:
         return self.cycles / self.frequency
 
 
-@dataclass(frozen=True, eq=False)
-class CyclicProgram:
-    """A program, and where its cycles are among its events.
-
-    Attributes:
-        program: snapshot 0 is the end of the first cycle, snapshot 1 the end of the last; frames follow.
-        cycle: when what happens.
-        shape: robots B and channels C.
-    """
-
-    program: LatticeProgram
-    cycle: Cycle
-    shape: tuple[int, int]
-
-    def pull_back(self, values: ArrayLike, rates: ArrayLike) -> Floats:
-        """Derivatives of a cost by the values at the nodes, shape (B, C, 16), from those by all events, (E,) each."""
-        (value, _), pull_back = trace(partial(_played, self.cycle, 0.0), np.zeros((*self.shape, SEGMENTS)))
-        by_value, by_rate = (np.asarray(given, float)[-value.size :].reshape(value.shape) for given in (values, rates))
-        return pull_back(by_value, by_rate)[0]
-
-
 def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
     """What a terrain does to all regions of a robot that heads somewhere [degrees]: weight, a fluid's resistance."""
     pull = weights(terrain, np.array(heading))[1]
@@ -103,8 +81,11 @@ def build_cyclic_program(
     around: Mapping[int, float],
     region_count: int,
     record_every: int | None = None,
-) -> CyclicProgram:
+) -> LatticeProgram:
     """The program of B robots. While they settle, channels go straight from rest to where the cycle begins.
+
+    Snapshot 0 is the end of the first cycle, snapshot 1 the end of the last; frames follow. The events of the cycle are
+    the last of all, in the order of :func:`cycle_events`.
 
     Args:
         regions: of the C channels, shape (C,).
@@ -116,26 +97,24 @@ def build_cyclic_program(
         region_count: of the body.
         record_every: steps between frames, from the start of the first cycle on; None for no frames.
     """
-    robots, channels, _ = swing.shape
+    robots = len(swing)
     begin, segment, end = cycle.begin, cycle.segment, cycle.end
     pull = np.empty((robots, region_count, len(around)), EVENT)
     pull["robot"], pull["region"] = np.arange(robots)[:, None, None], np.arange(region_count)[:, None]
     pull["quantity"], pull["step"] = list(around), 0
     pull["value"], pull["rate"] = list(around.values()), 0.0
-    values, rates = _played(cycle, rest, swing)
+    values, rates = cycle_events(cycle, rest, swing)
     driven = np.empty(values.shape, EVENT)
     driven["robot"], driven["region"], driven["quantity"] = np.arange(robots)[:, None], regions, quantities
     steps = begin + np.arange((cycle.cycles + 1) * SEGMENTS) * segment
     driven["step"] = np.concatenate([[0], steps] if begin else [steps])[:, None, None]
     driven["value"], driven["rate"] = values, rates
     marks = [begin + SEGMENTS * segment, end, *(range(begin, end + 1, record_every) if record_every else ())]
-    program = LatticeProgram(
-        np.full(robots, end), np.concatenate([pull.ravel(), driven.ravel()]), np.tile(marks, (robots, 1))
-    )
-    return CyclicProgram(program, cycle, (robots, channels))
+    events = np.concatenate([pull.ravel(), driven.ravel()])
+    return LatticeProgram(np.full(robots, end), events, np.tile(marks, (robots, 1)))
 
 
-def _played(cycle: Cycle, rest: ArrayLike, swing: Floats) -> tuple[Floats, Floats]:
+def cycle_events(cycle: Cycle, rest: ArrayLike, swing: Any) -> tuple[Any, Any]:
     """Values and rates of the events of channels that swing so: a ramp if there is time for it, then the pieces.
 
     Shapes (events, B, C); ``swing`` may be traced, see ``taichi_sim.autodiff.arrays``.

@@ -2,14 +2,14 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
-from robots.control.neural import Lights
+from robots.control.neural import TIME_STEP, Lights
 from robots.outcome import recorded
-from robots.robot import Option, Outcome, Robot, RobotKind, Trial, World
+from robots.robot import Option, Outcome, Robot, RobotKind, Trial, World, counted
 from robots.world import Environment
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -17,7 +17,7 @@ from taichi_sim.base.options import value_of
 
 
 @dataclass(frozen=True)
-class LightAt:
+class LightAt(World):
     """A world with a light.
 
     Attributes:
@@ -41,11 +41,6 @@ class LightAt:
     def spoken(self) -> str:
         """Its place, for people."""
         return f"to a light at ({self.x:g}, {self.y:g}) m"
-
-    @property
-    def where(self) -> str:
-        """Nothing: names of motions do without."""
-        return ""
 
     @property
     def place(self) -> tuple[float, float]:
@@ -122,6 +117,10 @@ class LightSeeker(Robot):
     def steps(self) -> int:
         """Time steps of a trial."""
         return self.looks - 1
+
+    def at_horizon(self, length: int) -> tuple[str, Self]:
+        """The robot for so many seconds."""
+        return counted(length, "second"), replace(self, looks=round(length / TIME_STEP) + 1)  # type: ignore[type-var]
 
 
 def light_of(world: World) -> LightAt:

@@ -5,14 +5,20 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import number
+from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.files import read_text, why_unread
+
+if TYPE_CHECKING:
+    from taichi_sim.rigid import RigidEngine, RigidResult
+    from taichi_sim.rigid.gradient import RigidTape
+
+TIME_STEP, GRAVITY, SLIP = 0.05, -1.0, 0.01  # s, m/s^2, m/(N s), of the published experiments
 
 Lights = Sequence[Sequence[float]]
 Body = TypeVar("Body")
@@ -57,6 +63,11 @@ def check_lights(lights: Lights) -> Floats:
     return found
 
 
+def as_list(bodies: Body | Sequence[Body]) -> list[Body]:
+    """One body, or several, as a list."""
+    return list(bodies) if isinstance(bodies, Sequence) else [bodies]
+
+
 @dataclass(frozen=True, eq=False)
 class Trials(Generic[Body]):
     """N controllers, each in E environments, which change fastest.
@@ -74,12 +85,12 @@ class Trials(Generic[Body]):
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, field: str, bodies: Sequence[Body], weights: Floats, lights: Lights, height: float) -> Self:
+    def of(cls, field: str, bodies: Body | Sequence[Body], weights: Floats, lights: Lights, height: float) -> Self:
         """The trials of controllers in one body, or in one each.
 
         Args:
             field: what messages call the bodies.
-            bodies: one, or N.
+            bodies: one, or a list of one or N.
             weights: (N, S, M).
             lights: places of the light, (E, 2) [m].
             height: of the lights [m].
@@ -88,13 +99,34 @@ class Trials(Generic[Body]):
             ValueError: for lights that are no places, or another number of bodies.
         """
         places, count = check_lights(lights), len(weights)
-        if len(bodies) not in (1, count):
+        several = as_list(bodies)
+        if len(several) not in (1, count):
             allowed = "give one, or one for each of"
-            raise ValueError(f"{field}: {len(bodies)} are not allowed; {allowed} {count} controllers")
+            raise ValueError(f"{field}: {len(several)} are not allowed; {allowed} {count} controllers")
         each = len(places)
         sources = np.column_stack([np.tile(places, (count, 1)), np.full(count * each, height)])
-        several = list(bodies) if len(bodies) == 1 else [body for body in bodies for _ in range(each)]
+        if len(several) > 1:
+            several = [body for body in several for _ in range(each)]
         return cls(several, np.repeat(weights, each, 0), sources, (count, each))
+
+    def run(
+        self, engine: "RigidEngine", looks: int, record_every: int | None, gradients: bool
+    ) -> "tuple[RigidResult, RigidTape | None]":
+        """Run the trials, with so many looks at the sensors, each before a time step, the last one after all.
+
+        Returns:
+            What they came to, and the tape that gives its derivatives if gradients are wanted.
+        """
+        steps = whole_number("steps", looks, 1) - 1
+        if gradients:
+            tape = engine.record(steps, weights=self.weights, lights=self.lights)
+            return tape.result, tape
+        found = engine.run(steps, weights=self.weights, lights=self.lights, record_every=record_every)
+        return found, None
+
+    def distances(self, found: "RigidResult") -> Floats:
+        """Distances from the lights at the end, seen from above, by controllers and environments [m]."""
+        return self.by_environment(np.hypot(*(found.position - self.lights)[:, :2].T))
 
     def by_environment(self, values: Any) -> Any:
         """Values of the trials, (N E, ...), by controllers and environments, (N, E, ...)."""

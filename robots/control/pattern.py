@@ -7,7 +7,6 @@ chooses its function, so that networks are points of a space of fixed size.)
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -75,10 +74,27 @@ class PatternWiring:
         last = len(ACTIVATIONS) - 1
         return weights + [Variable(name, 0, last, "integer", step=GENE_STEP) for name in self.activation_names]
 
-    def network(self, values: Floats) -> "PatternNetwork":
-        """The network of values of :meth:`variables`, shape (G,)."""
-        border = len(self.weight_names)
-        return PatternNetwork.from_vector(self, values[:border], values[border:])
+    def network(self, values: ArrayLike) -> "PatternNetwork":
+        """The network of a genome, values of :meth:`variables`, shape (G,).
+
+        Raises:
+            ValueError: for another number of genes, or values that are not allowed.
+        """
+        genes, variables = np.array(values, float), self.variables()
+        if genes.shape != (len(variables),):
+            raise ValueError(f"genes: shape {genes.shape} is not allowed; give ({len(variables)},)")
+        for variable, gene in zip(variables, genes.tolist(), strict=True):
+            low, high, whole = variable.low, variable.high, variable.is_integer
+            if not low <= gene <= high or (whole and gene % 1):
+                kind = "a whole number" if whole else "a number"
+                raise ValueError(f"{variable.name}: {gene:g} is not allowed; give {kind} from {low:g} to {high:g}")
+        inside = self.hidden * (len(self.inputs) + 1)
+        into_hidden, into_outputs, functions = np.split(genes, [inside, len(self.weight_names)])
+        return PatternNetwork(
+            into_hidden.reshape(self.hidden, -1),
+            [list(ACTIVATIONS)[int(gene)] for gene in functions],
+            into_outputs.reshape(len(self.outputs), -1),
+        )
 
     @property
     def _hidden_names(self) -> list[str]:
@@ -87,7 +103,7 @@ class PatternWiring:
 
 @dataclass(frozen=True, eq=False)
 class PatternNetwork:
-    """A network: coordinates in, patterns out.
+    """A network, made by :meth:`PatternWiring.network`: coordinates in, patterns out.
 
     Attributes:
         hidden: weights of what the hidden nodes hear, the bias last, shape (H, I + 1).
@@ -98,51 +114,13 @@ class PatternNetwork:
         >>> wiring = PatternWiring(inputs=("x",), outputs=("height",), hidden=1)
         >>> wiring.weight_names
         ('weight_hidden1_x', 'weight_hidden1_bias', 'weight_height_hidden1', 'weight_height_bias')
-        >>> PatternNetwork.from_vector(wiring, [2.0, 0.0, 1.0, 0.5], [3])([[-1.0], [0.0], [0.5]]).ravel()
+        >>> wiring.network([2.0, 0.0, 1.0, 0.5, 3])([[-1.0], [0.0], [0.5]]).ravel()
         array([2.5, 0.5, 1.5])
     """
 
     hidden: Floats
     activations: Sequence[str]
     output: Floats
-
-    def __post_init__(self) -> None:
-        for field in ("hidden", "output"):
-            weights = np.array(getattr(self, field), float)
-            if weights.ndim != 2 or not np.isfinite(weights).all():
-                raise ValueError(f"{field}: shape {weights.shape}; give finite weights of shape (nodes, sources + 1)")
-            weights.setflags(write=False)
-            object.__setattr__(self, field, weights)
-        object.__setattr__(self, "activations", tuple(self.activations))
-        if unknown := [name for name in self.activations if name not in ACTIVATIONS]:
-            raise ValueError(f"activations: {unknown[0]!r} is unknown; choose of {', '.join(ACTIVATIONS)}")
-        if not len(self.hidden) == len(self.activations) == self.output.shape[1] - 1:
-            raise ValueError(
-                f"activations: {len(self.activations)} for {len(self.hidden)} hidden nodes, of which the outputs hear "
-                f"{self.output.shape[1] - 1}; the three must be equal"
-            )
-
-    @classmethod
-    def from_vector(cls, wiring: PatternWiring, weights: ArrayLike, activations: ArrayLike) -> Self:
-        """The network of a genome.
-
-        Args:
-            wiring: its nodes.
-            weights: in the order of ``wiring.weight_names``, from -``WEIGHT_LIMIT`` to ``WEIGHT_LIMIT``.
-            activations: in the order of ``wiring.activation_names``, whole numbers, see ``ACTIVATIONS``.
-
-        Raises:
-            ValueError: in one line, for another number of genes, or values that are not allowed.
-        """
-        values = _genes("weights", weights, wiring.weight_names, -WEIGHT_LIMIT, WEIGHT_LIMIT, False)
-        genes = _genes("activations", activations, wiring.activation_names, 0, len(ACTIVATIONS) - 1, True)
-        border = wiring.hidden * (len(wiring.inputs) + 1)
-        functions = list(ACTIVATIONS)
-        return cls(
-            values[:border].reshape(wiring.hidden, -1),
-            [functions[int(gene)] for gene in genes],
-            values[border:].reshape(len(wiring.outputs), -1),
-        )
 
     def __call__(self, coordinates: ArrayLike) -> Floats:
         """The outputs, shape (C, O), at C places, shape (C, I).
@@ -162,15 +140,3 @@ class PatternNetwork:
 def _affine(values: Floats, weights: Floats) -> Floats:
     """Weighted sums and bias, shape (C, nodes); summed in this order, whatever the number of places."""
     return (values[:, None, :] * weights[:, :-1]).sum(axis=2) + weights[:, -1]
-
-
-def _genes(field: str, given: ArrayLike, names: Sequence[str], low: float, high: float, whole: bool) -> Floats:
-    """Genes as numbers, checked one by one."""
-    values = np.asarray(given, float)
-    if values.shape != (len(names),):
-        raise ValueError(f"{field}: shape {values.shape} is not allowed; give ({len(names)},)")
-    for name, value in zip(names, values.tolist(), strict=True):
-        if not low <= value <= high or (whole and value % 1):
-            kind = "a whole number" if whole else "a number"
-            raise ValueError(f"{name}: {value:g} is not allowed; give {kind} from {low:g} to {high:g}")
-    return values

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.control.cyclic import SEGMENTS, STARTS, CyclicProgram, build_cyclic_program, surroundings
+from robots.control.cyclic import SEGMENTS, STARTS, build_cyclic_program, cycle_events, surroundings
 from robots.frames import Frames
 from robots.robot import Progress, part_of
 from robots.world import Terrain
@@ -15,7 +15,7 @@ from taichi_sim.autodiff.arrays import trace
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
 from taichi_sim.lattice.faces import half_extents
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def simulate(
     batch = _Batch(robot.on(terrain := terrain or Terrain()), _points(robot, points), terrain, every)
     if not len(batch.rows):
         return batch.result(None)
-    return batch.result(batch.engine(where).run(batch.program.program, progress))
+    return batch.result(batch.engine(where).run(batch.program, progress))
 
 
 def differentiate(
@@ -138,14 +138,14 @@ def _points(robot: "LatticeRobot", given: ArrayLike | None) -> Floats:
 def _differentiate(batch: "_Batch", where: dict[str, Any], memory: float, progress: Progress) -> LatticeRobotResult:
     if not len(batch.rows):
         return batch.result(None, np.zeros((0, batch.points.shape[1])))
-    tape = batch.engine(where).record(batch.program.program, memory, lambda f: progress(RECORDING * f))
+    tape = batch.engine(where).record(batch.program, memory, lambda f: progress(RECORDING * f))
     ok = tape.result.status == "ok"
     seeds = np.zeros(tape.result.positions.shape)
     push = batch.shares[:, None] * batch.robot.direction
     seeds[ok, 0], seeds[ok, 1] = -push, push
     back = tape.pull_back(positions=seeds, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
-    nodes = batch.program.pull_back(back.values, back.rates)
-    gradient: Floats = trace(batch.swing, batch.points[batch.rows])[1](nodes)[0]
+    (values, _), pull_back = trace(batch.events, batch.points[batch.rows])
+    gradient: Floats = pull_back(*(each[-values.size :].reshape(values.shape) for each in (back.values, back.rates)))[0]
     if numbers := list(batch.robot.free_moduli):
         gradient[:, -len(numbers) :] = back.materials["youngs_modulus"][:, numbers]
     gradient[~ok] = np.nan
@@ -171,7 +171,11 @@ class _Batch:
         moved = [nodes - self.robot.rest_of(drive)[..., None] for drive, nodes in pairs]
         return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
 
-    def _program(self, around: dict[int, float]) -> CyclicProgram:
+    def events(self, points: Any) -> tuple[Any, Any]:
+        """Values and rates of the events of the cycle, shape (events, N, C), at points that may be traced."""
+        return cycle_events(self.robot.cycle, 0.0, self.swing(points))
+
+    def _program(self, around: dict[int, float]) -> LatticeProgram:
         drives = self.robot.drives
         return build_cyclic_program(
             np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),

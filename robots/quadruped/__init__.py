@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
+    from robots.control.neural import GRAVITY as GRAVITY
+    from robots.control.neural import SLIP as SLIP
+    from robots.control.neural import TIME_STEP as TIME_STEP
     from robots.quadruped.body import AS_RUN as AS_RUN
     from robots.quadruped.body import ENVIRONMENTS as ENVIRONMENTS
-    from robots.quadruped.body import GRAVITY as GRAVITY
     from robots.quadruped.body import LEGGED as LEGGED
     from robots.quadruped.body import LEGS as LEGS
     from robots.quadruped.body import LIGHT_HEIGHT as LIGHT_HEIGHT
     from robots.quadruped.body import MOTORS as MOTORS
     from robots.quadruped.body import SENSORS as SENSORS
-    from robots.quadruped.body import SLIP as SLIP
     from robots.quadruped.body import STEPS as STEPS
     from robots.quadruped.body import TEXT as TEXT
-    from robots.quadruped.body import TIME_STEP as TIME_STEP
     from robots.quadruped.body import TWO_ENVIRONMENTS as TWO_ENVIRONMENTS
     from robots.quadruped.body import VARIANTS as VARIANTS
     from robots.quadruped.body import WHEELED as WHEELED

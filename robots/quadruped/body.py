@@ -21,7 +21,6 @@ LIGHT_HEIGHT = 0.15  # m
 ENVIRONMENTS = ((9.0, 0.0), (0.0, 9.0), (-9.0, 0.0), (0.0, -9.0))  # places of the light: 30 body lengths away
 TWO_ENVIRONMENTS = (ENVIRONMENTS[0], ENVIRONMENTS[2])
 STEPS = 1000
-TIME_STEP, GRAVITY, SLIP = 0.05, -1.0, 0.01  # s, m/s^2, m/(N s)
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,15 @@
 """What quadrupeds offer to commands, searches, views and reports."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
-from robots.control.neural import Lights, random_weights
-from robots.quadruped.body import MOTORS, SENSORS, STEPS, TIME_STEP, TWO_ENVIRONMENTS, VARIANTS, Kind, Quadruped
-from robots.quadruped.simulation import QuadrupedResult, differentiate, simulate
+from robots.control.neural import TIME_STEP, Lights, random_weights
+from robots.quadruped.body import MOTORS, SENSORS, STEPS, TWO_ENVIRONMENTS, VARIANTS, Kind, Quadruped
+from robots.quadruped.simulation import QuadrupedResult, simulate
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -60,11 +60,16 @@ class OfferedQuadruped(LightSeeker):
 
     def rollout(self, points: Floats, trial: Trial, lights: Lights) -> QuadrupedResult:
         """Controllers in the body."""
-        weights, variant = points.reshape(-1, SENSORS, MOTORS), VARIANTS[self.variant]
-        settings: Any = {"variant": variant, "steps": self.looks, **trial.compute.options}
-        if trial.gradients:
-            return differentiate(self.body, weights, lights, **settings)
-        return simulate(self.body, weights, lights, record_every=trial.record_every, **settings)
+        return simulate(
+            self.body,
+            points.reshape(-1, SENSORS, MOTORS),
+            lights,
+            variant=VARIANTS[self.variant],
+            steps=self.looks,
+            record_every=trial.record_every,
+            gradients=trial.gradients,
+            **trial.compute.options,
+        )
 
     def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
         """The light, with its gradient, and how much nearer it is."""
@@ -89,8 +94,3 @@ class OfferedQuadruped(LightSeeker):
             ("Driven", f"{MOTORS} motors by {SENSORS} sensors, {VARIANTS[self.variant].name}"),
             ("Trial", f"{(self.looks - 1) * TIME_STEP:g} s"),
         ]
-
-    def at_horizon(self, length: int) -> tuple[str, "OfferedQuadruped"]:
-        """The robot for so many seconds."""
-        seconds = "1 second" if length == 1 else f"{length} seconds"
-        return seconds, replace(self, looks=round(length / TIME_STEP) + 1)

@@ -2,27 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.control.neural import Lights, Trials, check_weights
+from robots.control.neural import GRAVITY, SLIP, TIME_STEP, Lights, Trials, as_list, check_weights
 from robots.quadruped.body import (
     AS_RUN,
-    GRAVITY,
     LIGHT_HEIGHT,
     MOTORS,
     SENSORS,
-    SLIP,
     STEPS,
-    TIME_STEP,
     TWO_ENVIRONMENTS,
     Quadruped,
     Variant,
 )
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import ComputeOptions
 from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
 
@@ -63,7 +60,7 @@ def engine(
     Raises:
         ValueError: for no robot, or several kinds.
     """
-    several = [robots] if isinstance(robots, Quadruped) else list(robots)
+    several = as_list(robots)
     if not several:
         raise ValueError("robots: an empty list is not allowed; give at least one")
     if len({each.kind for each in several}) > 1:
@@ -82,6 +79,7 @@ def simulate(
     variant: Variant = AS_RUN,
     steps: int = STEPS,
     record_every: int | None = None,
+    gradients: bool = False,
     width: int | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> QuadrupedResult:
@@ -93,57 +91,29 @@ def simulate(
         lights: places of the light in the environments, (E, 2) [m].
         variant: the published experiment, or its text.
         steps: looks at the sensors; the last one counts, so that steps - 1 time steps are run.
-        record_every: record every so many time steps.
+        record_every: record every so many time steps; not with gradients.
+        gradients: with the derivatives of the last light readings by the weights. Contacts, stops and limits act as
+            they did (see ``taichi_sim.rigid.gradient``). It takes about five times as long, and 2 MB for a rollout of
+            1,000 steps in f64. Derivatives of robots that diverged are NaN.
         width: rollouts side by side on a CPU; results do not depend on it.
         **compute: device, precision and threads, as of :class:`Compute`.
 
     Raises:
         ValueError: for what is not allowed.
     """
-    trials = _trials(robots, weights, lights)
-    run = engine(trials.bodies, variant, width=width, **compute).run
-    looks = whole_number("steps", steps, 1)
-    found = run(looks - 1, weights=trials.weights, lights=trials.lights, record_every=record_every)
-    return _result(trials, found, variant)
-
-
-def differentiate(
-    robots: Quadruped | Sequence[Quadruped],
-    weights: object,
-    lights: Lights = TWO_ENVIRONMENTS,
-    *,
-    variant: Variant = AS_RUN,
-    steps: int = STEPS,
-    width: int | None = None,
-    **compute: Unpack[ComputeOptions],
-) -> QuadrupedResult:
-    """As :func:`simulate`, with the derivatives of the last light readings by the weights.
-
-    Contacts, stops and limits act as they did (see ``taichi_sim.rigid.gradient``). It takes about five times as long
-    as :func:`simulate`, and 2 MB for a rollout of 1,000 steps in f64. Derivatives of robots that diverged are NaN.
-    """
-    trials = _trials(robots, weights, lights)
-    at_work = engine(trials.bodies, variant, width=width, **compute)
-    tape = at_work.record(whole_number("steps", steps, 1) - 1, weights=trials.weights, lights=trials.lights)
-    of_light = np.zeros((len(trials.weights), SENSORS))
-    of_light[:, -1] = 1
-    slopes = tape.pull_back(readings=of_light).weights
-    return _result(trials, tape.result, variant, trials.by_environment(slopes))
-
-
-def _trials(robots: Quadruped | Sequence[Quadruped], weights: object, lights: Lights) -> Trials[Quadruped]:
-    several = [robots] if isinstance(robots, Quadruped) else list(robots)
-    return Trials.of("robots", several, check_weights(weights, SENSORS, MOTORS), lights, LIGHT_HEIGHT)
-
-
-def _result(
-    trials: Trials[Quadruped], found: RigidResult, variant: Variant, gradient: Floats | None = None
-) -> QuadrupedResult:
-    """What a run came to, by controllers and environments."""
+    trials = Trials.of("robots", robots, check_weights(weights, SENSORS, MOTORS), lights, LIGHT_HEIGHT)
+    found, tape = trials.run(engine(trials.bodies, variant, width=width, **compute), steps, record_every, gradients)
+    slopes = None
+    if tape:
+        of_light = np.zeros((len(trials.weights), SENSORS))
+        of_light[:, -1] = 1
+        slopes = trials.by_environment(tape.pull_back(readings=of_light).weights)
     light = found.readings[:, -1]
     if variant.quantum:
         light = np.round(light / variant.quantum) * variant.quantum
-    away = np.hypot(*(found.position - trials.lights)[:, :2].T)
-    arrays = (light, away, found.closest, found.position, found.status)
-    light, away, closest, position, status = map(trials.by_environment, arrays)
-    return QuadrupedResult(light, away, closest, position, status, found, gradient)
+    arrays = (light, found.closest, found.position, found.status)
+    light, closest, position, status = map(trials.by_environment, arrays)
+    return QuadrupedResult(light, trials.distances(found), closest, position, status, found, slopes)
+
+
+differentiate = partial(simulate, gradients=True)

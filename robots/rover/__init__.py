@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
+    from robots.control.neural import GRAVITY as GRAVITY
+    from robots.control.neural import SLIP as SLIP
+    from robots.control.neural import TIME_STEP as TIME_STEP
     from robots.rover.body import BEST as BEST
     from robots.rover.body import CANONICAL as CANONICAL
-    from robots.rover.body import GRAVITY as GRAVITY
     from robots.rover.body import LIGHT_HEIGHT as LIGHT_HEIGHT
     from robots.rover.body import LIGHT_RADIUS as LIGHT_RADIUS
     from robots.rover.body import LIGHTS as LIGHTS
     from robots.rover.body import ROUNDING as ROUNDING
     from robots.rover.body import SENSES as SENSES
-    from robots.rover.body import SLIP as SLIP
     from robots.rover.body import STEPS as STEPS
-    from robots.rover.body import TIME_STEP as TIME_STEP
     from robots.rover.body import WHEEL_SETBACK as WHEEL_SETBACK
     from robots.rover.body import WIDTH as WIDTH
     from robots.rover.body import Rover as Rover

@@ -24,7 +24,6 @@ WHEEL_SETBACK = 0.025  # m, of the wheels behind the body's centre
 LIGHTS = ((4.0, 4.0), (-4.0, 4.0), (-4.0, -4.0), (4.0, -4.0))  # m, places of the light in the environments
 LIGHT_RADIUS, LIGHT_HEIGHT = 0.2, 0.201  # m
 STEPS = 2500
-TIME_STEP, GRAVITY, SLIP = 0.05, -1.0, 0.01  # s, m/s^2, m/(N s)
 ROUNDING = 2.0**-10  # m, added to the distance of success in the published experiment (spacing of half precision at 1)
 
 

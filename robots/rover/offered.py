@@ -1,13 +1,13 @@
 """What rovers offer to commands, searches, views and reports."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from robots.control.lights import LightAt, LightSeeker, approach, light_of
-from robots.control.neural import Lights
+from robots.control.neural import TIME_STEP, Lights
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
-from robots.rover.body import LIGHTS, STEPS, TIME_STEP, Rover
-from robots.rover.simulation import RoverResult, differentiate, simulate
+from robots.rover.body import LIGHTS, STEPS, Rover
+from robots.rover.simulation import RoverResult, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 
@@ -48,10 +48,8 @@ class OfferedRover(LightSeeker):
 
     def rollout(self, points: Floats, trial: Trial, lights: Lights) -> RoverResult:
         """Pairs of weights in the body."""
-        if trial.gradients:
-            return differentiate(self.body, points, lights, steps=self.looks, **trial.compute.options)
-        every, compute = trial.record_every, trial.compute.options
-        return simulate(self.body, points, lights, steps=self.looks, record_every=every, **compute)
+        every, gradients, compute = trial.record_every, trial.gradients, trial.compute.options
+        return simulate(self.body, points, lights, steps=self.looks, record_every=every, gradients=gradients, **compute)
 
     def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:
         """How much nearer the light is at the end, with its gradient, and was at any time; whether it was reached."""
@@ -78,8 +76,3 @@ class OfferedRover(LightSeeker):
             ("Sensors", places),
             ("Trial", f"{(self.looks - 1) * TIME_STEP:g} s"),
         ]
-
-    def at_horizon(self, length: int) -> tuple[str, "OfferedRover"]:
-        """The robot for so many seconds."""
-        seconds = "1 second" if length == 1 else f"{length} seconds"
-        return seconds, replace(self, looks=round(length / TIME_STEP) + 1)

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.control.neural import Lights, Trials
-from robots.rover.body import GRAVITY, LIGHT_HEIGHT, LIGHTS, SENSES, SLIP, STEPS, TIME_STEP, Rover
+from robots.control.neural import GRAVITY, SLIP, TIME_STEP, Lights, Trials, as_list
+from robots.rover.body import LIGHT_HEIGHT, LIGHTS, SENSES, STEPS, Rover
 from taichi_sim.base.arrays import Bools, Floats
-from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import ComputeOptions
 from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
 
@@ -68,11 +68,8 @@ def engine(
     Raises:
         ValueError: for no vehicle.
     """
-    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
-    if not several:
-        raise ValueError("rovers: an empty list is not allowed; give at least one")
     world, network = World(TIME_STEP, GRAVITY, SLIP, integration="velocity"), Network(memory=0.0)
-    return RigidEngine([each.tree() for each in several], world, SENSES, network, width=width, **compute)
+    return RigidEngine([each.tree() for each in as_list(rovers)], world, SENSES, network, width=width, **compute)
 
 
 def simulate(
@@ -82,6 +79,7 @@ def simulate(
     *,
     steps: int = STEPS,
     record_every: int | None = None,
+    gradients: bool = False,
     width: int | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> RoverResult:
@@ -92,47 +90,25 @@ def simulate(
         weights: w1 and w2, (N, 2).
         lights: places of the light in the environments, (E, 2) [m].
         steps: looks at the light, each before a time step; steps - 1 time steps are run.
-        record_every: record every so many time steps.
+        record_every: record every so many time steps; not with gradients.
+        gradients: with the derivatives of the distances at the end by the weights.
         width: rollouts side by side on a CPU; results do not depend on it.
         **compute: device, precision and threads, as of :class:`Compute`.
 
     Raises:
         ValueError: for what is not allowed.
     """
-    trials = _trials(rovers, weights, lights)
-    run = engine(trials.bodies, width=width, **compute).run
-    looks = whole_number("steps", steps, 1)
-    found = run(looks - 1, weights=trials.weights, lights=trials.lights, record_every=record_every)
-    return _result(trials, found)
-
-
-def differentiate(
-    rovers: Rover | Sequence[Rover],
-    weights: object,
-    lights: Lights = LIGHTS,
-    *,
-    steps: int = STEPS,
-    width: int | None = None,
-    **compute: Unpack[ComputeOptions],
-) -> RoverResult:
-    """As :func:`simulate`, with the derivatives of the distances at the end by the weights."""
-    trials = _trials(rovers, weights, lights)
-    at_work = engine(trials.bodies, width=width, **compute)
-    tape = at_work.record(whole_number("steps", steps, 1) - 1, weights=trials.weights, lights=trials.lights)
-    away = (tape.result.position - trials.lights) * [1.0, 1.0, 0.0]
-    slopes = tape.pull_back(position=away / np.linalg.norm(away, axis=1, keepdims=True)).weights
-    return _result(trials, tape.result, trials.by_environment(slopes[:, [0, 1], [1, 0]]))
-
-
-def _trials(rovers: Rover | Sequence[Rover], weights: object, lights: Lights) -> Trials[Rover]:
-    several = [rovers] if isinstance(rovers, Rover) else list(rovers)
-    return Trials.of("rovers", several, controllers(weights), lights, LIGHT_HEIGHT)
-
-
-def _result(trials: Trials[Rover], found: RigidResult, gradient: Floats | None = None) -> RoverResult:
-    """What a run came to, by controllers and environments."""
-    away = np.hypot(*(found.position - trials.lights)[:, :2].T)
+    trials = Trials.of("rovers", rovers, controllers(weights), lights, LIGHT_HEIGHT)
+    found, tape = trials.run(engine(trials.bodies, width=width, **compute), steps, record_every, gradients)
+    slopes = None
+    if tape:
+        away = (found.position - trials.lights) * [1.0, 1.0, 0.0]
+        by_weights = tape.pull_back(position=away / np.linalg.norm(away, axis=1, keepdims=True)).weights
+        slopes = trials.by_environment(by_weights[:, [0, 1], [1, 0]])
     enough = np.array([each.success_distance for each in trials.bodies])
-    arrays = (away, found.closest, found.closest <= enough, found.position, found.status)
-    away, closest, success, position, status = map(trials.by_environment, arrays)
-    return RoverResult(away, closest, success, position, status, found, gradient)
+    arrays = (found.closest, found.closest <= enough, found.position, found.status)
+    closest, success, position, status = map(trials.by_environment, arrays)
+    return RoverResult(trials.distances(found), closest, success, position, status, found, slopes)
+
+
+differentiate = partial(simulate, gradients=True)

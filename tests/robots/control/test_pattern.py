@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.control.pattern import ACTIVATIONS, WEIGHT_LIMIT, PatternNetwork, PatternWiring
+from robots.control.pattern import ACTIVATIONS, WEIGHT_LIMIT, PatternWiring
 
 WIRING = PatternWiring(inputs=("x", "y"), outputs=("a", "b", "c"), hidden=4)
 GENES = list(ACTIVATIONS)
@@ -12,13 +12,13 @@ GENES = list(ACTIVATIONS)
 def random_network(seed, wiring=WIRING):
     rng = np.random.default_rng(seed)
     weights = rng.uniform(-WEIGHT_LIMIT, WEIGHT_LIMIT, len(wiring.weight_names))
-    return PatternNetwork.from_vector(wiring, weights, rng.integers(0, len(GENES), wiring.hidden))
+    return wiring.network([*weights, *rng.integers(0, len(GENES), wiring.hidden)])
 
 
 def single(activation, weight=1.0, bias=0.0):
     """One hidden node that one output repeats."""
     wiring = PatternWiring(inputs=("x",), outputs=("a",), hidden=1)
-    network = PatternNetwork.from_vector(wiring, [weight, bias, 1.0, 0.0], [GENES.index(activation)])
+    network = wiring.network([weight, bias, 1.0, 0.0, GENES.index(activation)])
     return lambda x: network(np.reshape(x, (-1, 1))).ravel()
 
 
@@ -56,9 +56,9 @@ def test_the_wiring_names_every_gene_in_the_order_of_the_vector():
     places = np.random.default_rng(3).uniform(-1, 1, (5, 2))
     for name, moves in (("weight_a_hidden2", [True, False, False]), ("weight_c_bias", [False, False, True])):
         weights = np.full(len(WIRING.weight_names), 0.5)
-        before = PatternNetwork.from_vector(WIRING, weights, [1, 1, 1, 1])(places)
+        before = WIRING.network([*weights, 1, 1, 1, 1])(places)
         weights[WIRING.weight_names.index(name)] = 1.0
-        after = PatternNetwork.from_vector(WIRING, weights, [1, 1, 1, 1])(places)
+        after = WIRING.network([*weights, 1, 1, 1, 1])(places)
         assert (before != after).all(axis=0).tolist() == moves
 
 
@@ -73,21 +73,19 @@ def test_whatever_the_genome_outputs_are_finite(seed):
         (lambda: PatternWiring((), ("a",)), r"inputs: \(\) is not allowed; give at least one name"),
         (lambda: PatternWiring(("x",), ("a", "a")), "outputs: .* is not allowed; .* none twice"),
         (lambda: PatternWiring(("x",), ("a",), hidden=0), "hidden: 0 is not allowed; give a whole number, at least 1"),
-        (lambda: PatternNetwork.from_vector(WIRING, np.zeros(26), np.zeros(4)), r"weights: shape \(26,\)"),
+        (lambda: WIRING.network(np.zeros(30)), r"genes: shape \(30,\) is not allowed; give \(31,\)"),
         (
-            lambda: PatternNetwork.from_vector(WIRING, [3.5, *np.zeros(26)], np.zeros(4)),
+            lambda: WIRING.network([3.5, *np.zeros(30)]),
             "weight_hidden1_x: 3.5 is not allowed; give a number from -3 to 3",
         ),
         (
-            lambda: PatternNetwork.from_vector(WIRING, [*np.zeros(26), np.nan], np.zeros(4)),
+            lambda: WIRING.network([*np.zeros(26), np.nan, *np.zeros(4)]),
             "weight_c_bias: nan is not allowed",
         ),
         (
-            lambda: PatternNetwork.from_vector(WIRING, np.zeros(27), [0, 0.5, 0, 0]),
+            lambda: WIRING.network([*np.zeros(27), 0, 0.5, 0, 0]),
             "activation_hidden2: 0.5 is not allowed; give a whole number from 0 to 5",
         ),
-        (lambda: PatternNetwork([[1.0, 0.0]], ["cube"], [[1.0, 0.0]]), "activations: 'cube' is unknown"),
-        (lambda: PatternNetwork([[1.0, 0.0]], ["tanh"], [[1.0]]), "activations: 1 for 1 hidden nodes"),
         (
             lambda: random_network(0)([[1.0]]),
             r"coordinates: shape \(1, 1\); give finite numbers of shape \(places, 2\)",
