@@ -6,7 +6,7 @@ the robot. The robots of evosoro and voxcraft-sim are of this kind.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from typing import Any, Unpack
@@ -19,7 +19,7 @@ from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.simulation import LatticeRobotResult
+from robots.lattice_robot.simulation import LatticeRobotResult, assembled
 from robots.lattice_robot.simulation import simulate as simulate_lattice_robot
 from robots.robot import Progress, part_of
 from robots.world import Terrain
@@ -210,21 +210,15 @@ def simulate(
     groups: dict[bytes, list[int]] = {}
     for i in np.flatnonzero(reason == "").tolist():
         groups.setdefault(designs[i].connected[0].tobytes(), []).append(i)
-    count = len(designs)
-    distance, status, steps = np.full(count, np.nan), np.full(count, "invalid", object), np.zeros(count, np.int64)
-    bodies: list[Any] = [None] * count
-    frames: list[Any] = [None] * count
+    parts = []
     for done, members in enumerate(groups.values()):
         robot, points = _batch([designs[i] for i in members], tissue, drive)
         tick = part_of(progress, done, len(groups))
         found = simulate_lattice_robot(robot, points, terrain, record_every=record_every, progress=tick, **compute)
-        distance[members], status[members], steps[members] = found.distance, found.status, found.steps
-        for row, i in enumerate(members):
-            bodies[i], frames[i] = found.bodies[row], found.frames[row]
+        parts.append((np.array(members), found))
+    result = assembled(parts, reason, walker_cycle(drive, tissue).time_step)
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
-    speed = distance / lengths * drive.frequency / drive.cycles
-    dt = walker_cycle(drive, tissue).time_step
-    return LatticeRobotResult(distance, speed, status.astype(str), reason, steps, dt, tuple(bodies), tuple(frames))
+    return replace(result, speed=result.distance / lengths * drive.frequency / drive.cycles)
 
 
 def _batch(
