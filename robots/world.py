@@ -219,9 +219,7 @@ def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     """
     if isinstance(terrain, Terrain):
         return [terrain] * count
-    terrains = [terrain] if isinstance(terrain, str) else list(terrain)
-    if wrong := [each for each in terrains if not isinstance(each, Terrain)]:
-        raise ValueError(f"terrain: {wrong[0]!r} is not allowed; give a Terrain, such as Terrain.parse('hill:15')")
+    terrains = [terrain_of(each) for each in ([terrain] if isinstance(terrain, str) else terrain)]
     if len(terrains) != count:
         raise ValueError(f"terrain: {len(terrains)} are not allowed for {count} designs; give one, or one each")
     if len({each.is_fluid for each in terrains}) > 1:

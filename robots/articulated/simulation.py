@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.robot import Progress
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
+from taichi_sim.rigid import Network, RigidEngine, RigidResult, Tree, poses
 from taichi_sim.rigid.pose import rotation_matrix
 
 if TYPE_CHECKING:
@@ -109,7 +109,8 @@ def _in_parts(points: Floats, at_once: int, progress: Progress | None) -> Iterat
 
 
 def _engine(robot: "ArticulatedRobot", compute: Compute) -> RigidEngine:
-    return RigidEngine(robot.model.tree, robot.world, robot.senses, robot.network, **compute.options)
+    network = Network()  # of neurons that remember their last values, as those of the quadrupeds
+    return RigidEngine(robot.model.tree, robot.world, robot.senses, network, **compute.options)
 
 
 def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, object]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from robots.braitenberg.body import BASELINE, CONTROLLERS, FORMAT, HALF_SIDE, VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral
 from robots.braitenberg.sweeps import sweep
-from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
 from robots.world import Environment
 from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
@@ -221,8 +221,7 @@ class VehicleRobot(Robot):
         places = np.full((len(paths), max(map(len, paths)), 2), np.nan)
         for row, path in zip(places, paths, strict=True):
             row[: len(path)] = path
-        count, lights = len(paths), np.unique(self.task.lights, axis=0)
-        among = "1 environment" if count == 1 else f"{count} environments"
+        lights, among = np.unique(self.task.lights, axis=0), counted(len(paths), "environment")
         words = f"Paths of the best vehicle in {among}, from above, and the light"
         found = [Picture(words, lambda axes: draw_paths(axes, places, lights), (3.4, 3.2))]
         task = self.task

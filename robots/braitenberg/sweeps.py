@@ -14,7 +14,8 @@ import numpy as np
 from robots.braitenberg.body import VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, check_bodies, contralateral, weight_grid
 from taichi_sim.base.arrays import Bytes
-from taichi_sim.base.checks import whole_number
+from taichi_sim.base.checks import choice, whole_number
+from taichi_sim.base.compute import PRECISIONS
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
 from taichi_sim.vehicle import VehicleTask, rollout
 
@@ -46,8 +47,7 @@ class Sweep:
         object.__setattr__(self, "weights", whole_number("weights", self.weights, 2))
         if self.weights > MOST_WEIGHTS:
             raise ValueError(f"weights: {self.weights} is not allowed; give at most {MOST_WEIGHTS}")
-        if self.precision not in ("f32", "f64"):
-            raise ValueError(f"precision: {self.precision!r} is unknown; choose one of f32, f64")
+        choice("precision", self.precision, PRECISIONS)
         _ = self.task
 
     @property
@@ -166,14 +166,10 @@ def _orbits(bodies: Sequence[VehicleBody]) -> dict[VehicleBody, list[tuple[int, 
 def _load(folder: ResultsFolder) -> dict[VehicleBody, Overlap]:
     known: dict[VehicleBody, Overlap] = {}
     for arrays in folder.load(OVERLAPS):
-        known |= {_body(s): o for s, o in zip(arrays["sites"].tolist(), arrays["overlaps"], strict=True)}
+        known |= {VehicleBody(s): o for s, o in zip(arrays["sites"], arrays["overlaps"], strict=True)}
     return known
 
 
 def _add(folder: ResultsFolder, fresh: dict[VehicleBody, Overlap]) -> None:
     sites = np.array([body.sensors for body in fresh])
     folder.add(OVERLAPS, sites.tobytes(), sites=sites, overlaps=np.stack(list(fresh.values())))
-
-
-def _body(places: list[list[float]]) -> VehicleBody:
-    return VehicleBody(tuple((x, y) for x, y in places))

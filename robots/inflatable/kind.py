@@ -86,10 +86,10 @@ class InflatableKind(TerrainKind):
         from robots.inflatable.offered import InflatableRobot
 
         named = source or GAITS[0]
-        title = named if named in GAITS else Path(named).stem
+        name = named if named in GAITS else Path(named).stem
         gait = load_gait(named, bool(options.get("from_rows")))
         geometry = load_calibration(options["calibration"])[1] if "calibration" in options else GEOMETRIES[0]
-        return InflatableRobot(gait, geometry, title=title).changed(options)
+        return InflatableRobot(gait, geometry, name=name).changed(options)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs and gait tables."""

@@ -62,7 +62,7 @@ class InflatableRobot(Robot):
         seed: of that noise.
         speeds: counts the speeds of a result; None is the published convention.
         counted_steps: time steps by which pictures count the speed; None is the published convention.
-        title: what people call it.
+        name: what people call it.
     """
 
     gait: InflatableDesign
@@ -74,7 +74,7 @@ class InflatableRobot(Robot):
     seed: int = 0
     speeds: Callable[[InflatableResult], Floats] | None = None
     counted_steps: int | None = None
-    title: str = "inflatable robot"
+    name: str = "inflatable robot"
 
     kind = "inflatable"
     measures = MEASURES
@@ -84,11 +84,6 @@ class InflatableRobot(Robot):
     def __post_init__(self) -> None:
         if self.properties is not None and self.gait.schedule.has_own_times:
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
-
-    @property
-    def name(self) -> str:
-        """What people call it."""
-        return self.title
 
     @property
     def exportable(self) -> bool:  # type: ignore[override]

@@ -1,6 +1,6 @@
 """What drives groups of a robot's regions: waves of size, temperature, pressure or friction, some of them free."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -129,17 +129,22 @@ class Drive:
     def filled(self, given: Iterable[float]) -> "Drive":
         """The drive without anything free; ``given`` are values of :attr:`free`, in its order."""
         numbers = iter(given)
-        plain: dict[str, Any] = {}
-        for field, values in self._fields():
-            filled = tuple(next(numbers) if isinstance(value, Free) else value for value in values)
-            plain[field] = filled if isinstance(getattr(self, field), tuple) else filled[0]
-        return replace(self, **plain)
+        return replace(self, **self._each(lambda value: next(numbers) if isinstance(value, Free) else value))
 
     def describe(self) -> dict[str, Any]:
         """All of the drive, fit for JSON; a free value is a record of its fields."""
         told = {"name": self.name, "regions": list(self.regions), "quantity": self.quantity, "axes": self.axes}
-        values = {field: _plain(getattr(self, field)) for field in FIELDS}
-        return told | {field: value for field, value in values.items() if value is not None}
+        values = self._each(lambda value: asdict(value) if isinstance(value, Free) else value)
+        return told | {field: list(held) if isinstance(held, tuple) else held for field, held in values.items()}
+
+    def _each(self, change: Callable[[Value], Any]) -> dict[str, Any]:
+        """What a function makes of each value, one after the other, by fields; without a mean that is not given."""
+        found: dict[str, Any] = {}
+        for field in FIELDS:
+            held = getattr(self, field)
+            if held is not None:
+                found[field] = tuple(map(change, held)) if isinstance(held, tuple) else change(held)
+        return found
 
     def nodes(self, points: Any, rest: Floats) -> Any:
         """What the drive makes of its channels at the nodes of a cycle, shape (N, Q, G, 16): Q channels of G regions.
@@ -163,12 +168,6 @@ class Drive:
 
     def _of_regions(self, values: Any) -> Any:
         return np.broadcast_to(values, (len(values), len(self.regions)))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    return asdict(value) if isinstance(value, Free) else value
 
 
 def _curve(knots: Any, places: Any) -> Any:

@@ -34,14 +34,14 @@ class WalkerRobot(Robot):
         encoding: how a point says a body: ``"direct"``, the material of each voxel, or ``"pattern"``, a network.
         actuation: of active voxels, and how long.
         body: the one body, or None if it is free.
-        title: what people call it.
+        name: what people call it.
     """
 
     shape: tuple[int, ...] = (4, 4, 3)
     encoding: str = "direct"
     actuation: WalkerActuation = field(default_factory=WalkerActuation)
     body: WalkerDesign | None = None
-    title: str = "soft walker"
+    name: str = "soft walker"
 
     kind = "walker"
     measures = (
@@ -57,11 +57,6 @@ class WalkerRobot(Robot):
             raise ValueError(f"shape: {shape} is not allowed; give (X, Y, Z)")
         object.__setattr__(self, "shape", tuple(whole_number("shape", side, 1) for side in shape))
         _ = self._encoding
-
-    @property
-    def name(self) -> str:
-        """What people call it."""
-        return self.title
 
     @cached_property
     def _encoding(self) -> WalkerEncoding:
@@ -79,7 +74,7 @@ class WalkerRobot(Robot):
 
     def design(self, point: ArrayLike) -> "WalkerRobot":
         """The walker of a point, shape (P,)."""
-        return replace(self, body=self.bodies(point)[0], title="walker")
+        return replace(self, body=self.bodies(point)[0], name="walker")
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the bodies of N points walk."""
