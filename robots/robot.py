@@ -134,7 +134,7 @@ class Robot:
     def differentiate(
         self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
     ) -> Outcome:
-        """As :meth:`simulate`, with the derivatives of at least the first measure by the parameters.
+        """Try N designs in a world, with the derivatives of at least the first measure by the parameters.
 
         Raises:
             ValueError: if the robot has no gradients.
@@ -334,17 +334,13 @@ class FixedRobot(Robot):
         """Title of its picture."""
         return self.robot.title_of(outcome, world)
 
+    def replay(self, point: ArrayLike, world: World, **settings: Any) -> Replay:
+        """Try the design, and build its motion, in the robot's own way."""
+        return self.robot.replay(self.point, world, **settings)
+
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design."""
         self.robot.save(self.point, path)
-
-    def describe(self) -> dict[str, Any]:
-        """The robot, and the values that are fixed."""
-        return {"robot": self.robot.describe(), "point": self.point.tolist()}
-
-    def facts(self) -> Facts:
-        """Rows for a report."""
-        return self.robot.facts()
 
     def facts_of(self, point: ArrayLike) -> Facts:
         """Rows for a report about the design."""

@@ -114,7 +114,7 @@ class Terrain:
         """The terrain of a name: ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, or ``"water"``.
 
         Raises:
-            ValueError: in one line, for any other name or slope.
+            ValueError: for any other name or slope.
         """
         kind, _, degrees = text.partition(":")
         if text == "flat":
@@ -215,7 +215,7 @@ def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     """The terrain of each of ``count`` robots of a batch: one for all, or one each, with the same around all of them.
 
     Raises:
-        ValueError: in one line, for another number of terrains, or ground for some and a fluid for others.
+        ValueError: for another number of terrains, or ground for some and a fluid for others.
     """
     if isinstance(terrain, Terrain):
         return [terrain] * count

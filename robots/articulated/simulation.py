@@ -77,7 +77,7 @@ def differentiate(
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> ArticulatedResult:
-    """As :func:`simulate`, with the derivatives of the distance by the parameters.
+    """Let a robot move at N points, with the derivatives of the distance by its parameters.
 
     Contacts, stops and limits act as they did, see ``taichi_sim.rigid.gradient``.
 

@@ -59,7 +59,7 @@ class Cycle:
 
     @property
     def duration(self) -> float:
-        """Of the cycles that count [s]."""
+        """Duration of the cycles that count [s]."""
         return self.cycles / self.frequency
 
 

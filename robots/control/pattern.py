@@ -126,7 +126,7 @@ class PatternNetwork:
         """The outputs, shape (C, O), at C places, shape (C, I).
 
         Raises:
-            ValueError: in one line, for coordinates of another shape, or that are not finite.
+            ValueError: for coordinates of another shape, or that are not finite.
         """
         places, inputs = np.asarray(coordinates, float), self.hidden.shape[1] - 1
         if places.ndim != 2 or places.shape[1] != inputs or not np.isfinite(places).all():

@@ -178,12 +178,6 @@ class InflatableRobot(Robot):
             "simulated)"
         )
 
-    def facts(self) -> Facts:
-        """Its body, and the rig whose properties it has."""
-        geometry = self.parts[0]
-        robot = f"inflatable shape-changing robot, {self.geometry} geometry, {geometry.body_length:g} m long"
-        return [("Robot", robot), *([("Rig", fitted(self.properties))] if self.properties else [])]
-
     def facts_of(self, point: ArrayLike) -> Facts:
         """Shape, heading and gait."""
         gait = self.gait

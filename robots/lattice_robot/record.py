@@ -21,7 +21,7 @@ def load_saved_robot(path: str | PathLike[str]) -> LatticeRobot:
     """Read a robot written by :func:`save_robot`.
 
     Raises:
-        ValueError: in one line, that names the file and what is wrong with it.
+        ValueError: one line that names the file and what is wrong with it.
     """
     return read_record(path, ROBOT_FORMAT, robot_of_record)
 

@@ -193,13 +193,13 @@ class LatticeRobot(Robot):
 
     @property
     def direction(self) -> Floats:
-        """Of travel, shape (3,)."""
+        """Direction of travel, shape (3,)."""
         heading = np.deg2rad(self.heading)
         return np.array([np.cos(heading), np.sin(heading), 0.0])
 
     @property
     def length(self) -> float:
-        """Of the body along its heading [m]."""
+        """Length of the body along its heading [m]."""
         return float(np.ptp(self.body.start_positions @ self.direction)) + self.body.voxel_size
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
@@ -233,7 +233,7 @@ class LatticeRobot(Robot):
 
     @cached_property
     def _material_of(self) -> dict[int, Material]:
-        """Of the first voxel of each region."""
+        """Material of the first voxel of each region."""
         regions, first = np.unique(np.asarray(self.body.regions), return_index=True)
         found = [self.body.materials[m] for m in self.body.material_index[first]]
         return dict(zip(regions.tolist(), found, strict=True))

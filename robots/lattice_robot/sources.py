@@ -57,7 +57,7 @@ def robot_of_voxel_file(
         settings: of ``LatticeRobot``.
 
     Raises:
-        ValueError: in one line, for a file that nothing drives, or whose heat no material feels.
+        ValueError: for a file that nothing drives, or whose heat no material feels.
     """
     heat = file.heat
     if heat is None:
