@@ -44,7 +44,7 @@ class ArticulatedKind(RobotKind):
 
     def world(self, text: str) -> World:
         """The only one there is."""
-        from robots.articulated.robot import GROUND
+        from robots.articulated.simulation import GROUND
 
         checks.choice(self.world_option, text, (GROUND.name,))
         return GROUND

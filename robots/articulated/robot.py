@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from robots.articulated.simulation import GROUND, try_points
 from robots.outcome import recorded
-from robots.robot import Facts, Measure, Outcome, Parameter, Place, Robot, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
-GROUND = Place("ground")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +164,7 @@ class ArticulatedRobot(Robot):
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
-        from robots.articulated.simulation import differentiate, simulate
-
-        compute, tell = trial.compute.options, trial.progress
-        if trial.gradients:
-            found = differentiate(self, points, progress=tell, **compute)
-        else:
-            found = simulate(self, points, record_every=trial.record_every, progress=tell, **compute)
+        found = try_points(self, points, trial)
         seconds = self.steps * self.world.time_step
         slopes = {}
         if found.gradient is not None:

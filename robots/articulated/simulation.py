@@ -1,13 +1,12 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.robot import Progress
+from robots.robot import Place, Progress, Trial
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.rigid import Network, RigidEngine, RigidResult, Tree, poses
@@ -16,6 +15,7 @@ from taichi_sim.rigid.pose import rotation_matrix
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
 
+GROUND = Place("ground")
 PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
@@ -62,12 +62,7 @@ def simulate(
     Raises:
         ValueError: for what is not allowed.
     """
-    checked = robot.points(points)
-    engine = _engine(robot, Compute.given(compute))
-    runs = []
-    for some in _in_parts(checked, ROBOTS_AT_ONCE, progress):
-        runs.append(engine.run(robot.steps, **_driven(robot, some), record_every=record_every))  # type: ignore[arg-type]
-    return _result(robot, runs)
+    return try_points(robot, points, Trial(GROUND, Compute.given(compute), record_every, progress))
 
 
 def differentiate(
@@ -84,33 +79,32 @@ def differentiate(
     Raises:
         ValueError: for what is not allowed, Coulomb friction included: it has no derivatives here.
     """
-    checked = robot.points(points)
-    engine = _engine(robot, Compute.given(compute))
-    tree = robot.model.tree
-    state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
-    at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1)))
-    runs, slopes = [], []
-    for some in _in_parts(checked, at_once, progress):
-        tape = engine.record(robot.steps, **_driven(robot, some))  # type: ignore[arg-type]
-        of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
-        found = tape.pull_back(position=of_position, orientation=of_orientation, angles=of_angles)
-        given = found.weights if robot.controller == "network" else rhythm_slopes(robot, some, found.commands)
-        runs.append(tape.result)
-        slopes.append(given.reshape(len(some), -1))
-    return _result(robot, runs, np.concatenate(slopes))
+    return try_points(robot, points, Trial(GROUND, Compute.given(compute), None, progress, gradients=True))
 
 
-def _in_parts(points: Floats, at_once: int, progress: Progress | None) -> Iterator[Floats]:
-    """Points, part by part; the progress is told after each."""
-    for first in range(0, len(points), at_once):
-        yield points[first : first + at_once]
-        if progress:
-            progress(min(1.0, (first + at_once) / len(points)))
-
-
-def _engine(robot: "ArticulatedRobot", compute: Compute) -> RigidEngine:
+def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
+    """What a robot does at N points, shape (N, P), in a trial."""
+    points, tree = robot.points(points), robot.model.tree
     network = Network()  # of neurons that remember their last values, as those of the quadrupeds
-    return RigidEngine(robot.model.tree, robot.world, robot.senses, network, **compute.options)
+    engine = RigidEngine(tree, robot.world, robot.senses, network, **trial.compute.options)
+    state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
+    at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
+    runs, slopes = [], []
+    for first in range(0, len(points), at_once):
+        some = points[first : first + at_once]
+        driven: Any = _driven(robot, some)
+        if trial.gradients:
+            tape = engine.record(robot.steps, **driven)
+            of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
+            found = tape.pull_back(position=of_position, orientation=of_orientation, angles=of_angles)
+            given = found.weights if robot.controller == "network" else rhythm_slopes(robot, some, found.commands)
+            runs.append(tape.result)
+            slopes.append(given.reshape(len(some), -1))
+        else:
+            runs.append(engine.run(robot.steps, **driven, record_every=trial.record_every))
+        if trial.progress:
+            trial.progress((first + len(some)) / len(points))
+    return _result(robot, runs, np.concatenate(slopes) if slopes else None)
 
 
 def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, object]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
+from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from robots.world import Terrain, terrain_of
@@ -266,13 +267,7 @@ class LatticeRobot(Robot):
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
-        from robots.lattice_robot.simulation import differentiate, simulate
-
-        terrain, compute, tell = terrain_of(trial.world), trial.compute.options, trial.progress
-        if trial.gradients:
-            found = differentiate(self, points, terrain, **compute, progress=tell)
-        else:
-            found = simulate(self, points, terrain, **compute, record_every=trial.record_every, progress=tell)
+        found = try_points(self, points, trial)
         gradients = {}
         if found.gradient is not None:
             seconds = self.cycle.duration

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.control.cyclic import SEGMENTS, STARTS, build_cyclic_program, cycle_events, surroundings
 from robots.frames import Frames
-from robots.robot import Progress, part_of
-from robots.world import Terrain
-from taichi_sim import runtime
+from robots.robot import Progress, Trial, part_of
+from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats, Ints
@@ -77,15 +76,8 @@ def simulate(
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
     """
-    where, terrain = Compute.given(compute), terrain or Terrain()
-    every = None if record_every is None else whole_number("record_every", record_every, 1)
-    robot, points = robot.on(terrain), robot.points(robot.start if points is None else points)
-    reason = np.array([robot.fault(point) for point in points])
-    parts = []
-    if len(rows := np.flatnonzero(reason == "")):
-        batch = _Batch(robot, points[rows], terrain, where, every)
-        parts.append((rows, batch.result(batch.engine.run(batch.program, progress))))
-    return assembled(parts, reason, robot.cycle.time_step)
+    trial = Trial(terrain or Terrain(), Compute.given(compute), record_every, progress)
+    return try_points(robot, robot.start if points is None else points, trial)
 
 
 def differentiate(
@@ -108,17 +100,32 @@ def differentiate(
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
     """
-    where, terrain = runtime.start(Compute.given(compute)), terrain or Terrain()
-    robot, points = robot.on(terrain), robot.points(robot.start if points is None else points)
+    trial = Trial(terrain or Terrain(), Compute.given(compute), None, progress, gradients=True)
+    return try_points(robot, robot.start if points is None else points, trial, memory)
+
+
+def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: float = 1e9) -> LatticeRobotResult:
+    """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`."""
+    compute, terrain = trial.compute, terrain_of(trial.world)
+    every = None if trial.record_every is None else whole_number("record_every", trial.record_every, 1)
+    robot, points = robot.on(terrain), robot.points(points)
     reason = np.array([robot.fault(point) for point in points])
-    size = len(points) if where.device != "cpu" else NATIVE_WIDTH[where.precision] * where.thread_count
+    size = len(points)
+    if trial.gradients and compute.device == "cpu":
+        size = NATIVE_WIDTH[compute.precision] * compute.thread_count
     groups = [np.arange(first, min(first + size, len(points))) for first in range(0, len(points), size)]
     parts = []
     for done, group in enumerate(groups):
-        tick = part_of(progress, done, len(groups)) or (lambda _: None)
-        if len(rows := group[reason[group] == ""]):
-            parts.append((rows, _differentiate(_Batch(robot, points[rows], terrain, where), memory, tick)))
-    return assembled(parts, reason, robot.cycle.time_step, points.shape[1])
+        rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
+        if not len(rows):
+            continue
+        batch = _Batch(robot, points[rows], terrain, compute, every)
+        if trial.gradients:
+            found = _differentiate(batch, memory, tick or (lambda _: None))
+        else:
+            found = batch.result(batch.engine.run(batch.program, tick))
+        parts.append((rows, found))
+    return assembled(parts, reason, robot.cycle.time_step, points.shape[1] if trial.gradients else None)
 
 
 def assembled(
@@ -174,7 +181,7 @@ class _Batch:
         points: Floats,
         terrain: Terrain,
         compute: Compute,
-        record_every: int | None = None,
+        record_every: int | None,
     ) -> None:
         self.robot, self.points, self.record_every = robot, points, record_every
         self.bodies = robot.bodies(points)

@@ -116,4 +116,5 @@ def simulate(
     return QuadrupedResult(light, trials.distances(found), closest, position, status, found, slopes)
 
 
+# Run controllers, with the derivatives of the last light readings by their weights.
 differentiate = partial(simulate, gradients=True)

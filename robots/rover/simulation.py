@@ -111,4 +111,5 @@ def simulate(
     return RoverResult(trials.distances(found), closest, success, position, status, found, slopes)
 
 
+# Run controllers, with the derivatives of the distances at the end by their weights.
 differentiate = partial(simulate, gradients=True)
