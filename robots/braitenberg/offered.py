@@ -182,10 +182,10 @@ class VehicleRobot(Robot):
 
     def describe(self) -> dict[str, Any]:
         """Body, controller and task."""
-        task = {name: getattr(self.task, name) for name in ("radius", "time_step", "steps")}
-        places = {"starts": self.task.starts.tolist(), "lights": self.task.lights.tolist()}
+        fields = ("starts", "lights", "radius", "time_step", "steps")
+        task = {name: np.asarray(getattr(self.task, name)).tolist() for name in fields}
         body = None if self.body is None else [list(site) for site in self.body.sensors]
-        return {"body": body, "controller": self.controller, "sensors": self.sensors, "task": {**places, **task}}
+        return {"body": body, "controller": self.controller, "sensors": self.sensors, "task": task}
 
     def facts(self) -> Facts:
         """Sensors, controller, and the task."""

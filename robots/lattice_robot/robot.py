@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,19 +97,16 @@ class LatticeRobot(Robot):
         known = set(np.unique(self.body.regions).tolist())  # type: ignore[arg-type]
         seen: dict[tuple[int, int], str] = {}
         for drive in self.drives:
-            for region in drive.regions:
+            for region, quantity in product(drive.regions, drive.quantities):
                 if region not in known:
                     raise ValueError(
                         f"regions: {region} of {drive.name} is unknown; the body has {min(known)} to {max(known)}"
                     )
-                for quantity in drive.quantities:
-                    if (region, quantity) in seen:
-                        other = seen[region, quantity]
-                        raise ValueError(
-                            f"drives: {other} and {drive.name} both set the {drive.quantity} of region "
-                            f"{region}; give one"
-                        )
-                    seen[region, quantity] = drive.name
+                other = seen.setdefault((region, quantity), drive.name)
+                if other != drive.name:
+                    raise ValueError(
+                        f"drives: {other} and {drive.name} both set the {drive.quantity} of region {region}; give one"
+                    )
             feels = self.body.pressure_normals[self._driven_by(drive)]  # type: ignore[index]
             if drive.quantity == "pressure" and not feels.any():
                 raise ValueError(f"drives: no voxel of {drive.name} has a face under pressure; give pressure_normals")
