@@ -18,7 +18,7 @@ from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text
-from taichi_sim.rigid import Senses
+from taichi_sim.rigid import Network, Senses
 from taichi_sim.rigid.model.assembly import Model
 from taichi_sim.rigid.model.files import parse_model
 
@@ -122,6 +122,11 @@ class ArticulatedRobot(Robot):
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
         return rigid.World(own.time_step, own.gravity, own.slip, friction, own.error_reduction, own.integration)
+
+    @property
+    def network(self) -> Network:
+        """Neurons that remember their last values, as those of the quadrupeds."""
+        return Network()
 
     @property
     def steps(self) -> int:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.robot import Place, Progress, Trial
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.rigid import Network, RigidEngine, RigidResult, Tree, poses
+from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
 from taichi_sim.rigid.pose import rotation_matrix
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ def differentiate(
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
-    network = Network()  # of neurons that remember their last values, as those of the quadrupeds
-    engine = RigidEngine(tree, robot.world, robot.senses, network, **trial.compute.options)
+    engine = RigidEngine(tree, robot.world, robot.senses, robot.network, **trial.compute.options)
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     runs, slopes = [], []

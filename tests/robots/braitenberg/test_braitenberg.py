@@ -198,7 +198,7 @@ module.BODIES_PER_FILE = 4
 sweep([VehicleBody.published(d) for d in range(150, 190)], weights=21, steps=3000, out=Path({str(tmp_path / "a")!r}))
 """
     process = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT)
-    while not (files := list((tmp_path / "a").glob("*.npz"))):
+    while not (files := list((tmp_path / "a").glob("[!.]*.npz"))):  # not one that is being written
         assert process.poll() is None
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
