@@ -164,9 +164,9 @@ def named_source(text: str) -> Named:
         ValueError: if it is none of these.
     """
     path = Path(text)
-    if path.is_dir():
+    found = None if (path / "config.toml").exists() else find_robot(text)  # a folder may be called as a robot is
+    if found is None and path.is_dir():
         return Named(kind_of_run(path), run=path)
-    found = find_robot(text)
     if found is None:
         known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
         raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")

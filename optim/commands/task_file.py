@@ -19,7 +19,7 @@ def take_task(args: argparse.Namespace) -> None:
     """Set what the command line leaves open to what the task file of ``--task`` says.
 
     Raises:
-        ValueError: in one line, if the file cannot be read, or has a key that is no option.
+        ValueError: if the file cannot be read, or has a key that is no option.
     """
     if args.task is None:
         return

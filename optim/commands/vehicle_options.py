@@ -24,7 +24,7 @@ def design_numbers(text: str) -> list[int]:
     """Numbers of bodies of the published grid, ascending: ``162,6553``, ``1-100`` or ``all``.
 
     Raises:
-        ValueError: in one line, for anything else, as types of arguments do.
+        ValueError: for anything else, as types of arguments do.
     """
     from robots.braitenberg import DESIGNS  # slow to import
 

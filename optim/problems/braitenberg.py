@@ -106,7 +106,7 @@ class VehicleProblem(JudgedRobot):
         return {"solved": "environments solved"}
 
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
-        """Nothing: the log has what the environments add up to."""
+        """Nothing for each environment: the log has only what they add up to."""
         return [{} for _ in self.tried_in]
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -118,7 +118,7 @@ class VehicleProblem(JudgedRobot):
         return self._distances(done.closest[:, 0], done.diverged[:, 0])
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """The same, as nothing is binary; with gradients of the total, see ``clip``."""
+        """Judge points as :meth:`evaluate` does, as nothing is binary; with gradients of the total, see ``clip``."""
         if not gradients:
             return self.evaluate(points)
         if self.objectives != "total":

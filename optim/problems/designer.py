@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from optim.problem import GAIT, ROBOT, Problem, RelaxableProblem
-from robots.robot import KINDS, Option, Robot, RobotKind, World, make_robot
+from robots.robot import KINDS, Option, RobotKind, World, make_robot
 
 COMPUTE = ("precision", "device", "threads")
 KINDS_OF_1_0 = {GAIT: "inflatable", ROBOT: "lattice"}  # of robots, where descriptions of problems name them otherwise
@@ -114,7 +114,7 @@ class Designer:
         if asked.known is not None:
             return Design(self._continued(asked, settings))
         settings.setdefault("objective", "each" if asked.several else "mean")
-        return Design(RobotProblem(self._robot(asked), **settings))
+        return Design(RobotProblem(make_robot(self.kind, asked.source, self._own(asked.given)), **settings))
 
     def worlds(self, asked: Request) -> tuple[World, ...]:
         """The worlds asked for, in whichever way each of them is named."""
@@ -122,22 +122,24 @@ class Designer:
         found = (self.kind.chosen_world({name: value}) for name in names for value in asked.given.get(name, ()))
         return tuple(world for world in found if world is not None)
 
-    def _robot(self, asked: Request) -> Robot:
-        names = [option.name for option in self.kind.options]
-        return make_robot(self.kind, asked.source, asked.chosen(names))
+    def _own(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of the options that make robots of the kind."""
+        names = {option.name for option in self.kind.options}
+        return {name: value for name, value in given.items() if name in names}
 
     def _continued(self, asked: Request, settings: dict[str, Any]) -> Problem:
         """The problem of the run, with what may be given again."""
         known: Any = asked.known
-        names = [option.name for option in self.kind.options]
-        if asked.source is not None or asked.chosen(names):
-            offered = self._robot(asked)
-            if offered.describe() != known.offered.describe():
-                what = asked.source or "what is given"
-                raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; leave it out")
+        own = self._own(asked.given)
+        told = asked.source is not None or own
+        if told and make_robot(self.kind, asked.source, own).describe() != known.offered.describe():
+            what = asked.source or "what is given"
+            raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; leave it out")
         fields = {each.name for each in dataclasses.fields(known)}
         if "worlds" in settings and "terrain" in fields:  # of version 1.0
-            (settings["terrain"],) = settings.pop("worlds")
+            settings["terrain"], *others = settings.pop("worlds")
+            if others:
+                raise ValueError(f"terrain: the run in {asked.out} has one; leave out {others[0].name}")
         for name in settings.keys() - fields:
             raise ValueError(f"{name}: the run in {asked.out} is one of version 1.0, which knows none; leave it out")
         problem: Problem = dataclasses.replace(known, **settings)
@@ -155,8 +157,7 @@ class Designer:
         """
         from optim.problems.robot import RobotProblem
 
-        known = {option.name for option in self.kind.options}
-        robot = make_robot(self.kind, source, {name: given[name] for name in given if name in known})
+        robot = make_robot(self.kind, source, self._own(given))
         compute = {name: given[name] for name in COMPUTE if name in given}
         world = self.kind.chosen_world(given)
         lengths = list(wanted if wanted is not None else robot.horizons)
@@ -195,7 +196,7 @@ class VehicleDesigner(Designer):
         if asked.known is not None:
             asked.same("problem.objectives", asked.given.get("objective"), getattr(asked.known, "objectives", ""))
             return Design(self._continued(asked, settings))
-        robot: Any = self._robot(asked)
+        robot: Any = make_robot(self.kind, asked.source, self._own(asked.given))
         if not robot.parameters:
             raise ValueError("controller: weights leave nothing free to change; give contralateral or full")
         objectives = asked.given.get("objective") or ("environments" if asked.several else "total")

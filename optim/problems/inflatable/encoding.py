@@ -63,7 +63,7 @@ class FixedGait(GaitEncoding):
     given: GaitSchedule
 
     def variables(self) -> list[Variable]:
-        """None."""
+        """No variables: the schedule is fixed."""
         return []
 
     def schedule(self, values: Floats) -> GaitSchedule:
@@ -186,7 +186,7 @@ class GradedGait(GaitEncoding):
         """Genes of all columns that a schedule plays, one after the other.
 
         Raises:
-            ValueError: in one line, for what they cannot say: times of motion, and core pressures of columns.
+            ValueError: for what they cannot say: times of motion, and core pressures of columns.
         """
         if schedule.core_pressure is not None:
             raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
@@ -280,7 +280,7 @@ class GradedWaveGait(GradedGait):
         """Genes of a wave.
 
         Raises:
-            ValueError: in one line, for what is none, and for what graded genes cannot say.
+            ValueError: for what is no wave, and for what graded genes cannot say.
         """
         levels, grip, settle = np.split(
             GradedGait.genome(dataclasses.replace(schedule, repeats=1), actuation).reshape(-1, schedule.columns),

@@ -83,13 +83,13 @@ class Outcomes:
         return cls(conditions, speeds, status, slopes)
 
     def capped(self, most: float) -> "Outcomes":
-        """The same with speeds of at most so much on all terrains but the last; those that are cut have no slope.
+        """Cap the speeds on all terrains but the last; those that are cut have no slope.
 
         On a ladder nobody gains by being faster on easy ground than is asked for there, but loses by sliding down the
         next slope.
 
         Args:
-            most: [body lengths/s].
+            most: the highest speed that counts there [body lengths/s].
         """
         last = self.conditions[-1]
         spared = {last.name, last.follows if last.carries else None}  # what carries is the same terrain, harder

@@ -118,7 +118,7 @@ class GaitProblem(GaitSettings):
         return dict(zip(self.space.names, values, strict=True))
 
     def in_full(self) -> "GaitProblem":
-        """The same with gaits of the full length."""
+        """This problem with gaits of the full length."""
         return dataclasses.replace(self, steps=None, warm_up=0, stages=1)
 
     def counted_steps(self, design: InflatableDesign) -> int:
@@ -133,7 +133,7 @@ class GaitProblem(GaitSettings):
 
     @cached_property
     def _control(self) -> GaitEncoding:
-        """Of the schedule."""
+        """How genes say the schedule."""
         if self.schedule is not None:
             return FixedGait(self.columns, self.repeats, self.schedule)
         encoding = ENCODINGS[self.encoding]

@@ -43,6 +43,13 @@ def test_vehicles_side_by_side(morpholab, tmp_path):
     assert "<title>vehicle, rover</title>" in page and 'id="motion-1"' in page
 
 
+def test_a_folder_that_holds_no_run_hides_no_robot(morpholab, tmp_path):
+    (tmp_path / "vehicle").mkdir()
+    assert morpholab("view vehicle --frames 5 --out vehicle/page.html --threads 1 --quiet")[0] == 0
+    code, _, error = morpholab("view . --out page.html --quiet")
+    assert code == 2 and "holds no run; its config.toml is missing" in error
+
+
 def test_a_quadruped_with_weights_from_a_file(morpholab, tmp_path):
     np.save(tmp_path / "w.npy", np.zeros((5, 8)))
     line = "view legged --controller w.npy --threads 1 --frames 50 --glb walk.glb"

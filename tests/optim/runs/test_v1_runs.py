@@ -62,6 +62,12 @@ def test_they_are_read(name, folder, morpholab):
     assert (code, error) == (0, "")
 
 
+@pytest.mark.parametrize("name", ["walker", "robot"])
+def test_they_have_one_terrain(name, folder, morpholab):
+    code, _, error = morpholab(f"codesign --resume --out {folder} --terrain flat --terrain hill:5")
+    assert code == 2 and f"terrain: the run in {folder} has one; leave out hill:5" in error
+
+
 @runs
 def test_their_designs_are_loaded(name, folder):
     if name in LOADERS:
