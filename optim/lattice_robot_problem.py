@@ -1,11 +1,5 @@
 """Forwards to ``optim.problems.lattice_robot``: the import path of version 1.0."""
 
-from optim.problems.lattice_robot import (
-    OPTIONS,
-    LatticeRobotProblem,
-)
+from optim.problems.lattice_robot import OPTIONS, LatticeRobotProblem
 
-__all__ = [
-    "OPTIONS",
-    "LatticeRobotProblem",
-]
+__all__ = ["OPTIONS", "LatticeRobotProblem"]

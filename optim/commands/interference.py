@@ -34,14 +34,7 @@ COMMAND = Command(
         flag("figures", "also draw mutations, curves and paths"),
         QUIET,
     ),
-    {
-        "simulation": (
-            count("steps", 2, "(default: 1000)", default=1000),
-            options.precision("f64"),
-            DEVICE,
-            THREADS,
-        )
-    },
+    {"simulation": (count("steps", 2, "(default: 1000)", default=1000), options.precision("f64"), DEVICE, THREADS)},
 )
 
 

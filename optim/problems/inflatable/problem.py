@@ -244,12 +244,7 @@ class GaitProblem(GaitSettings):
         return np.array([used for used, _ in each]), slopes
 
     def _simulated(
-        self,
-        designs: Sequence[InflatableDesign],
-        number: int,
-        relaxed: bool,
-        points: Floats | None,
-        sharpness: float,
+        self, designs: Sequence[InflatableDesign], number: int, relaxed: bool, points: Floats | None, sharpness: float
     ) -> tuple[Floats, NDArray[Any], Floats]:
         """Speeds, status and slopes under the condition of a number, see :meth:`_judged`."""
         condition = self.conditions[number]

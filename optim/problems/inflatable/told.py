@@ -29,10 +29,7 @@ def facts_of(problem: "GaitProblem") -> Facts:
     return [
         ("Robot", f"inflatable shape-changing robot, {problem.geometry} geometry, {geometry.body_length:g} m long"),
         ("Terrains", ", ".join(_described(terrain) for terrain in problem.terrains)),
-        (
-            "Objective",
-            f"{aim if len(problem.terrains) > 1 else 'speed'}, in body lengths a second {convention} (BL/s)",
-        ),
+        ("Objective", f"{aim if len(problem.terrains) > 1 else 'speed'}, in body lengths a second {convention} (BL/s)"),
         ("Free", ", ".join(problem.free)),
         ("Fixed", ", ".join(held) or "nothing"),
         ("Gait", f"{problem.columns} columns, played {often}, encoded as {problem.encoding}"),
