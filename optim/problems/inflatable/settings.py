@@ -103,7 +103,7 @@ class GaitSettings(RobotDesigning):
         if self.schedule is not None:
             object.__setattr__(self, "columns", self.schedule.columns)
             object.__setattr__(self, "repeats", self.schedule.repeats)
-            object.__setattr__(self, "encoding", "codes")  # of nothing
+            object.__setattr__(self, "encoding", "codes")  # unused
         if self.properties is not None and self._timed:
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
         for name in GRADED_OPTIONS:
