@@ -11,7 +11,7 @@ from run_products import products
 
 from optim.problems.inflatable.outcomes import effort
 from optim.problems.inflatable.problem import GaitProblem
-from optim.report.robot_run import RunSubject
+from optim.report.robot_run import RobotSubject
 from optim.runs.comparison import JUDGED
 from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, simulation
@@ -248,12 +248,12 @@ def test_views_play_the_robot_of_the_run_or_the_rig(morpholab, simulator, tmp_pa
 
 @pytest.mark.usefixtures("rig")
 def test_what_a_run_says_of_its_rig(tmp_path):
-    run = RunSubject(GaitProblem((Terrain(),), geometry="small", properties=FITTED))
+    run = RobotSubject(GaitProblem((Terrain(),), geometry="small", properties=FITTED))
     told = dict(run.facts)
     assert told["Rig"] == "friction 1.2, low friction 0.3, modulus 3.3e+05 Pa, inflation rate 2 1/s"
     (simulated,) = [line for what, line in run.commands(tmp_path) if what.startswith("Simulate")]
     assert f"--calibration {tmp_path / 'calibration.json'}" in simulated
-    assert "Rig" not in dict(RunSubject(GaitProblem((Terrain(),))).facts)
+    assert "Rig" not in dict(RobotSubject(GaitProblem((Terrain(),))).facts)
 
 
 @pytest.mark.usefixtures("rig")
