@@ -258,9 +258,9 @@ class LatticeEngine:
         Raises:
             ValueError: as :meth:`run`; or if the memory is too small.
         """
-        from taichi_sim.lattice.gradient import record
+        from taichi_sim.lattice.gradient import Tape
 
-        return record(self, program, memory, progress)
+        return Tape(self, program, memory, progress)
 
     @runtime.exclusive
     def begin(self, program: LatticeProgram) -> Run:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sim import runtime
-from taichi_sim.lattice.checkpoints import FORWARD, Plan, make_plan
+from taichi_sim.lattice.checkpoints import FORWARD, make_plan
 from taichi_sim.lattice.material_gradient import material_gradients
 from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
 from taichi_sim.lattice.stages import memory as places
 
 if TYPE_CHECKING:
-    from taichi_sim.lattice.drivers.driver import Reverse, Run
+    from taichi_sim.lattice.drivers.driver import Reverse
     from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 
 
@@ -47,25 +47,6 @@ class LatticeGradient:
     materials: dict[str, np.ndarray]
 
 
-def record(
-    engine: "LatticeEngine", program: LatticeProgram, memory: float, progress: Callable[[float], None] | None
-) -> "Tape":
-    """See ``LatticeEngine.record``."""
-    if not memory > 0:
-        raise ValueError(f"memory: {memory!r} is not allowed; give a positive number of bytes")
-    initial, state = engine.initial_channels.copy(), engine.state()
-    run = engine.begin(program)
-    start = run.checkpoint()
-    steps = int(program.lengths.max())
-    plan = make_plan(steps, run.state_bytes, sum(a.nbytes for a in start), memory, run.reverse_bytes, run.most_states)
-    checkpoints = {0: start}
-    for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:
-        run.advance(mark, tick=progress)
-        checkpoints[mark] = run.checkpoint()
-    run.advance(tick=progress)
-    return Tape(engine, program, run, plan, checkpoints, initial, state)
-
-
 class Tape:
     """A run that can be differentiated, as often as wanted; the engine may go on meanwhile.
 
@@ -78,17 +59,25 @@ class Tape:
         self,
         engine: "LatticeEngine",
         program: LatticeProgram,
-        run: "Run",
-        plan: Plan,
-        checkpoints: dict[int, tuple[np.ndarray, ...]],
-        initial: np.ndarray,
-        start: "LatticeState",
+        memory: float,
+        progress: Callable[[float], None] | None = None,
     ) -> None:
-        """Finish the run; see ``LatticeEngine.record``."""
+        """Run the program; the arguments are those of ``LatticeEngine.record``."""
+        if not memory > 0:
+            raise ValueError(f"memory: {memory!r} is not allowed; give a positive number of bytes")
+        self._engine, self._program = engine, program
+        self._initial_channels, self._start = engine.initial_channels.copy(), engine.state()
+        self._run = run = engine.begin(program)
+        start = run.checkpoint()
+        steps, kept = int(program.lengths.max()), sum(a.nbytes for a in start)
+        self._plan = plan = make_plan(steps, run.state_bytes, kept, memory, run.reverse_bytes, run.most_states)
+        self._checkpoints = {0: start}
+        for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:
+            run.advance(mark, tick=progress)
+            self._checkpoints[mark] = run.checkpoint()
+        run.advance(tick=progress)
         self.result: LatticeResult = engine.finish(run)
         self.state: LatticeState = engine.state()
-        self._engine, self._program, self._run, self._plan = engine, program, run, plan
-        self._checkpoints, self._initial_channels, self._start = checkpoints, initial, start
 
     @property
     def memory(self) -> float:
@@ -118,6 +107,8 @@ class Tape:
                 although the cost depends on it.
         """
         recorded = self._pose_seeds(positions, orientations), self._strain_seeds(strains), self._size_seeds(sizes)
+        for seeds in recorded:
+            seeds[self._program.snapshots < 0] = 0.0
         finals = self._state_seeds(state)
         lost = np.flatnonzero(self.result.status != "ok")
         for robot in lost:
@@ -158,13 +149,11 @@ class Tape:
         for name, given, part in (("positions", positions, slice(0, 3)), ("orientations", orientations, slice(3, 7))):
             if given is not None:
                 seeds[..., part] = _checked(name, given, (*shape, part.stop - part.start))
-        seeds[self._program.snapshots < 0] = 0.0
         return seeds[:, :, self._engine.order]
 
     def _strain_seeds(self, strains: np.ndarray | None) -> np.ndarray:
         shape = self.result.strains.shape
         seeds = np.zeros(shape) if strains is None else _checked("strains", strains, shape).copy()
-        seeds[self._program.snapshots < 0] = 0.0
         return seeds
 
     def _size_seeds(self, sizes: np.ndarray | None) -> np.ndarray:
@@ -176,7 +165,6 @@ class Tape:
         given = _checked("sizes", sizes, shape)[:, :, self._engine.order]
         for group in range(seeds.shape[2]):
             seeds[:, :, group] = np.ascontiguousarray(given[:, :, tables.group == group]).sum(axis=2)
-        seeds[self._program.snapshots < 0] = 0.0
         return seeds
 
     def _state_seeds(self, state: "LatticeState | None") -> np.ndarray:

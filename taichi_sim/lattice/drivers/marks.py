@@ -128,10 +128,9 @@ def apply_event(ms: ti.template(), k, lane, e, robot, t: ti.template(), marks: t
                 for c in ti.static(range(3)):
                     marks.sizes[robot, snapshot, g, c] = ms[k + current_size(g, t) + c, lane]
             else:
-                x, y, z = laws.grown_scales(*first_sizes(ms, k, lane, g, t))
-                marks.sizes[robot, snapshot, g, 0] = t.edge * x
-                marks.sizes[robot, snapshot, g, 1] = t.edge * y
-                marks.sizes[robot, snapshot, g, 2] = t.edge * z
+                scales = laws.grown_scales(*first_sizes(ms, k, lane, g, t))
+                for c in ti.static(range(3)):
+                    marks.sizes[robot, snapshot, g, c] = t.edge * scales[c]
 
 
 @ti.func
@@ -153,13 +152,8 @@ def current_size(g, t: ti.template()):
 def first_sizes(ms: ti.template(), k, lane, g, t: ti.template()):
     """Thermal expansion, temperature and scales with which the first step of a run begins."""
     swells, warm, x, y, z = size_slots(t.plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP, g, t)
-    return (
-        ms[k + swells, lane],
-        next_value(ms, k + warm, lane),
-        next_value(ms, k + x, lane),
-        next_value(ms, k + y, lane),
-        next_value(ms, k + z, lane),
-    )
+    temperature, scale_x = next_value(ms, k + warm, lane), next_value(ms, k + x, lane)
+    return ms[k + swells, lane], temperature, scale_x, next_value(ms, k + y, lane), next_value(ms, k + z, lane)
 
 
 @ti.func
@@ -250,11 +244,7 @@ def receive(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), mar
 def receive_first_sizes(u: ti.template(), lane, robot, snapshot, g, t: ti.template(), marks: ti.template()):
     """Add the cotangents of the sizes of group g with which a run begins."""
     inputs = first_sizes(u.m, u.k, lane, g, t)
-    seeds = (
-        t.edge * marks.sizes[robot, snapshot, g, 0],
-        t.edge * marks.sizes[robot, snapshot, g, 1],
-        t.edge * marks.sizes[robot, snapshot, g, 2],
-    )
+    seeds = ti.static(tuple([t.edge * marks.sizes[robot, snapshot, g, c] for c in range(3)]))
     cotangents = ti.static(pull_back(laws.grown_scales, inputs, (), seeds))
     slots = size_slots(t.plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP, g, t)
     u.a[u.k + slots[0], lane] += cotangents[0]

@@ -7,6 +7,7 @@ periods, as in those files; the phase of a material in radians.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -64,19 +65,15 @@ def read_vxa(root: Element) -> VoxelFile:
     regions = np.zeros(array.shape, np.int64)
     regions[filled] = labels(array[filled], phases if heat else np.zeros(len(phases)))
     body = body_from_array(array, [m for m, _, _ in palette], size, regions=regions, fixed=held[array])
-    none = np.zeros((body.voxel_count, 3))
     ignored += _environment(root)
-    return VoxelFile(
-        body,
-        np.array([c for _, c, _ in palette], np.uint8),
-        none,
-        none,
-        np.zeros((body.voxel_count, 6)),
-        heat,
-        _gravity(root),
-        _switch(root, ".//Gravity/FloorEnabled"),
-        _optional(root, ".//Integration/DtFrac"),
-        tuple(dict.fromkeys(ignored)),
+    return replace(
+        VoxelFile.of_body(body),
+        colours=np.array([c for _, c, _ in palette], np.uint8),
+        heat=heat,
+        gravity=_gravity(root),
+        floor=_switch(root, ".//Gravity/FloorEnabled"),
+        time_step_fraction=_optional(root, ".//Integration/DtFrac"),
+        ignored=tuple(dict.fromkeys(ignored)),
     )
 
 
