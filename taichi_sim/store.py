@@ -6,7 +6,7 @@ from taichi_sim.autodiff.lanes import Real
 
 
 class Store:
-    """Memory for so many slots a robot, zero at first: lanes block by block (CPU), or robots side by side (GPU)."""
+    """Memory of ``count`` slots a robot, zero at first: lanes block by block (CPU), or robots side by side (GPU)."""
 
     def __init__(self, real: Real, count: int, blocks: int, on_cpu: bool) -> None:
         """Allocate ``count`` slots for each of ``blocks`` reals."""

@@ -35,14 +35,14 @@ class Variable:
             raise ValueError(
                 f"kind: {self.kind!r} of {self.name} is unknown; choose one of {', '.join(get_args(Kind))}"
             )
-        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; low must be below high")
-        if self.is_integer and (self.low % 1 or self.high % 1):
-            raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; give whole numbers")
-        if self.kind == "binary" and (self.low, self.high) != (0, 1):
-            raise ValueError(
-                f"{self.name}: bounds {self.low} to {self.high} are not allowed; a binary runs from 0 to 1"
-            )
+        finite = math.isfinite(self.low) and math.isfinite(self.high)
+        for fits, allowed in (
+            (finite and self.low < self.high, "low must be below high"),
+            (not self.is_integer or not (self.low % 1 or self.high % 1), "give whole numbers"),
+            (self.kind != "binary" or (self.low, self.high) == (0, 1), "a binary runs from 0 to 1"),
+        ):
+            if not fits:
+                raise ValueError(f"{self.name}: bounds {self.low} to {self.high} are not allowed; {allowed}")
         if not (math.isfinite(self.step) and self.step >= 0):
             raise ValueError(f"{self.name}: step {self.step} is not allowed; give a finite number, at least 0")
         if self.start is not None and not self.low <= self.start <= self.high:

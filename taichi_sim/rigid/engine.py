@@ -189,7 +189,7 @@ class RigidEngine:
     def _given(
         self, weights: Floats | None, commands: Floats | None, lights: Floats | None, start: State
     ) -> dict[str, Floats]:
-        """What a run is given, checked, as arrays by name."""
+        """Check the arrays of a run, and return them by name."""
         motors, hinges, sensors = self.tree.motors, len(self.tree.hinges), self.senses.count
         if weights is not None and commands is not None:
             raise ValueError("commands: not allowed beside weights; give one of them")

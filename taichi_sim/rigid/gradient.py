@@ -1,4 +1,4 @@
-"""Derivatives of what a run comes to by all that it was given.
+"""Derivatives of a run's results by everything that it was given.
 
 Contacts, joints at their stops and motors at their limits act as they did in the run; where they begin or end to, the
 motion has kinks and jumps, which derivatives do not see.

@@ -1,4 +1,4 @@
-"""How kernels read and write the slots of robots' memory (see ``slots``)."""
+"""Reading and writing the slots of robots' memory in kernels; ``slots`` describes them."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -35,7 +35,7 @@ class Block(NamedTuple):
 
 @primitive
 def start_of(block: Any, width: Any, lanes: bool) -> Any:
-    """Where a block lies in a memory with so many slots a robot, as ``lanes.load`` wants it."""
+    """First slot of a block in a memory with ``width`` slots a robot; on a GPU its number (see ``lanes.load``)."""
     return emit(block * width) if lanes else block
 
 
@@ -140,7 +140,7 @@ def point_at(robots: Block, i: Any) -> Any:
 @primitive
 def column(robots: Block, b: Any, place: int) -> Any:
     """An integer of a body."""
-    return listed_in_plan(robots, slots.TABLE, b * slots.BODY_COLUMNS + place)
+    return emit(element(robots.plan, slots.PLACES + b * slots.BODY_COLUMNS + place))
 
 
 @primitive

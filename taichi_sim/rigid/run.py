@@ -1,4 +1,4 @@
-"""A run of a batch: what robots are given, their memory part by part, and the results that are read off it."""
+"""A run of a batch: its inputs, the robots' memory part by part, and the results that are read off it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -83,7 +83,7 @@ class Run:
         return found
 
     def _carried(self, robots: Ints, given: Given) -> tuple[Floats, Floats, Floats]:
-        """What bodies carry, (B, bodies, 6), their places, (B, bodies, 3), and velocities, (B, bodies, 6)."""
+        """Arrays (B, bodies, ...): what bodies carry (momenta or velocities), their places and their velocities."""
         by_momentum, state = self.world.integration == "momentum", [given[each.name] for each in fields(State)]
         if len(self.trees) == 1:
             return _of_tree(self.trees[0], State(*state), by_momentum)
@@ -172,7 +172,7 @@ def bodies_of(memory: Floats, plan: NDArray[np.int32]) -> Floats:
 
 
 def _rows(array: Floats, robots: Ints) -> Floats:
-    """What some robots are given, where one row may serve all."""
+    """Rows of some robots, where one row may serve all."""
     return array[robots] if len(array) > 1 else np.repeat(array, len(robots), 0)
 
 

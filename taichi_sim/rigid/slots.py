@@ -4,16 +4,16 @@ So nothing compiles again for another tree: what differs between trees is an arg
 makes the plan.
 """
 
-# Places in the plan: counts; first slots of sections of the memory; then where lists begin in the plan itself: integers
-# of bodies, the body of each point, the hinged bodies between the base and each body, the body of each light sensor,
-# the slots that a step starts from (KEPT of them), and those that are recorded (FRAME_WIDTH).
+# Places in the plan: counts; first slots of sections of the memory; then where lists begin in the plan itself: the body
+# of each point, the hinged bodies between the base and each body, the body of each light sensor, the slots that a step
+# starts from (KEPT of them), and those that are recorded (FRAME_WIDTH). Before these lists, after the places, lie the
+# integers of bodies.
 BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS = range(8)
 HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH = range(8, 15)
 BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
     range(15, 27)
 )
-TABLE, POINT_BODIES, PATHS, EYES, STATE, FRAME = range(27, 33)
-PLAN_LENGTH = 33
+POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(27, 33)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
 # reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world.

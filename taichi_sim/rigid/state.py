@@ -1,4 +1,4 @@
-"""Where robots are, and what a run came to: plain arrays over the batch."""
+"""State and results of rigid robots: plain arrays over the batch."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from taichi_sim.base.arrays import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where robots are; arrays of one robot serve all.
+    """Poses and velocities of robots; arrays of one robot serve all.
 
     Attributes:
         position: of the base's centre, (B, 3) [m].
@@ -29,7 +29,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What was recorded, from the start on.
+    """Poses, readings and neurons over time, from the start on.
 
     Attributes:
         times: (F,) [s].
@@ -50,7 +50,7 @@ class Frames:
 
 @dataclass(frozen=True, eq=False)
 class RigidResult:
-    """What a run came to. Numbers of a robot that diverged are NaN.
+    """Result of a run. Numbers of a robot that diverged are NaN.
 
     Attributes:
         position: of the base's centre, (B, 3) [m].

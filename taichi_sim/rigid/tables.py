@@ -1,4 +1,4 @@
-"""Trees as the kernel wants them: integers that all robots of a batch share, and numbers of each."""
+"""Arrays that describe trees to kernels: the plan, which all robots of a batch share, and the parameters of each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Senses:
-    """What a robot senses, in the order of its controller's inputs.
+    """Sensors of a robot, in the order of its controller's inputs.
 
     Attributes:
         touch: names of bodies that feel whether they touch the ground.
@@ -53,7 +53,7 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
         len(points) * (len(points) + 1) // 2,
     )
     point_width = slots.HINGES + depth
-    plan: Ints = np.zeros(slots.PLAN_LENGTH, np.int32)
+    plan: Ints = np.zeros(slots.PLACES, np.int32)
     plan[: slots.HOLD] = bodies, len(points), len(senses.touch), len(eyes), sensors, motors, depth, commands
     widths = (  # from BODY to FACTOR
         *(slots.BODY_WIDTH * bodies, slots.PARAMETER_WIDTH * bodies, point_width * len(points)),
@@ -67,9 +67,9 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
     readings = plan[slots.READING] + np.arange(sensors)
     state = _listed(pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2))
     frame = _listed(pose, body_slots[tree.hinged] + slots.ANGLE, readings, neurons)
-    lists = rows.ravel(), _listed(points), paths.ravel(), _listed(eyes), state, frame  # from TABLE to FRAME
+    lists = rows.ravel(), _listed(points), paths.ravel(), _listed(eyes), state, frame  # the latter from POINT_BODIES on
     plan[[slots.KEPT, slots.FRAME_WIDTH]] = len(state), len(frame)
-    plan[slots.TABLE :] = slots.PLAN_LENGTH + np.cumsum([0, *map(len, lists[:-1])])
+    plan[slots.POINT_BODIES :] = slots.PLACES + np.cumsum([len(each) for each in lists[:-1]])
     return np.concatenate([plan, *lists])
 
 

@@ -26,7 +26,7 @@ GPU_THREADS = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """What rollouts came to, each array of shape (B, C, E).
+    """Results of rollouts, each array of shape (B, C, E).
 
     Attributes:
         reached: whether the vehicle came closer to the light than the radius.

@@ -49,7 +49,7 @@ class Memory(NamedTuple):
 
 
 class Jobs(NamedTuple):
-    """What rollouts are given: sizes, and arrays of bodies, controllers and environments.
+    """Inputs of rollouts: sizes, and arrays of bodies, controllers and environments.
 
     Attributes:
         first: number of the launch's first rollout.
@@ -85,7 +85,7 @@ class Jobs(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What rollouts came to: smallest squared distances, steps before success, final squared distances."""
+    """Results of rollouts: smallest squared distances, steps before success, final squared distances."""
 
     closest: Any
     waited: Any
@@ -107,7 +107,7 @@ def store_all(memory: Memory, k: Any, slots: Sequence[int], single: bool, values
 
 @ti.func
 def end_rollout(ms: ti.template(), k, lane, job, found: ti.template()):
-    """Note what a rollout came to."""
+    """Write down the results of a rollout."""
     found.closest[job] = ms[k + CLOSEST, lane]
     found.waited[job] = ti.cast(ms[k + WAITED, lane], ti.i32)
     px, py = ms[k + PX, lane], ms[k + PY, lane]

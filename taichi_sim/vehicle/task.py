@@ -1,4 +1,4 @@
-"""What vehicles are asked to do, and a batch of them in the arrays that kernels take."""
+"""Tasks of vehicles, and batches of vehicles in the arrays that kernels take."""
 
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -17,7 +17,7 @@ MOST_ROLLOUTS = 2**31 - 1
 
 @dataclass(frozen=True, eq=False)
 class VehicleTask:
-    """Environments, and how long a vehicle has to reach the light of each.
+    """Environments, and the time that a vehicle has to reach the light of each.
 
     Attributes:
         starts: pose (x, y, heading) at which an environment begins [m, m, rad], shape (E, 3).
@@ -27,7 +27,7 @@ class VehicleTask:
         steps: how many.
 
     Raises:
-        ValueError: for shapes, radii, steps and starts that are not allowed.
+        ValueError: if a shape, radius, time step, number of steps or start is not allowed.
     """
 
     starts: Floats
@@ -71,7 +71,7 @@ class VehicleBatch:
             (B, C, 2, S), or (1, C, 2, S) where all bodies have the same.
 
     Raises:
-        ValueError: for other shapes and for numbers that are not finite.
+        ValueError: if a shape is another, or a number is not finite.
     """
 
     sites: Floats

@@ -158,9 +158,9 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     found: dict[str, Part] = {}
     joined: dict[str, str] = {}
     for part in parts:
-        joint = (
-            None if part.joint is None else replace(part.joint, parent=joined.get(part.joint.parent, part.joint.parent))
-        )
+        joint = part.joint
+        if joint is not None:
+            joint = replace(joint, parent=joined.get(joint.parent, joint.parent))
         if isinstance(joint, Weld) and 0 in (part.lump.mass, found[joint.parent].lump.mass):
             carrier = found[joint.parent]
             found[joint.parent] = replace(carrier, lump=carrier.lump + part.lump, shapes=carrier.shapes + part.shapes)

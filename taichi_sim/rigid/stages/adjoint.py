@@ -93,7 +93,7 @@ def unshift_moments(robots: ti.template(), carrying: ti.template(), cotangents: 
 
 @ti.func
 def unmove(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
-    """From the state after a step to velocities, hinges' rates and the state before."""
+    """Reverse ``move_bodies``: cotangents of velocities, hinges' rates and the state before the step."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     if ti.static(not robots.drifting):
         for b in range(robots.plan[slots.BODIES]):  # momenta after the step
@@ -149,7 +149,7 @@ def solve_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.t
 
 @ti.func
 def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count, rows):
-    """From velocities to where bodies are, what they carry and what hinges want."""
+    """Reverse the solution: cotangents of bodies' places, what they carry, and hinges' wanted rates."""
     h, weight = setting(robots, slots.TIME_STEP), setting(robots, slots.GRAVITY)
     push_out = setting(robots, slots.PUSH_OUT)
     one = 0.0 * read(robots, slots.POSITION) + 1.0
@@ -189,7 +189,7 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
 
 @ti.func
 def uncommand(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
-    """From hinges' rows to angles, neurons and motors."""
+    """Reverse ``command_hinges``: cotangents of angles, neurons and motors."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
         if is_hinged(robots, b):
@@ -222,7 +222,7 @@ def reverse_response(robots: ti.template(), motion: ti.template(), cotangents: t
 
 @ti.func
 def unthink(robots: ti.template(), cotangents: ti.template(), step):
-    """From neurons to their last values, weights and sensors."""
+    """Reverse ``think``: cotangents of neurons before the step, weights, commands and sensors."""
     memory, gain = setting(robots, slots.MEMORY), setting(robots, slots.GAIN)
     motors = robots.plan[slots.MOTORS]
     for j in range(motors):
@@ -243,7 +243,7 @@ def unthink(robots: ti.template(), cotangents: ti.template(), step):
 
 @ti.func
 def unsense(robots: ti.template(), cotangents: ti.template()):
-    """From light sensors to where they are."""
+    """Reverse ``sense_light``: cotangents of the places of light sensors."""
     for s in range(robots.plan[slots.LIGHTS]):
         pieces = ti.static(eye_slots(robots, s))
         seed = read(cotangents, robots.plan[slots.READING] + robots.plan[slots.TOUCHES] + s)
@@ -253,7 +253,7 @@ def unsense(robots: ti.template(), cotangents: ti.template()):
 
 @ti.func
 def unplace(robots: ti.template(), cotangents: ti.template()):
-    """From bodies, leaves first, to the base and the angles."""
+    """Reverse ``place_bodies``, leaves first: cotangents of the base's pose and the angles."""
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body = body_at(robots, b)

@@ -55,7 +55,7 @@ def assemble(robots: ti.template(), count, phase, push_out):
 
 @ti.func
 def collect(robots: ti.template(), phase):
-    """From the leaves to the base: what each body's parent has to move beside itself."""
+    """Add each body's articulated inertia and momentum to its parent's, from the leaves to the base."""
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body, parent = body_at(robots, b), parent_at(robots, b)
@@ -100,7 +100,7 @@ def solve_base(robots: ti.template()):
 
 @ti.func
 def spread(robots: ti.template()):
-    """From the base to the leaves: velocities, contacts included."""
+    """Velocities of all bodies, from the base to the leaves, contacts included."""
     factor, right = ti.static(row(robots, slots.ROOT, 21)), ti.static(row(robots, slots.ROOT_RIGHT, 6))
     put(robots, body_at(robots, 0) + slots.VELOCITY, spatial.backward(factor, right))
     for b in range(1, robots.plan[slots.BODIES]):

@@ -1,4 +1,4 @@
-"""What a robot senses, what its neurons make of it, and what its hinges' motors and stops ask for."""
+"""Sensors, neurons, and the rates and impulses that motors and stops of hinges ask for."""
 
 from taichi_sim.autodiff.elementary import hyperbolic_tangent
 from taichi_sim.autodiff.lanes import smaller

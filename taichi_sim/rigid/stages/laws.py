@@ -1,4 +1,4 @@
-"""What a step does to each body and point, as functions of reals; the step's reverse pass is their derivative.
+"""Laws of a step for each body and point, as functions of reals; their derivatives are the step's reverse pass.
 
 The velocities y of a step solve a linear system (contacts, stops and motors' limits as they came out). With z the
 solution of the same system for the cotangents of y, the cotangent of anything that the system depends on is the
@@ -65,7 +65,7 @@ def work(*values: Any) -> Any:
 
 @primitive
 def contact_work(*values: Any) -> Any:
-    """What a point's normal impulse and friction do in the motion z, and its target times its multiplier.
+    """Work of a point's normal impulse and friction in the motion z, plus its target times its multiplier.
 
     Values: rotation (9), place (3), drift (3), offset (3), radius, height of the base, y (6), z (6); then normal
     impulse, multiplier, strength of friction, push-out rate, drifting.
@@ -106,7 +106,7 @@ def welded_place(*values: Any) -> tuple[Any, ...]:
 
 @primitive
 def carried_on(*values: Any) -> tuple[Any, ...]:
-    """What a body carries on (6), and where it is then (3).
+    """Motion that a body carries into the next step (6), and its place there (3).
 
     Values: mass, inertia at rest (6), rotation (9), place (3), drift (3), own place (3), velocity (6); then time step,
     correction, drifting.
@@ -123,7 +123,7 @@ def carried_on(*values: Any) -> tuple[Any, ...]:
 
 @primitive
 def moment_shift(*values: Any) -> tuple[Any, ...]:
-    """What a body's moment of momentum about the common point has beside that which it carries from step to step.
+    """Difference between a body's moment of momentum about the common point and the one that it carries between steps.
 
     It carries that of its motion relative to the robot's centre of mass, about it. So their sum is the robot's about
     its centre of mass, which is conserved, and the speed of the whole is of no consequence to what its bodies do.

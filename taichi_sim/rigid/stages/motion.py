@@ -1,4 +1,4 @@
-"""Where bodies are, what they carry into a step, and how they move on."""
+"""Places of bodies, their momenta at the start of a step, and how they move on."""
 
 from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.elementary import sine_cosine

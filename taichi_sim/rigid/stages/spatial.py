@@ -131,7 +131,7 @@ def less_outer(matrix: Reals, v: Reals, factor: Any) -> list[Any]:
 
 @primitive
 def drag(place: Reals, strength: Any) -> list[tuple[int, Any]]:
-    """What friction against horizontal motion of a point adds to a spatial matrix: (entry, addend)."""
+    """Entries that friction against horizontal motion of a point adds to a spatial matrix: (place, addend)."""
     x, y, z = place
     sx, sy, sz = emit(strength * x), emit(strength * y), emit(strength * z)
     moments = {(0, 0): sz * z, (1, 1): sz * z, (2, 0): 0.0 - sx * z, (2, 1): 0.0 - sy * z, (2, 2): sx * x + sy * y}

@@ -31,7 +31,7 @@ HIGH_ABOVE = 1e4  # m: where a robot is put that exploded
 
 @ti.func
 def observe(robots: ti.template(), t):
-    """Where everything is, what is sensed and what neurons say; returns how many points are listed as touching."""
+    """Place bodies, find contacts, read sensors and update neurons; return the number of points listed as touching."""
     place_bodies(robots)
     clear_touch(robots)
     count = find_contacts(robots)
