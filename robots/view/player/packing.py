@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.view.motion import Motion, diameter
-from taichi_sim.base.arrays import Floats, Ints
 
 TOLERANCE = 1e-4  # m
 NUMBERS = 10  # of a node's pose: translation 3, rotation 4, scale 3
@@ -60,18 +59,6 @@ def pack(motion: Motion) -> Packed:
     planes = max(1, -(-int(unsigned.max()).bit_length() // 8))
     split = unsigned.astype("<u4").view(np.uint8).reshape(-1, MOST_PLANES).T[:planes]
     return Packed(frames, nodes, steps, planes, zlib.compress(np.ascontiguousarray(split).tobytes(), LEVEL))
-
-
-def unpack(packed: Packed) -> tuple[Floats, Floats, Floats]:
-    """Decompress poses: translation (F, N, 3), rotation (F, N, 4) and scale (F, N, 3), as a player shows them."""
-    split = np.frombuffer(zlib.decompress(packed.data), np.uint8).reshape(packed.planes, -1)
-    unsigned = sum((plane.astype(np.int64) << (8 * k) for k, plane in enumerate(split)), np.zeros(1, np.int64))
-    changes = ((unsigned >> 1) ^ -(unsigned & 1)).reshape(packed.frames, NUMBERS, packed.nodes)
-    whole: Ints = np.moveaxis(np.cumsum(changes, axis=0), 1, 2)
-    parts = zip(np.split(whole, [3, 7], axis=2), packed.steps, strict=True)
-    translation, rotation, scale = (part.astype(np.float64) * step for part, step in parts)
-    rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)
-    return translation, rotation, scale
 
 
 def _steps(motion: Motion) -> tuple[float, float, float]:

@@ -12,11 +12,23 @@ from made_motion import made
 
 from robots.view.motion import CUBE, Channel, Motion, Node
 from robots.view.player import page, save_player, show
-from robots.view.player.packing import TOLERANCE, Packed, pack, unpack
+from robots.view.player.packing import NUMBERS, TOLERANCE, Packed, pack
 from taichi_sim.lattice.faces import rotate
 from taichi_sim.rigid import Capsule
 
 SIGNS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+
+
+def unpack(packed):
+    """Decompress poses: translation (F, N, 3), rotation (F, N, 4) and scale (F, N, 3), as a player shows them."""
+    split = np.frombuffer(zlib.decompress(packed.data), np.uint8).reshape(packed.planes, -1)
+    unsigned = sum((plane.astype(np.int64) << (8 * k) for k, plane in enumerate(split)), np.zeros(1, np.int64))
+    changes = ((unsigned >> 1) ^ -(unsigned & 1)).reshape(packed.frames, NUMBERS, packed.nodes)
+    whole = np.moveaxis(np.cumsum(changes, axis=0), 1, 2)
+    parts = zip(np.split(whole, [3, 7], axis=2), packed.steps, strict=True)
+    translation, rotation, scale = (part.astype(np.float64) * step for part, step in parts)
+    rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)
+    return translation, rotation, scale
 
 
 class Page(HTMLParser):
