@@ -25,7 +25,7 @@ from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.simulation import engine_of, scattered, travel_directions
 from robots.inflatable.timing import nominal_steps, play
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import value_of
+from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.checks import choice, number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder

@@ -5,7 +5,7 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,50 +18,40 @@ from robots.inflatable.body import (
     FOOT_REGIONS,
     FOOT_SEAM,
     PUBLISHED,
+    REGION_COUNT,
     SKIN_REGIONS,
     InflatableGeometry,
     skin_regions,
 )
-from robots.inflatable.cores import InflatedCores, Scalar
+from robots.inflatable.cores import bladder_shares, each_pressure
 from robots.inflatable.timing import Column
 from robots.world import NO_WEIGHT, Terrain, Vector, weights
-from taichi_sim.autodiff.dual import Real, value_of
-from taichi_sim.base.arrays import Floats
-from taichi_sim.lattice import Quantity
+from taichi_sim.autodiff.arrays import Array, value_of
+from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.lattice import ProgramBuilder, Quantity
 
-
-class Builder(Protocol):
-    """Where events go: a ``ProgramBuilder``, or one that keeps derivatives too."""
-
-    def set(
-        self,
-        quantity: int,
-        value: Any,
-        *,
-        regions: ArrayLike,
-        step: ArrayLike = 0,
-        rate: Any = 0.0,
-        robots: int,
-    ) -> None:
-        """Let channels of a robot take a value at a step, see ``ProgramBuilder.set``."""
+Scalar = float | Array
 
 
 @dataclass(frozen=True, eq=False)
 class RobotEvents:
-    """Writes the events of one robot of a batch on a terrain. ``Scalar`` numbers may carry derivatives.
+    """Writes the events of one robot of a batch on a terrain. Numbers may be traced to carry derivatives.
 
     Attributes:
         builder: takes the events.
         robot: place in the batch.
-        cores: inflated cores of the robot.
+        cores: pressure of every core [Pa].
+        felt: pressure that bladders feel [Pa]: they lie over all cores, and lengthen by the mean of the pressures, each
+            weighted by the rows that the core has under bladders.
         gravity: on level ground, where the robot is put, and on the terrain [m/s^2].
         actuation: how the robot is driven on the terrain.
         terrain: what the robot is on.
     """
 
-    builder: Builder
+    builder: ProgramBuilder
     robot: int
-    cores: InflatedCores
+    cores: tuple[Scalar, ...]
+    felt: Scalar
     gravity: tuple[Vector, Vector]
     actuation: InflatableActuation
     terrain: Terrain
@@ -69,7 +59,7 @@ class RobotEvents:
     @classmethod
     def of(
         cls,
-        builder: Builder,
+        builder: ProgramBuilder,
         robot: int,
         pressure: Scalar | tuple[Scalar, ...],
         orientation: Scalar,
@@ -77,25 +67,40 @@ class RobotEvents:
         actuation: InflatableActuation = ACTUATION,
         geometry: InflatableGeometry = PUBLISHED,
     ) -> "RobotEvents":
-        """The events of a robot of a core pressure [Pa], or one each of several cores, and a heading [degrees]."""
-        cores = InflatedCores.of(pressure, geometry)
-        return cls(builder, robot, cores, weights(terrain, orientation), actuation.on(terrain), terrain)
+        """The events of a robot of a core pressure [Pa], or one each of several cores, and a heading [degrees].
+
+        Raises:
+            ValueError: if several pressures are not as many as the cores.
+        """
+        cores = each_pressure(pressure, geometry)
+        shares = zip(bladder_shares(geometry), cores, strict=True)
+        felt = sum(share * one for share, one in shares) if isinstance(pressure, tuple) else pressure
+        return cls(builder, robot, cores, felt, weights(terrain, orientation), actuation.on(terrain), terrain)
+
+    @property
+    def everywhere(self) -> Ints:
+        """All regions of the robot."""
+        return np.concatenate([np.arange(REGION_COUNT), self.skin(SKIN_REGIONS)[len(SKIN_REGIONS) :]])
+
+    def skin(self, kinds: ArrayLike) -> Ints:
+        """Regions of these kinds in all cores, core by core."""
+        return np.concatenate([skin_regions(np.atleast_1d(kinds), core) for core in range(len(self.cores))])
 
     def initialise(self, end: int) -> None:
         """Skin under level gravity until step ``end``, bladders under that of the terrain at once; cores inflate."""
-        a, skin, (level, tilted) = self.actuation, self.cores.skin(SKIN_REGIONS), self.gravity
+        a, skin, (level, tilted) = self.actuation, self.skin(SKIN_REGIONS), self.gravity
         self._set_weight(level, skin, 0)
         self._set_weight(tilted, skin, end)
         self._set_weight(tilted, BLADDER_REGIONS, 0)
         self._set(Quantity.SCALE + 2, a.deflated, BLADDER_REGIONS)
         self._inflate_cores(end - a.hold_steps)
         self._set_friction(a.high_friction, skin, 0)
-        self._set_friction(a.low_friction, self.cores.skin(FOOT_SEAM), 0)
+        self._set_friction(a.low_friction, self.skin(FOOT_SEAM), 0)
         self._set_friction(a.high_friction / 3, BLADDER_REGIONS, 0)
-        self._set(Quantity.GLOBAL_DAMPING, 0.0, self.cores.everywhere)
+        self._set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
         if self.terrain.is_fluid:
             for part, resistance in enumerate(self.terrain.resistance):
-                self._set(Quantity.RESISTANCE + part, resistance, self.cores.everywhere)
+                self._set(Quantity.RESISTANCE + part, resistance, self.everywhere)
 
     def play(self, columns: Sequence[Column], begin: int, first: bool = True) -> None:
         """Columns one after the other, counted from step ``begin``; ``first`` if no column came before them."""
@@ -110,19 +115,19 @@ class RobotEvents:
         if a.weight == "published":
             self._set_bladder_weights(column, step)
         settle = step + column.motion_steps
-        self._set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.cores.everywhere, settle)
-        self._set_friction(a.high_friction, self.cores.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
+        self._set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.everywhere, settle)
+        self._set_friction(a.high_friction, self.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
 
     def tilt_skin(self, step: int) -> None:
         """Have the skin feel the terrain's slope from a step on."""
-        self._set_weight(self.gravity[1], self.cores.skin(SKIN_REGIONS), step)
+        self._set_weight(self.gravity[1], self.skin(SKIN_REGIONS), step)
 
     def stand_on(self, carried: Floats, step: int) -> None:
         """Move a robot from another terrain to this one at a step: weights of skin and bladders, and their friction.
 
         Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
         """
-        a, tilted, skin = self.actuation, self.gravity[1], self.cores.skin(SKIN_REGIONS)
+        a, tilted, skin = self.actuation, self.gravity[1], self.skin(SKIN_REGIONS)
         self._set_weight(tilted, skin, step)
         share = np.ones(BLADDER_COUNT) if a.weight == "physical" else carried
         self._set_weight(_times(share, tilted), BLADDER_REGIONS, step)
@@ -144,8 +149,8 @@ class RobotEvents:
     def _inflate_cores(self, full: int) -> None:
         """All cores at one rate, each until its own pressure, the highest by step ``full``; or all by that step."""
         a = self.actuation
-        ramps = [a.initial_steps(float(value_of(pressure))) for pressure in self.cores.each]
-        for core, (pressure, ramp) in enumerate(zip(self.cores.each, ramps, strict=True)):
+        ramps = [a.initial_steps(float(value_of(pressure))) for pressure in self.cores]
+        for core, (pressure, ramp) in enumerate(zip(self.cores, ramps, strict=True)):
             skin = skin_regions(SKIN_REGIONS, core)
             rate = a.pressure_ramp if a.ramp_steps is None else pressure / a.ramp_steps
             self._set(Quantity.PRESSURE, 0.0, skin, rate=rate)
@@ -154,15 +159,15 @@ class RobotEvents:
     def _set_surroundings(self, column: Column, step: int, first: bool) -> None:
         """What a column's motion begins with: damping, grip of the feet, change of the pressure of all cores."""
         a = self.actuation
-        self._set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.cores.everywhere, step)
+        self._set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.everywhere, step)
         grip = (1.0 - column.grip) * a.low_friction + column.grip * a.high_friction
-        for core in range(len(self.cores.each)):
+        for core in range(len(self.cores)):
             self._set_friction(grip, skin_regions(FOOT_REGIONS, core), step)
-        self._set_friction(a.low_friction if first else a.high_friction, self.cores.skin(FOOT_SEAM), step)
+        self._set_friction(a.low_friction if first else a.high_friction, self.skin(FOOT_SEAM), step)
         if column.pressures:
             before, after = column.pressures
             rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
-            skin = self.cores.skin(SKIN_REGIONS)
+            skin = self.skin(SKIN_REGIONS)
             self._set(Quantity.PRESSURE, before + rate, skin, step, rate)
             self._set(Quantity.PRESSURE, after, skin, settle)
 
@@ -172,7 +177,7 @@ class RobotEvents:
         moves, arrives = np.flatnonzero(motion.moving), np.flatnonzero(motion.arrives)
         done = step + motion.moving[arrives]
         rate = motion.direction * a.inflation_rate
-        for axis, share in enumerate(_growth(self.cores.mean, a)):
+        for axis, share in enumerate(_growth(self.felt, a)):
             if axis == 1 and column.pressures:
                 self._lengthen(column, step)
                 continue
@@ -213,7 +218,7 @@ class RobotEvents:
         self._set_weight(_times(carried, tilted), BLADDER_REGIONS, done + 1)
 
 
-def _times(factor: Real, vector: Vector) -> Vector:
+def _times(factor: Array, vector: Vector) -> Vector:
     return factor * vector[0], factor * vector[1], factor * vector[2]
 
 

@@ -1,15 +1,16 @@
 """How far inflatable robots travel, and how that distance changes with their designs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Unpack
+from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.program import WHOLE, Counting, DesignGradient, Parameters, build_differentiable_program
+from robots.inflatable.program import WHOLE, Counting, build_program, check_alike, pull_back
+from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import (
     PER_ROBOT,
     InflatableResult,
@@ -32,13 +33,24 @@ RECORDING = 0.3  # part of a differentiation's time that goes before the way bac
 
 
 @dataclass(frozen=True, eq=False)
-class InflatableGradient(DesignGradient):
+class InflatableGradient:
     """Derivatives of the distances [m] of a batch of designs; NaN where a status is not "ok".
 
     Attributes:
+        pressure: by the core pressure [1/Pa], shape (B,); by that of each core, shape (B, N), where designs have
+            several.
+        orientation: by the heading [1/degree], shape (B,).
+        inflation: by the levels of the bladders, shape (B, 8, T).
+        grip: by the levels of the feet, shape (B, 2, T).
+        core_pressure: by the core pressure of the columns [1/Pa], shape (B, T); None where the gait has none.
         result: the distances themselves, speeds and status.
     """
 
+    pressure: Floats
+    orientation: Floats
+    inflation: Floats
+    grip: Floats
+    core_pressure: Floats | None
     result: InflatableResult
 
 
@@ -84,94 +96,64 @@ def differentiate(
     """
     designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
-    Parameters.of(designs)  # refuses what goes not together
+    check_alike(designs)
     where = Compute.given(compute)
     running = runtime.start(where.device, where.precision, where.threads)
     size = len(designs) if where.device != "cpu" else NATIVE_WIDTH[where.precision] * running.thread_count
-    found = []
+    results, slopes = [], []
     for start in range(0, len(designs), size):
         group = slice(start, start + size)
 
         def tick(fraction: float, start: int = start) -> None:
             report(min((start + fraction * size) / len(designs), 1.0))
 
-        work = _Group(designs[group], terrains[group], geometry, actuation, counting)
-        found.append(work.differentiate(where, memory, tick))
-    return found[0] if len(found) == 1 else _joined(found)
-
-
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Robots that run side by side."""
-
-    designs: list[InflatableDesign]
-    terrains: list[Terrain]
-    geometry: InflatableGeometry
-    actuation: InflatableActuation
-    counting: Counting
-
-    def differentiate(self, compute: Compute, memory: float, progress: Callable[[float], None]) -> InflatableGradient:
-        """Run forth and back."""
-        designs, body = self.designs, self.geometry.body
-        program = build_differentiable_program(designs, self.terrains, self.actuation, self.geometry, self.counting)
-        engine = engine_of(len(designs), self.geometry, self.terrains[0], compute)
-        tape = engine.record(program.program, memory=memory, progress=lambda f: progress(RECORDING * f))
-        result = summarise(tape.result, program.program, designs, self.geometry, self.actuation, self.counting)
-        headings = np.array([d.orientation for d in designs])
-        seeds = distance_cotangents(body, tape.result, headings, worst_stages(result))
-        back = tape.pull_back(
-            positions=seeds.positions,
-            orientations=seeds.orientations,
-            strains=seeds.strains,
-            sizes=seeds.sizes,
-            progress=lambda f: progress(RECORDING + (1 - RECORDING) * f),
+        result, found = _side_by_side(
+            designs[group], terrains[group], geometry, actuation, counting, where, memory, tick
         )
-        gradient = program.pull_back(back.values, back.rates)
-        return _judged(result, gradient, seeds.headings)
-
-
-def _joined(parts: list[InflatableGradient]) -> InflatableGradient:
-    """One gradient of all groups."""
-
-    def join(owners: list[Any], names: Sequence[str]) -> dict[str, Any]:
-        columns = {name: [getattr(owner, name) for owner in owners] for name in names}
-        return {name: None if column[0] is None else np.concatenate(column) for name, column in columns.items()}
-
-    result = replace(parts[0].result, **join([part.result for part in parts], PER_ROBOT))
-    names = [field.name for field in fields(DesignGradient)]
-    return InflatableGradient(**join(list(parts), names), result=result)
-
-
-def _judged(result: InflatableResult, gradient: DesignGradient, headings: Floats) -> InflatableGradient:
-    """The gradient with what the heading does to the distance of a given path, and NaN for robots that failed."""
-    failed = np.where(result.status == "ok", 0.0, np.nan)
+        results.append(result)
+        slopes.extend(found)
+    joined = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
+    pressure, orientation, levels, *core = (np.stack(parts) for parts in zip(*slopes, strict=True))
     return InflatableGradient(
-        (gradient.pressure.T + failed).T,  # by one pressure, or by several
-        gradient.orientation + headings + failed,
-        gradient.inflation + failed[:, None, None],
-        gradient.grip + failed[:, None, None],
-        None if gradient.core_pressure is None else gradient.core_pressure + failed[:, None],
-        result,
+        pressure,
+        orientation,
+        levels[:, :BLADDERS],
+        levels[:, BLADDERS:],
+        core[0] if core else None,
+        replace(results[0], **joined),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class DistanceCotangents:
-    """Derivatives of every robot's distance by what a run recorded; zeros for robots that diverged.
+def _side_by_side(
+    designs: list[InflatableDesign],
+    terrains: list[Terrain],
+    geometry: InflatableGeometry,
+    actuation: InflatableActuation,
+    counting: Counting,
+    compute: Compute,
+    memory: float,
+    progress: Callable[[float], None],
+) -> tuple[InflatableResult, list[list[Floats]]]:
+    """Results of robots that run as one batch, and the derivatives of each one's distance by its numbers.
 
-    Attributes:
-        positions: of the voxels, shape (B, S, V, 3).
-        orientations: of the voxels [m], shape (B, S, V, 4).
-        strains: of the links [m], shape (B, S, L).
-        sizes: of the rest sizes of voxels, shape (B, S, V, 3).
-        headings: of the robots, on the path they went [m/degree], shape (B,).
+    These are the pressure, the orientation, the levels, shape (10, T), and the core pressures of columns, if any.
     """
-
-    positions: Floats
-    orientations: Floats
-    strains: Floats
-    sizes: Floats
-    headings: Floats
+    program = build_program(designs, terrains, actuation, None, geometry, counting)
+    engine = engine_of(len(designs), geometry, terrains[0], compute)
+    tape = engine.record(program, memory=memory, progress=lambda f: progress(RECORDING * f))
+    result = summarise(tape.result, program, designs, geometry, actuation, counting)
+    headings = np.array([design.orientation for design in designs])
+    *seeds, by_headings = distance_cotangents(geometry.body, tape.result, headings, worst_stages(result))
+    back = tape.pull_back(
+        **dict(zip(READ_OFF, seeds, strict=True)), progress=lambda f: progress(RECORDING + (1 - RECORDING) * f)
+    )
+    slopes = []
+    for robot, (design, terrain) in enumerate(zip(designs, terrains, strict=True)):
+        mine = program.events["robot"] == robot
+        each = list(pull_back(design, terrain, actuation, geometry, back.values[mine], back.rates[mine]))
+        each[1] = each[1] + by_headings[robot]
+        slopes.append([part if result.status[robot] == "ok" else np.full_like(part, np.nan) for part in each])
+    return result, slopes
 
 
 def worst_stages(result: InflatableResult) -> Floats:
@@ -184,7 +166,10 @@ def worst_stages(result: InflatableResult) -> Floats:
     return weights
 
 
-def distance_cotangents(body: LatticeBody, run: LatticeResult, headings: Floats, weights: Floats) -> DistanceCotangents:
+READ_OFF = ("positions", "orientations", "strains", "sizes")  # what distances are computed from, of a run
+
+
+def distance_cotangents(body: LatticeBody, run: LatticeResult, headings: Floats, weights: Floats) -> list[Floats]:
     """Differentiate the distances that ``summarise`` reads off the snapshots of a run.
 
     Args:
@@ -193,29 +178,22 @@ def distance_cotangents(body: LatticeBody, run: LatticeResult, headings: Floats,
         headings: of the robots [degrees], shape (B,).
         weights: with which the robot's places at the snapshots make the distance, shape (B, S): -1 for the first and 1
             for the last, see :func:`worst_stages`.
+
+    Returns:
+        Derivatives by what ``READ_OFF`` names, each of its shape, then by the headings on the path that robots went
+        [m/degree]; zeros for robots that diverged.
     """
     ok = run.status == "ok"
-    travel = travel_directions(headings)
-    by_middle = np.zeros((*weights.shape, 3))
-    by_middle[..., :2] = weights[..., None] * travel[:, None]
-    by_middle = by_middle[ok]
-    recorded = (run.positions[ok], run.orientations[ok], run.strains[ok], run.sizes[ok])
-    middle, pull_back = trace(
-        lambda places, turns, strains, sizes: mean_of_face_corners(
-            body, places, turns, half_extents(body, strains, sizes)
-        ),
-        *recorded,
-    )
-    by_positions, by_orientations, by_strains, by_sizes = pull_back(by_middle)
 
-    def spread(part: Floats) -> Floats:
+    def distances(positions: Floats, orientations: Floats, strains: Floats, sizes: Floats, headings: Floats) -> Floats:
+        middle = mean_of_face_corners(body, positions, orientations, half_extents(body, strains, sizes))
+        ways: Floats = (middle[..., :2] * travel_directions(headings)[:, None]).sum(axis=-1)
+        return (weights[ok] * ways).sum(axis=-1)
+
+    _, back = trace(distances, *(getattr(run, name)[ok] for name in READ_OFF), headings[ok])
+    found = []
+    for part in back(np.ones(int(ok.sum()))):
         whole = np.zeros((len(ok), *part.shape[1:]))
         whole[ok] = part
-        return whole
-
-    x, y = travel[ok].T
-    turned = np.stack([-y, x], axis=1) * (np.pi / 180)
-    by_headings = ((weights[ok, :, None] * middle[..., :2]).sum(axis=1) * turned).sum(axis=1)
-    return DistanceCotangents(
-        spread(by_positions), spread(by_orientations), spread(by_strains), spread(by_sizes), spread(by_headings)
-    )
+        found.append(whole)
+    return found

@@ -13,21 +13,20 @@ from typing import Unpack
 
 import numpy as np
 
-from robots.frames import Frames, frames_of
+from robots.frames import Frames
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
 from robots.inflatable.cores import Pressure, highest_pressure, kilopascals
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.events import RobotEvents
-from robots.inflatable.simulation import engine_of, scattered, travel_directions
+from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions
 from robots.inflatable.timing import play
 from robots.world import Terrain
-from taichi_sim.autodiff.dual import value_of
+from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder
-from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 
 @dataclass(frozen=True)
@@ -123,14 +122,9 @@ def simulate_journey(
         engine.set_positions(scattered(body, perturbation, whole_number("seed", seed, 0), range(runs)))
     run = engine.run(program, progress)
     first = len(legs) + 1
-    extents = half_extents(body, run.strains, run.sizes)
-    middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
+    middle, frames = read_poses(run, geometry, first, record_every)
     headings = travel_directions(np.array([leg.design.orientation for leg in legs]))
     distances = (np.diff(middle[..., :2], axis=1) * headings).sum(axis=-1)
-    frames = None
-    if record_every:
-        times = np.arange(program.snapshots.shape[1] - first) * record_every * geometry.time_step
-        frames = frames_of(run, extents, first, times)
     return JourneyResult(
         np.where((run.status == "ok")[:, None], distances, np.nan),
         steps,

@@ -183,22 +183,16 @@ def summarise(
     record_every: int | None = None,
 ) -> InflatableResult:
     """Read distances, speeds and frames off the snapshots of a run of ``build_program``'s program."""
-    body, dt, marks = geometry.body, geometry.time_step, program.snapshots
-    first = counting.stages + 1
-    begin, end = marks[:, 0], marks[:, 1]
-    extents = half_extents(body, run.strains, run.sizes)
-    middle = mean_of_face_corners(body, run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
+    dt, (begin, end) = geometry.time_step, program.snapshots[:, :2].T
+    middle, frames = read_poses(run, geometry, counting.stages + 1, record_every)
     headings = travel_directions(np.array([d.orientation for d in designs]))
     nominal = np.array([counted_steps(d.schedule, actuation) for d in designs])
     way = (middle[..., :2] * headings[:, None]).sum(axis=-1)
     ok = run.status == "ok"
-    parts = np.where(ok[:, None], np.diff(way[:, stage_order(first - 1)], axis=1), np.nan)
+    parts = np.where(ok[:, None], np.diff(way[:, stage_order(counting.stages)], axis=1), np.nan)
     displacement = np.where(ok[:, None], middle[:, 1, :2] - middle[:, 0, :2], np.nan)
     distance = (displacement * headings).sum(axis=1)
     lengths = distance / geometry.body_length
-    frames = None
-    if record_every:
-        frames = frames_of(run, extents, first, np.arange(marks.shape[1] - first) * record_every * dt)
     return InflatableResult(
         distance,
         lengths / (nominal * dt),
@@ -208,9 +202,32 @@ def summarise(
         np.where(ok, end - begin, np.maximum(run.steps - begin, 0)),
         dt,
         frames,
-        body,
+        geometry.body,
         displacement,
     )
+
+
+def read_poses(
+    run: LatticeResult, geometry: InflatableGeometry, first: int, record_every: int | None = None
+) -> tuple[np.ndarray, Frames | None]:
+    """Read what a run recorded: where robots were at its first snapshots, and their poses at all others.
+
+    Args:
+        run: of B robots.
+        geometry: of them.
+        first: number of the snapshots that are no frames.
+        record_every: time steps from frame to frame; None if there are none.
+
+    Returns:
+        Middles of the robots, the mean of the corners of all exposed faces [m], shape (B, first, 3); and the frames.
+    """
+    extents = half_extents(geometry.body, run.strains, run.sizes)
+    places = (run.positions[:, :first], run.orientations[:, :first], extents[:, :first])
+    middles = mean_of_face_corners(geometry.body, *places)
+    if not record_every:
+        return middles, None
+    times = np.arange(run.positions.shape[1] - first) * record_every * geometry.time_step
+    return middles, frames_of(run, extents, first, times)
 
 
 def stage_order(stages: int) -> list[int]:

@@ -19,7 +19,7 @@ from robots.inflatable.body import BLADDER_COUNT
 from robots.inflatable.cores import highest_pressure
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
-from taichi_sim.autodiff.dual import Real, revalued, value_of, where
+from taichi_sim.autodiff.arrays import Array, revalued, value_of
 from taichi_sim.base.arrays import Bools, Floats, Ints
 
 ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
@@ -57,7 +57,7 @@ def full_stroke_steps(actuation: InflatableActuation) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How bladders go from one thickness to another, shape (8,) each. ``Real`` numbers may carry derivatives.
+    """How bladders go from one thickness to another, shape (8,) each. Arrays may be traced to carry derivatives.
 
     Attributes:
         levels: thickness at the beginning.
@@ -68,11 +68,11 @@ class Motion:
         arrives: bladders that are set to their ``ends`` after that.
     """
 
-    levels: Real
-    ends: Real
+    levels: Array
+    ends: Array
     direction: Floats
     moving: Ints
-    arrival: Real
+    arrival: Array
     arrives: Bools
 
 
@@ -91,13 +91,13 @@ class Column:
 
     start: int
     motion_steps: int
-    inflation: Real
-    grip: Real
+    inflation: Array
+    grip: Array
     motion: Motion
-    pressures: tuple[float | Real, float | Real] | None = None
+    pressures: tuple[float | Array, float | Array] | None = None
 
 
-def approach(levels: Real, told: Real, strokes_only: bool, actuation: InflatableActuation) -> Motion:
+def approach(levels: Array, told: Array, strokes_only: bool, actuation: InflatableActuation) -> Motion:
     """The motion of bladders of a thickness that are told to inflate by 0 to 1, shape (8,) each.
 
     With ``strokes_only``, all are told 0 or 1 and the published rule counts all steps.
@@ -116,7 +116,7 @@ def approach(levels: Real, told: Real, strokes_only: bool, actuation: Inflatable
     for i in np.flatnonzero(counted):
         (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(wanted[i])), 0.0
     return Motion(
-        levels, revalued(where(stays, levels, target), ends), direction, moving, revalued(time, arrival), ~stays
+        levels, revalued(np.where(stays, levels, target), ends), direction, moving, revalued(time, arrival), ~stays
     )
 
 
@@ -131,9 +131,9 @@ def play(
     schedule: GaitSchedule,
     actuation: InflatableActuation = ACTUATION,
     *,
-    told: Real | None = None,
-    core: tuple[float | Real, Real] | None = None,
-    levels: Real | None = None,
+    told: Array | None = None,
+    core: tuple[float | Array, Array] | None = None,
+    levels: Array | None = None,
 ) -> tuple[list[Column], int]:
     """The columns of a schedule in the order played, and the steps of the whole gait.
 

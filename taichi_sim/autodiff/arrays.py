@@ -121,6 +121,11 @@ def value_of(array: Any) -> Floats:
     return value
 
 
+def revalued(array: Any, values: Floats) -> Any:
+    """Other values of the same shape, with the derivatives of an array."""
+    return array.derived(values, lambda g: [(array, g)]) if isinstance(array, TracedArray) else values
+
+
 def placed(shape: tuple[int, ...], index: Any, values: Any) -> Any:
     """Zeros of a shape, with values at an index of which no place occurs twice."""
     result = np.zeros(shape)

@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from robots.inflatable import InflatableActuation, InflatableGeometry
+from robots.inflatable import PUBLISHED, InflatableActuation, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.program import pull_back
 from robots.inflatable.schedule import GaitSchedule
 
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
@@ -57,3 +58,15 @@ def settling(levels, settle, repeats=1, motion=None) -> GaitSchedule:
     levels = np.asarray(levels, float)
     motion = np.zeros(levels.shape[1]) if motion is None else motion
     return tabled(levels[:8], levels[8:], repeats, motion_steps=motion, settle_steps=settle)
+
+
+def pulled_back(program, designs, terrain, actuation, values, rates, geometry=PUBLISHED) -> list[dict[str, np.ndarray]]:
+    """Derivatives of a cost by each design of a program, by their names, from those by the program's events."""
+    found = []
+    for robot, design in enumerate(designs):
+        mine = program.events["robot"] == robot
+        numbers = pull_back(design, terrain, actuation, geometry, values[mine], rates[mine])
+        by = dict(zip(("pressure", "orientation", "levels", "core_pressure"), numbers, strict=False))
+        by["inflation"], by["grip"] = np.split(by.pop("levels"), [8])
+        found.append(by)
+    return found

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
-from robots.inflatable.gradient import differentiate, distance_cotangents
+from robots.inflatable.gradient import READ_OFF, differentiate, distance_cotangents
 from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import summarise
@@ -81,8 +81,7 @@ def test_cotangents_of_distances_agree_with_differences(seed):
     generator, run = fake_run(seed)
     headings = generator.uniform(1, 89, 3)
     found, h = distance_cotangents(TINY.body, run, headings, WHOLE), 1e-5
-    for name in ("positions", "orientations", "strains", "sizes", "headings"):
-        gradient = getattr(found, name)
+    for name, gradient in zip((*READ_OFF, "headings"), found, strict=True):
         direction = generator.normal(size=gradient.shape)
         sides = []
         for step in (h * direction, -h * direction):
@@ -98,12 +97,11 @@ def test_a_diverged_robot_has_no_cotangents():
     _, run = fake_run(0)
     whole = distance_cotangents(TINY.body, run, np.zeros(3), WHOLE)
     lost = dataclasses.replace(run, status=np.array(["ok", "diverged", "ok"]))
-    for name in ("positions", "orientations", "strains", "sizes"):
+    for name in READ_OFF:
         getattr(lost, name)[1, 1] = np.nan
-    found = distance_cotangents(TINY.body, lost, np.zeros(3), WHOLE)
-    for name in ("positions", "orientations", "strains", "sizes", "headings"):
-        assert (getattr(found, name)[1] == 0).all()
-        assert np.array_equal(getattr(found, name)[[0, 2]], getattr(whole, name)[[0, 2]])
+    for part, before in zip(distance_cotangents(TINY.body, lost, np.zeros(3), WHOLE), whole, strict=True):
+        assert (part[1] == 0).all()
+        assert np.array_equal(part[[0, 2]], before[[0, 2]])
 
 
 @pytest.mark.parametrize("core", [False, True])

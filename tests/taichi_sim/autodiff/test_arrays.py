@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taichi_sim.autodiff import rotations
-from taichi_sim.autodiff.arrays import cosine, placed, sine, trace, value_of
+from taichi_sim.autodiff.arrays import cosine, placed, revalued, sine, trace, value_of
 from taichi_sim.autodiff.tracing import select
 
 CHOSEN = np.array([0, 2, 2])
@@ -101,6 +101,12 @@ def test_several_results_and_several_ways_back():
     assert pull_back(1.0, 1.0) == (4.0, 3.0)
     with pytest.raises(ValueError, match="cotangents: 1 are not allowed; give one for each of 2 results"):
         pull_back(1.0)
+
+
+def test_other_values_keep_the_derivatives():
+    found, pull_back = trace(lambda x: revalued(2.0 * x, np.ones(2)) * 3.0, np.zeros(2))
+    assert found.tolist() == [3.0, 3.0] and pull_back(np.ones(2))[0].tolist() == [6.0, 6.0]
+    assert revalued(np.zeros(2), np.ones(2)).tolist() == [1.0, 1.0]
 
 
 def test_what_is_not_known_is_refused():
