@@ -10,18 +10,18 @@ arrives, and friction through switches, which it does not differentiate.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats.qmc import LatinHypercube
 
-from optim.calibration.misfit import REPLICAS, Linearised, Misfit, deviations_of
+from optim.calibration.misfit import REPLICAS, Linearised, Misfit
 from optim.calibration.uncertainty import Uncertainty, uncertainty
-from robots.calibration import BOUNDS, NAMES, Diameter, Drag, Experiment, Gait, Laboratory, Properties, Trial
+from robots.calibration import BOUNDS, KINDS, NAMES, Drag, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
 
-KINDS = (Drag, Diameter, Gait)  # in the order in which they are looked at
+Told = Callable[[float, str], None]
 LOOK = 16  # robots side by side, see docs/performance.md
 _STEPS = 8  # evaluations of the joint fit
 _INSIDE = 1e-6  # between bounds and where SciPy may begin
@@ -62,7 +62,7 @@ def calibrate(
     laboratory: Laboratory,
     names: Sequence[str] = NAMES,
     bounds: Mapping[str, tuple[float, float]] = BOUNDS,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Told | None = None,
 ) -> Calibration:
     """Fit properties to experiments, beginning with those of the laboratory's robot.
 
@@ -80,8 +80,8 @@ def calibrate(
     check_names(experiments, names)
     before = Properties.of(laboratory.geometry, laboratory.actuation)
     told = progress or (lambda fraction, text: None)
-    search = _Search(experiments, laboratory, tuple(names), dict(bounds), told)
-    return search.descend(search.look_around(before), before)
+    misfit = Misfit(experiments, laboratory, tuple(names), before, bounds)
+    return _descend(replace(misfit, start=_look_around(misfit, told)), before, told)
 
 
 def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None:
@@ -108,110 +108,105 @@ def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Search:
-    experiments: Sequence[Experiment]
-    laboratory: Laboratory
-    names: tuple[str, ...]
-    bounds: dict[str, tuple[float, float]]
-    told: Callable[[float, str], None]
+def _look_around(misfit: Misfit, told: Told) -> Properties:
+    """Properties near the minimum: each looked for in the kind of experiment that tells it best.
 
-    def misfit(self, experiments: Sequence[Experiment], names: tuple[str, ...], at: Properties) -> Misfit:
-        return Misfit(experiments, self.laboratory, names, at, self.bounds, deviations_of(experiments)[0])
+    A drag is soon simulated, a sensitivity is not: friction is looked for before properties are checked.
+    """
+    told_by_drags = {experiment.informs[0] for experiment in misfit.experiments if isinstance(experiment, Drag)}
+    rubbed = tuple(name for name in misfit.names if name in told_by_drags)
+    at = _look(misfit, Drag, rubbed, told)
+    homes = _checked_homes(replace(misfit, start=at))
+    for kind in KINDS:
+        names = tuple(name for name in misfit.names if name not in rubbed and homes[name] is kind)
+        at = _look(replace(misfit, start=at), kind, names, told)
+    return at
 
-    def look_around(self, at: Properties) -> Properties:
-        """Properties near the minimum: each looked for in the kind of experiment that tells it best.
 
-        A drag is soon simulated, a sensitivity is not: friction is looked for before properties are checked.
-        """
-        drags = [experiment for experiment in self.experiments if isinstance(experiment, Drag)]
-        rubbed = tuple(name for name in self.names if name in {drag.informs[0] for drag in drags})
-        at = self.look(Drag, rubbed, at)
-        homes = self.check_rank(at)
-        for kind in KINDS:
-            at = self.look(kind, tuple(n for n in self.names if n not in rubbed and homes[n] is kind), at)
-        return at
+def _look(misfit: Misfit, kind: type, names: tuple[str, ...], told: Told) -> Properties:
+    """The best of a look over all of the bounds in one kind of experiment, and of a closer one around what it found."""
+    if not names:
+        return misfit.start
+    part = replace(misfit, experiments=[e for e in misfit.experiments if isinstance(e, kind)], names=names)
+    low, high = part.limits
+    if len(names) == 1:
+        points, width = np.linspace(0.0, 1.0, LOOK)[:, None], 2 / (LOOK - 1)
+    else:
+        points, width = LatinHypercube(len(names), rng=np.random.default_rng(0)).random(LOOK * len(names)), 0.25
+    best = _least(part, low + (high - low) * points)
+    closer = best + width * (high - low) * (points - 0.5)
+    at = part.properties(_least(part, np.clip(closer, low, high)))
+    told(0.2 * (1 + KINDS.index(kind)), f"{kind.__name__.lower()}: {_listed(names, at)}")
+    return at
 
-    def look(self, kind: type, names: tuple[str, ...], at: Properties) -> Properties:
-        """The best of a look over all of the bounds, and of a closer one around what that found."""
-        if not names:
-            return at
-        misfit = self.misfit([e for e in self.experiments if isinstance(e, kind)], names, at)
-        low, high = misfit.limits
-        if len(names) == 1:
-            points, width = np.linspace(0.0, 1.0, LOOK)[:, None], 2 / (LOOK - 1)
-        else:
-            points, width = LatinHypercube(len(names), rng=np.random.default_rng(0)).random(LOOK * len(names)), 0.25
-        best = _least(misfit, low + (high - low) * points)
-        closer = best + width * (high - low) * (points - 0.5)
-        at = misfit.properties(_least(misfit, np.clip(closer, low, high)))
-        self.told(0.2 * (1 + KINDS.index(kind)), f"{kind.__name__.lower()}: {_listed(names, at)}")
-        return at
 
-    def check_rank(self, at: Properties) -> dict[str, type]:
-        """Refuse properties that the data cannot tell; for the others the kind of experiment that tells them best.
+def _least(misfit: Misfit, points: Floats) -> Floats:
+    best: Floats = points[int(np.argmin(misfit.costs(points)))]
+    return best
 
-        In units of what the bounds leave open (the standard deviation of a uniform deviate between them), data tell
-        a combination of properties if its standard error is below one.
-        """
-        misfit = self.misfit(self.experiments, self.names, at)
-        low, high = misfit.limits
-        slopes = _simulated(misfit, misfit.of(at)).slopes * (high - low) / np.sqrt(12)
-        _, sizes, ways = np.linalg.svd(slopes, full_matrices=False)
-        if sizes[-1] < 1:
-            part = np.abs(ways[-1])
-            unclear = [name for name, p in zip(self.names, part, strict=True) if p > 0.5 * part.max()]
-            what = " and ".join(unclear) + (" apart" if len(unclear) > 1 else "")
-            raise ValueError(f"fit: the data cannot tell {what}; add experiments or points that do, or fit fewer")
-        return {name: self.home(name, column) for name, column in zip(self.names, slopes.T, strict=True)}
 
-    def home(self, name: str, slopes: Floats) -> type:
-        """The kind of experiment that tells a property best: by its nature, or else by slopes of shape (N,)."""
-        parts = np.split(slopes, np.cumsum([len(e.values) for e in self.experiments])[:-1])
+def _checked_homes(misfit: Misfit) -> dict[str, type]:
+    """Refuse properties that the data cannot tell; for the others the kind of experiment that tells them best.
+
+    In units of what the bounds leave open (the standard deviation of a uniform deviate between them), data tell a
+    combination of properties if its standard error is below one. A property is told best by experiments that are made
+    for it, and among these, or without any, by those with the largest slopes.
+    """
+    low, high = misfit.limits
+    slopes = _simulated(misfit, misfit.of(misfit.start)).slopes * (high - low) / np.sqrt(12)
+    _, sizes, ways = np.linalg.svd(slopes, full_matrices=False)
+    if sizes[-1] < 1:
+        part = np.abs(ways[-1])
+        unclear = [name for name, p in zip(misfit.names, part, strict=True) if p > 0.5 * part.max()]
+        what = " and ".join(unclear) + (" apart" if len(unclear) > 1 else "")
+        raise ValueError(f"fit: the data cannot tell {what}; add experiments or points that do, or fit fewer")
+    edges = np.cumsum([len(experiment.values) for experiment in misfit.experiments])[:-1]
+    homes: dict[str, type] = {}
+    for name, column in zip(misfit.names, slopes.T, strict=True):
         told = [
-            (experiment.informs[0] == name, float(part @ part), type(experiment))
-            for experiment, part in zip(self.experiments, parts, strict=True)
+            (experiment.informs[0] == name, float(part @ part))
+            for experiment, part in zip(misfit.experiments, np.split(column, edges), strict=True)
         ]
-        return max(told, key=lambda entry: entry[:2])[2]
+        homes[name] = type(misfit.experiments[told.index(max(told))])
+    return homes
 
-    def descend(self, at: Properties, before: Properties) -> Calibration:
-        """The joint fit, where the simulator's scatter counts as noise too."""
-        misfit = self.misfit(self.experiments, self.names, at)
-        low, high = misfit.limits
-        point = np.clip(misfit.of(at), low + _INSIDE, high - _INSIDE)
-        first = _simulated(misfit, point)
-        factors = 1 / np.sqrt(1 + (1 + 1 / REPLICAS) * np.diag(first.scatter))
-        seen = {point.tobytes(): first.weighted(factors)}
 
-        def around(x: Floats) -> Linearised:
-            if x.tobytes() not in seen:
-                seen[x.tobytes()] = misfit.linearised(x).weighted(factors)
-                self.told(0.6 + 0.4 * len(seen) / (_STEPS + 1), f"all: {_listed(self.names, misfit.properties(x))}")
-            return seen[x.tobytes()]
+def _descend(misfit: Misfit, before: Properties, told: Told) -> Calibration:
+    """The joint fit, where the simulator's scatter counts as noise too."""
+    low, high = misfit.limits
+    point = np.clip(misfit.of(misfit.start), low + _INSIDE, high - _INSIDE)
+    first = _simulated(misfit, point)
+    factors = 1 / np.sqrt(1 + (1 + 1 / REPLICAS) * np.diag(first.scatter))
+    seen = {point.tobytes(): first.weighted(factors)}
 
-        end = least_squares(
-            lambda x: around(x).residuals,
-            point,
-            jac=lambda x: around(x).slopes,
-            bounds=(low, high),
-            xtol=1e-3,
-            ftol=1e-4,
-            max_nfev=_STEPS,
-        ).x
-        found, began = around(end), misfit.predictions([Trial(before)])[0]
-        predictions = np.array([began, found.predictions])
-        misses = np.sqrt(np.mean(((predictions - misfit.measured) / misfit.deviations * factors) ** 2, axis=1))
-        near = np.minimum(end - low, high - end) < _NEAR_BOUND
-        given = deviations_of(self.experiments)[1]
-        return Calibration(
-            before,
-            misfit.properties(end),
-            self.names,
-            uncertainty(found, given, factors**2),
-            predictions,
-            (float(misses[0]), float(misses[1])),
-            tuple(name for name, flag in zip(self.names, near, strict=True) if flag),
-        )
+    def around(x: Floats) -> Linearised:
+        if x.tobytes() not in seen:
+            seen[x.tobytes()] = misfit.linearised(x).weighted(factors)
+            told(0.6 + 0.4 * len(seen) / (_STEPS + 1), f"all: {_listed(misfit.names, misfit.properties(x))}")
+        return seen[x.tobytes()]
+
+    end = least_squares(
+        lambda x: around(x).residuals,
+        point,
+        jac=lambda x: around(x).slopes,
+        bounds=(low, high),
+        xtol=1e-3,
+        ftol=1e-4,
+        max_nfev=_STEPS,
+    ).x
+    found, began = around(end), misfit.predictions([Trial(before)])[0]
+    predictions = np.array([began, found.predictions])
+    misses = np.sqrt(np.mean(((predictions - misfit.measured) / misfit.deviations * factors) ** 2, axis=1))
+    near = np.minimum(end - low, high - end) < _NEAR_BOUND
+    return Calibration(
+        before,
+        misfit.properties(end),
+        misfit.names,
+        uncertainty(found, misfit.given, factors**2),
+        predictions,
+        (float(misses[0]), float(misses[1])),
+        tuple(name for name, flag in zip(misfit.names, near, strict=True) if flag),
+    )
 
 
 def _simulated(misfit: Misfit, point: Floats) -> Linearised:
@@ -219,11 +214,6 @@ def _simulated(misfit: Misfit, point: Floats) -> Linearised:
     if not np.isfinite(found.predictions).all():
         raise RuntimeError("the simulation diverges where the fit begins; give other bounds")
     return found
-
-
-def _least(misfit: Misfit, points: Floats) -> Floats:
-    best: Floats = points[int(np.argmin(misfit.costs(points)))]
-    return best
 
 
 def _listed(names: Sequence[str], properties: Properties) -> str:

@@ -1,7 +1,8 @@
 """How far simulated experiments are from measured ones, as a function of the logarithms of some properties."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -32,8 +33,8 @@ class Linearised:
 
     def weighted(self, factors: Floats) -> "Linearised":
         """The same in other standard deviations: residuals times factors of shape (N,)."""
-        scatter = self.scatter * np.outer(factors, factors)
-        return Linearised(self.predictions, self.residuals * factors, self.slopes * factors[:, None], scatter)
+        slopes, scatter = self.slopes * factors[:, None], self.scatter * np.outer(factors, factors)
+        return replace(self, residuals=self.residuals * factors, slopes=slopes, scatter=scatter)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +47,30 @@ class Misfit:
         names: of the properties that change, K.
         start: the other properties.
         bounds: of all properties that change.
-        deviations: standard deviation of each point, shape (N,).
     """
 
     experiments: Sequence[Experiment]
     laboratory: Laboratory
     names: tuple[str, ...]
     start: Properties
-    bounds: dict[str, tuple[float, float]]
-    deviations: Floats
+    bounds: Mapping[str, tuple[float, float]]
 
-    @property
+    @cached_property
     def measured(self) -> Floats:
         """Values of all points, shape (N,)."""
         return np.concatenate([experiment.values for experiment in self.experiments])
+
+    @cached_property
+    def given(self) -> Bools:
+        """Which points' standard deviations are given, not assumed, shape (N,)."""
+        return np.concatenate([np.full(len(e.values), e.deviations is not None) for e in self.experiments])
+
+    @cached_property
+    def deviations(self) -> Floats:
+        """Standard deviation of each point, shape (N,)."""
+        assumed = [np.full(len(e.values), ASSUMED * np.abs(e.values).max()) for e in self.experiments]
+        each = zip(assumed, self.experiments, strict=True)
+        return np.concatenate([guess if e.deviations is None else e.deviations for guess, e in each])
 
     @property
     def limits(self) -> tuple[Floats, Floats]:
@@ -108,11 +119,3 @@ class Misfit:
         scatter = np.cov((here / self.deviations).T).reshape(len(middle), -1)
         residuals = np.nan_to_num((middle - self.measured) / self.deviations, nan=FAR_OFF)
         return Linearised(middle, residuals, slopes, np.nan_to_num(scatter))
-
-
-def deviations_of(experiments: Sequence[Experiment]) -> tuple[Floats, Bools]:
-    """Standard deviations of all points, shape (N,), and which of them are given, not assumed."""
-    assumed = [np.full(len(e.values), ASSUMED * np.abs(e.values).max()) for e in experiments]
-    used = [a if e.deviations is None else e.deviations for a, e in zip(assumed, experiments, strict=True)]
-    given = [np.full(len(e.values), e.deviations is not None) for e in experiments]
-    return np.concatenate(used), np.concatenate(given)

@@ -1,9 +1,7 @@
 """Experiments on a rig and their simulation, so that properties of the robot can be fitted to what was measured."""
 
-from robots.calibration.diameter import Diameter
-from robots.calibration.drag import Drag
-from robots.calibration.gait import Gait
-from robots.calibration.laboratory import Experiment, Laboratory, Trial
+from robots.calibration.experiments import KINDS, Diameter, Drag, Experiment, Gait
+from robots.calibration.laboratory import Laboratory, Trial
 from robots.calibration.measurements import Measurements, read_measurements, write_measurements
 from robots.calibration.properties import (
     BOUNDS,
@@ -19,6 +17,7 @@ from robots.calibration.properties import (
 __all__ = [
     "BOUNDS",
     "CALIBRATION_FORMAT",
+    "KINDS",
     "NAMES",
     "UNITS",
     "Diameter",

@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots.calibration.diameter import Diameter
-from robots.calibration.drag import Drag
-from robots.calibration.gait import Gait
-from robots.calibration.laboratory import Experiment, Laboratory, Trial
+from robots.calibration.experiments import Diameter, Drag, Experiment, Gait
+from robots.calibration.laboratory import Laboratory, Trial
 from robots.calibration.properties import Properties
 from robots.inflatable.design import INCHING
 
@@ -21,7 +19,7 @@ def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, no
     """Two drags, heights of the pouch, and the first seconds of the inching gait, measured with Gaussian noise."""
     displacements, pressures = np.arange(2.5, 21.0, 2.5) * 1e-3, np.repeat(np.arange(2e3, 7e3, 1e3), READINGS)
     times = np.arange(0.25, 1.9, 0.25)
-    planned: list[Drag | Diameter | Gait] = [
+    planned: list[Experiment] = [
         Drag(displacements, np.zeros_like(displacements), 0.5),
         Drag(displacements, np.zeros_like(displacements), 0.5, grips=False),
         Diameter(pressures, np.zeros_like(pressures), "height"),
@@ -33,4 +31,4 @@ def example(laboratory: Laboratory, seed: int = 0, truth: Properties = TRUTH, no
         deviations = np.full(len(exact), noise * np.sqrt(np.mean(exact**2)))
         values = exact + deviations * rng.standard_normal(len(exact))
         measured.append(replace(experiment, values=values, deviations=deviations))
-    return list(measured)
+    return measured

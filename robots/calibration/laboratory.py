@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.simulation import scattered
 from robots.world import Terrain
-from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeEngine
 
 
@@ -68,48 +66,3 @@ class Laboratory:
         replicas = [trial.replica for trial in trials]
         engine.set_positions(scattered(bodies[0], self.perturbation, self.seed, replicas))
         return bodies[0], engine
-
-
-class Experiment(Protocol):
-    """What was measured in one experiment, and its simulation.
-
-    Attributes:
-        title: for tables and plots.
-        at: where it was measured, shape (N,), in the unit of ``axis``.
-        axis: quantity and unit of ``at``.
-        values: what was measured, shape (N,), in the unit of ``quantity``.
-        quantity: quantity and unit of ``values``.
-        deviations: standard deviations of ``values``, shape (N,), or None where they are not known.
-        informs: names of the properties that the values may depend on, the one that they tell best first.
-    """
-
-    @property
-    def title(self) -> str:
-        """See above."""
-
-    @property
-    def at(self) -> Floats:
-        """See above."""
-
-    @property
-    def axis(self) -> str:
-        """See above."""
-
-    @property
-    def values(self) -> Floats:
-        """See above."""
-
-    @property
-    def quantity(self) -> str:
-        """See above."""
-
-    @property
-    def deviations(self) -> Floats | None:
-        """See above."""
-
-    @property
-    def informs(self) -> tuple[str, ...]:
-        """See above."""
-
-    def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
-        """What the simulator says of the points, shape (T, N); NaN where a simulation diverges."""

@@ -5,15 +5,13 @@ import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from robots.calibration.diameter import SIDES, Diameter
-from robots.calibration.drag import Drag
-from robots.calibration.gait import Gait
-from robots.calibration.laboratory import Experiment
+from robots.calibration.experiments import SIDES, Diameter, Drag, Experiment, Gait
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import MAXIMUM_PRESSURE
@@ -23,14 +21,11 @@ from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
 _LENGTH = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_FORCE = {"n": 1.0, "mn": 1e-3}
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
-        "displacement": _LENGTH,
-        "width": _LENGTH,
-        "height": _LENGTH,
-        "distance": _LENGTH,
-        "force": {"n": 1.0, "mn": 1e-3},
-        "load": {"n": 1.0, "mn": 1e-3},
+        **dict.fromkeys(("displacement", "width", "height", "distance"), _LENGTH),
+        **dict.fromkeys(("force", "load"), _FORCE),
         "pressure": {"kpa": 1e3, "pa": 1.0, "psi": 6894.757},
         "time": {"s": 1.0, "ms": 1e-3},
         "speed": {"mm_per_s": 1e-3, "cm_per_s": 1e-2, "m_per_s": 1.0},
@@ -64,18 +59,17 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
         ValueError: in one line, for an unreadable file, unknown names and units, missing columns, bad values.
     """
     text = read_text(path)
+    readers = {"drag": _drag, "diameter": _diameter, "gait": partial(_gait, load_gait)}
     try:
         data = tomllib.loads(text)
-        geometry = data.pop("geometry", "published")
-        choice("geometry", geometry, NAMED_GEOMETRIES)
-        readers: dict[str, Callable[[_Table], Experiment]] = {
-            "drag": _drag,
-            "diameter": _diameter,
-            "gait": lambda table: _gait(table, load_gait),
-        }
+        geometry = choice("geometry", data.pop("geometry", "published"), NAMED_GEOMETRIES)
         if unknown := sorted(set(data) - set(readers)):
             raise ValueError(f"{unknown[0]!r} is unknown; give geometry and tables [[{']], [['.join(readers)}]]")
-        experiments = [read(table) for kind, read in readers.items() for table in _tables(kind, data.get(kind, []))]
+        experiments = [
+            _experiment(_Table(f"{kind} {place}", table), read)
+            for kind, read in readers.items()
+            for place, table in enumerate(_tables(kind, data.get(kind, [])), 1)
+        ]
     except ValueError as error:  # syntax errors too
         raise ValueError(f"{path}: {error}") from None
     if not experiments:
@@ -95,14 +89,12 @@ class _Table:
     def has(self, name: str) -> bool:
         return any(key == name or key.startswith(f"{name}_") for key in self.left)
 
-    def plain(self, name: str, default: Any) -> Any:
-        return self.left.pop(name, default)
-
-    def choice(self, name: str, choices: Sequence[str]) -> str:
-        found = self.left.pop(name, choices[0])
-        if found not in choices:
-            raise self.error(f"{name}: {found!r} is unknown; choose one of {', '.join(choices)}")
-        return str(found)
+    def either(self, *names: str) -> str:
+        """The one of these columns that there is."""
+        given = [name for name in names if self.has(name)]
+        if len(given) != 1:
+            raise self.error(f"give one column of {' or '.join(names)}; both are two tables")
+        return given[0]
 
     def column(self, name: str, suffix: str = "", low: float = -math.inf) -> Floats | None:
         """Numbers in SI units, shape (N,); None where there is no such column."""
@@ -144,67 +136,64 @@ class _Table:
             raise self.error(f"{name}_sd: is not allowed; give one positive number, or one for every point")
         return values, np.broadcast_to(deviations, values.shape).copy()
 
-    def done(self) -> None:
-        if self.left:
-            raise self.error(f"{min(self.left)!r} is unknown")
 
-
-def _tables(kind: str, given: object) -> list[_Table]:
+def _tables(kind: str, given: Any) -> list[dict[str, Any]]:
     if not isinstance(given, list) or not all(isinstance(table, dict) for table in given):
         raise ValueError(f"{kind}: give tables that begin with [[{kind}]]")
-    return [_Table(f"{kind} {place}", table) for place, table in enumerate(given, 1)]
+    return given
+
+
+def _experiment(table: _Table, read: Callable[[_Table], Experiment]) -> Experiment:
+    """What a reader makes of a table, all of which it must know."""
+    found = read(table)
+    if table.left:
+        raise table.error(f"{min(table.left)!r} is unknown")
+    return found
 
 
 def _drag(table: _Table) -> Drag:
     at = table.required("displacement", 0.0)
     forces, deviations = table.measured("force", at)
-    load, foot = table.single("load", 0.0), table.choice("foot", tuple(_FEET))
+    load, foot = table.single("load", 0.0), choice(f"{table.where}: foot", table.left.pop("foot", "grips"), _FEET)
     if load == 0 or at.max() == 0:
         raise table.error(f"{'displacement' if load else 'load'}: 0 is not allowed; it must be positive")
-    table.done()
     return Drag(at, forces, load, _FEET[foot], deviations)
 
 
 def _diameter(table: _Table) -> Diameter:
     at = table.required("pressure", 0.0)
-    sides = [side for side in SIDES if table.has(side)]
-    if len(sides) != 1:
-        raise table.error("give one column of width or height; both are two tables")
-    values, deviations = table.measured(sides[0], at)
-    table.done()
+    side = table.either(*SIDES)
+    values, deviations = table.measured(side, at)
     for pressure in at:
         number(f"{table.where}: pressure", round(float(pressure), 6), 0.0, MAXIMUM_PRESSURE, "Pa")
-    return Diameter(at, values, sides[0], deviations)
+    return Diameter(at, values, side, deviations)
 
 
-def _gait(table: _Table, load_gait: LoadGait) -> Gait:
-    name = table.plain("gait", None)
+def _gait(load_gait: LoadGait, table: _Table) -> Gait:
+    name = table.left.pop("gait", None)
     if not isinstance(name, str):
         raise table.error("gait is missing; name inching, rolling or the file of a gait")
     try:
         design = _played(name, load_gait, table)
-        terrain = Terrain.parse(str(table.plain("terrain", "flat")))
+        terrain = Terrain.parse(str(table.left.pop("terrain", "flat")))
     except ValueError as error:
         raise table.error(str(error)) from None
     at = table.column("time", low=0.0)
-    kinds = [kind for kind in ("distance", "speed") if table.has(kind)]
-    if len(kinds) != 1:
-        raise table.error("give one column of distance or speed")
-    values, deviations = table.measured(kinds[0], at)
-    table.done()
+    kind = table.either("distance", "speed")
+    values, deviations = table.measured(kind, at)
     at = np.full(len(values), np.inf) if at is None else at  # without times they are of the whole gait
-    if kinds[0] == "speed" and at.min() == 0:
+    if kind == "speed" and at.min() == 0:
         raise table.error("time: 0 is not allowed of a mean speed; give later times")
-    return Gait(at, values, design, name, terrain, kinds[0] == "speed", deviations)
+    return Gait(at, values, design, name, terrain, kind == "speed", deviations)
 
 
 def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
     """The gait with what the table says of it."""
-    counts = {key: table.plain(key, None) for key in ("columns", "repeats")}
+    counts = {key: table.left.pop(key, None) for key in ("columns", "repeats")}
     cut = [None if value is None else whole_number(key, value, 1) for key, value in counts.items()]
     design = load_gait(name, *cut)
     pressure = table.single("pressure", 0.0) if table.has("pressure") else design.pressure
-    return replace(design, pressure=pressure, orientation=table.plain("orientation_deg", design.orientation))
+    return replace(design, pressure=pressure, orientation=table.left.pop("orientation_deg", design.orientation))
 
 
 def write_measurements(path: str | os.PathLike[str], geometry: str, experiments: Sequence[Experiment]) -> None:
@@ -219,7 +208,6 @@ def write_measurements(path: str | os.PathLike[str], geometry: str, experiments:
             lines = [_line("pressure_kpa", experiment.at)]
             kind, value = "diameter", f"{experiment.side}_mm"
         else:
-            assert isinstance(experiment, Gait)
             lines = [f'gait = "{experiment.name}"', f'terrain = "{experiment.terrain.name}"']
             lines += [_line("time_s", experiment.at)] if np.isfinite(experiment.at).all() else []
             kind, value = "gait", "speed_mm_per_s" if experiment.mean_speed else "distance_mm"

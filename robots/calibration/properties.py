@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from os import PathLike
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
-from taichi_sim.base.checks import choice, number
+from taichi_sim.base.checks import check_fields, choice, positive
 from taichi_sim.base.files import read_record, write_record
 
 CALIBRATION_FORMAT = "morpholab-calibration-1"
@@ -16,7 +17,7 @@ CALIBRATION_FORMAT = "morpholab-calibration-1"
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"friction": (0.1, 4.0), "low_friction": (1e-3, 1.0), "modulus": (200e3, 800e3), "inflation_rate": (0.7, 12.0)}
 )
-LARGEST = 1e12  # of any property
+Property = Annotated[float, partial(positive, high=1e12)]
 # Of the largest stable time step to that in which gaits count. Stiffer skin takes a shorter one.
 LEAST_SAFETY = 1.08
 UNITS: Mapping[str, str] = MappingProxyType(
@@ -36,17 +37,13 @@ class Properties:
         inflation_rate: change of a bladder's thickness [voxels per voxel per second].
     """
 
-    friction: float
-    low_friction: float
-    modulus: float
-    inflation_rate: float
+    friction: Property
+    low_friction: Property
+    modulus: Property
+    inflation_rate: Property
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = number(field.name, getattr(self, field.name), 0.0, LARGEST, unit=UNITS[field.name])
-            if value == 0:
-                raise ValueError(f"{field.name}: 0 is not allowed; it must be positive")
-            object.__setattr__(self, field.name, value)
+        check_fields(self)
 
     @classmethod
     def of(cls, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION) -> Self:
