@@ -7,7 +7,7 @@ their own go beyond it.
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.checks import number, numbers, whole_number
 
 BLADDERS = 8
 FEET = 2
@@ -64,16 +64,20 @@ class GaitSchedule:
     )
 
     def __post_init__(self) -> None:
-        levels = _checked_levels(self.levels)
+        levels = _table("schedule", self.levels, 1.0, "T", self.row_names)
         columns = levels.shape[1]
         object.__setattr__(self, "levels", levels)
         object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1, MOST_REPEATS))
         if self.core_pressure is not None:
-            pressure = _table("core_pressure", self.core_pressure, MAXIMUM_PRESSURE, (columns,))
-            object.__setattr__(self, "core_pressure", pressure)
+            object.__setattr__(
+                self, "core_pressure", _table("core_pressure", self.core_pressure, MAXIMUM_PRESSURE, columns)
+            )
         for field in ("motion_steps", "settle_steps"):
-            if (steps := getattr(self, field)) is not None:
-                object.__setattr__(self, field, _step_counts(field, steps, columns))
+            if getattr(self, field) is not None:
+                table = _table(field, getattr(self, field), LONGEST_COLUMN, columns)
+                steps = np.array([whole_number(field, float(count), 0) for count in table])
+                steps.setflags(write=False)
+                object.__setattr__(self, field, steps)
         plain = not self.has_own_times and self.core_pressure is None and self.is_on_off
         object.__setattr__(self, "skip_idle", bool(self.skip_idle) and plain)
 
@@ -223,8 +227,8 @@ class GaitSchedule:
         """
         if unknown := sorted(set(tables) - set(TABLES)):
             raise ValueError(f"{unknown[0]}: is unknown; a gait's tables are {', '.join(TABLES)}")
-        inflation = _table("inflation", tables["inflation"], 1.0, (BLADDERS, None))
-        grip = _table("grip", tables["grip"], 1.0, (FEET, inflation.shape[1]))
+        inflation = _table("inflation", tables["inflation"], 1.0, "T", cls.row_names[:BLADDERS])
+        grip = _table("grip", tables["grip"], 1.0, inflation.shape[1], cls.row_names[BLADDERS:])
         others = {name: tables.get(name) for name in TABLES[2:]}
         return cls(np.concatenate([inflation, grip]), repeats, **others, skip_idle=False)
 
@@ -243,85 +247,35 @@ class GaitSchedule:
             ValueError: if it is anything else.
         """
         if text.lstrip().startswith("{"):
-            return cls._from_json(text, repeats)
+            try:
+                return cls.from_tables(json.loads(text), repeats)
+            except KeyError as missing:
+                raise ValueError(f"schedule: {missing} is missing") from None
+            except (json.JSONDecodeError, TypeError):
+                raise ValueError("schedule: its text is damaged; give the tables of a gait as JSON") from None
         rows = [row.strip() for row in text.split("/")]
         if set("".join(rows)) - {"0", "1"} or len(set(map(len, rows))) != 1:
             raise ValueError(f"schedule: {text!r} is not allowed; give {ROWS} rows of 0 and 1, joined by /")
         return cls(np.array([[character == "1" for character in row] for row in rows]), repeats)
 
-    @classmethod
-    def _from_json(cls, text: str, repeats: int) -> Self:
-        try:
-            return cls.from_tables(json.loads(text), repeats)
-        except KeyError as missing:
-            raise ValueError(f"schedule: {missing} is missing") from None
-        except (json.JSONDecodeError, TypeError):
-            raise ValueError("schedule: its text is damaged; give the tables of a gait as JSON") from None
 
-
-def _checked_levels(given: object) -> Floats:
-    """A read-only copy of levels, shape (10, T)."""
-    try:
-        levels = np.asarray(given)
-    except ValueError:
-        raise ValueError(f"schedule: rows differ in length; give {ROWS} equally long rows") from None
-    if levels.ndim != 2 or levels.shape[0] != ROWS or levels.shape[1] < 1:
-        raise ValueError(
-            f"schedule: shape {levels.shape} is not allowed; give ({ROWS}, T), T at least 1: "
-            f"{BLADDERS} bladders, then {FEET} feet"
-        )
-    if levels.dtype.kind not in "biuf":
-        raise ValueError(f"schedule: values of type {levels.dtype} are not allowed; give numbers from 0 to 1")
-    wrong = np.argwhere(~((levels >= 0) & (levels <= 1)))
-    if wrong.size:
-        row, column = wrong[0]
-        place = f"{GaitSchedule.row_names[row]}, column {column + 1}"
-        raise ValueError(f"schedule: {levels[row, column]} of {place} is not allowed; give 0 (off) to 1 (on)")
-    return _read_only(levels.astype(float))
-
-
-def _step_counts(field: str, given: ArrayLike, columns: int) -> Ints:
-    """A read-only copy of whole numbers, one per column."""
-    table = _table(field, given, float(LONGEST_COLUMN), (columns,))
-    wrong = table[table != np.rint(table)]
-    if wrong.size:
-        raise ValueError(f"{field}: {wrong[0]} is not allowed; give whole numbers")
-    steps = table.astype(np.int64)
-    steps.setflags(write=False)
-    return steps
-
-
-def _table(field: str, given: ArrayLike, high: float, shape: tuple[int | None, ...]) -> Floats:
-    """A read-only copy of numbers from 0 to ``high``; None in the shape is any length of at least 1."""
-    allowed = f"give shape ({', '.join('T' if n is None else str(n) for n in shape)}{',' * (len(shape) == 1)})"
-    try:
-        table = np.array(given, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{field}: {type(given).__name__} is not allowed; {allowed}") from None
-    if len(table.shape) != len(shape) or any(
-        n < 1 or m not in (None, n) for n, m in zip(table.shape, shape, strict=True)
-    ):
-        raise ValueError(f"{field}: shape {table.shape} is not allowed; {allowed}")
-    wrong = table[~((table >= 0) & (table <= high))]
-    if wrong.size:
-        raise ValueError(f"{field}: {wrong[0]} is not allowed; give numbers from 0 to {high:g}")
-    return _read_only(table)
-
-
-def _read_only(table: Floats) -> Floats:
+def _table(field: str, given: object, high: float, columns: int | str, rows: Sequence[str] = ()) -> Floats:
+    """A read-only copy of numbers from 0 to ``high``, one per column, or one per named row and column."""
+    table = numbers(field, given, *([len(rows), columns] if rows else [columns]))
+    wrong = np.argwhere(~((table >= 0) & (table <= high)))
+    if len(wrong):
+        *row, column = wrong[0]
+        place = f"{rows[row[0]]}, column {column + 1}" if row else f"column {column + 1}"
+        allowed = f"give numbers from 0 to {high:g}"
+        raise ValueError(f"{field}: {table[tuple(wrong[0])]:g} of {place} is not allowed; {allowed}")
     table[np.signbit(table)] = 0.0  # so that equal schedules have equal texts
     table.setflags(write=False)
     return table
 
 
-def _codes(field: str, given: ArrayLike, columns: int) -> Ints:
+def _codes(field: str, given: object, columns: int) -> Ints:
     """Check one half of a code, shape (10,)."""
-    try:
-        values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{field}: {given!r} is not allowed; give {ROWS} whole numbers") from None
-    if values.shape != (ROWS,):
-        raise ValueError(f"{field}: shape {values.shape} is not allowed; give ({ROWS},), one per actuator")
+    values = numbers(field, given, ROWS)
     for name, value in zip(GaitSchedule.row_names, values, strict=True):
         if not (0 <= value <= columns and value == np.rint(value)):
             allowed = f"give a whole number from 0 to {columns}"

@@ -120,7 +120,9 @@ def numbers(field: str, value: object, *shape: int | str) -> Floats:
     wanted = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
     try:
         found = np.array(value, float)
-    except (TypeError, ValueError):
+        if np.asarray(value).dtype.kind in "SU":
+            raise TypeError("a text is no number, whatever it says")
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{field}: {_shown(value)} is not allowed; give numbers of shape {wanted}") from None
     fits = found.ndim == len(shape) and all(
         length == size or (isinstance(length, str) and size > 0)
@@ -188,9 +190,9 @@ def _finite(value: object) -> float | None:
 
 
 def _shown(value: object) -> str:
-    """Text of a value, cut off if it is long."""
+    """Text of a value in one line, cut off if it is long."""
     try:
-        text = repr(value)
+        text = " ".join(repr(value).split())
     except ValueError:  # more digits than Python writes out
         return "a number of thousands of digits"
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."

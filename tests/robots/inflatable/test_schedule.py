@@ -111,11 +111,11 @@ def test_bits_are_a_read_only_copy():
         (np.zeros((9, 8)), r"shape \(9, 8\) is not allowed"),
         (np.zeros((10, 0)), r"shape \(10, 0\) is not allowed"),
         (np.zeros(10), r"shape \(10,\) is not allowed"),
-        ([[0, 1]] * 9 + [[0]], "rows differ in length"),
-        (np.full((10, 2), np.nan), "nan of bladder1, column 1 is not allowed"),
+        ([[0, 1]] * 9 + [[0]], r"[^\n]* is not allowed; give numbers of shape \(10, T\)"),
+        (np.full((10, 2), np.nan), "nan is not allowed; give finite numbers"),
         ([[0, 1]] * 9 + [[0, 2]], "2 of foot2, column 2 is not allowed"),
         (np.full((10, 2), 1.5), "1.5 of bladder1, column 1 is not allowed"),
-        (np.full((10, 2), "1"), "values of type <U1 are not allowed"),
+        (np.full((10, 2), "1"), r"[^\n]* is not allowed; give numbers of shape \(10, T\)"),
     ],
 )
 def test_bad_bits_are_refused_in_one_line(bits, message):
@@ -129,7 +129,7 @@ def test_bad_repeats_are_refused(repeats):
         GaitSchedule(np.zeros((ROWS, 2)), repeats)
 
 
-@pytest.mark.parametrize("value", [-1, 9, 0.5, math.nan])
+@pytest.mark.parametrize("value", [-1, 9, 0.5])
 @pytest.mark.parametrize("field", ["f", "phi"])
 def test_a_code_out_of_range_is_refused(field, value):
     code = {"f": [0] * ROWS, "phi": [0] * ROWS}
@@ -141,6 +141,8 @@ def test_a_code_out_of_range_is_refused(field, value):
 def test_a_code_of_the_wrong_shape_is_refused():
     with pytest.raises(ValueError, match=r"^phi: shape \(9,\) is not allowed"):
         GaitSchedule.from_codes([0] * 10, [0] * 9)
+    with pytest.raises(ValueError, match=r"^f: nan is not allowed; give finite numbers$"):
+        GaitSchedule.from_codes([math.nan] * 10, [0] * 10)
     with pytest.raises(ValueError, match=r"^f: 'many' is not allowed"):
         GaitSchedule.from_codes("many", [0] * 10)
     with pytest.raises(ValueError, match=r"^columns: 0 is not allowed"):

@@ -85,6 +85,8 @@ def test_arrays_have_the_shape_that_is_asked_for():
     assert np.array_equal(found, given) and found is not given
     for wrong, message in (
         ("abc", "starts: 'abc' is not allowed; give numbers of shape (B, 3)"),
+        ([["1", "2", "3"]], "starts: [['1', '2', '3']] is not allowed; give numbers of shape (B, 3)"),
+        ([[10**400, 1, 2]], f"starts: [[1{'0' * 97}... is not allowed; give numbers of shape (B, 3)"),
         (np.ones(3), "starts: shape (3,) is not allowed; give (B, 3)"),
         (np.ones((0, 3)), "starts: shape (0, 3) is not allowed; give (B, 3)"),
         ([[1.0, np.nan, 2.0]], "starts: nan is not allowed; give finite numbers"),
