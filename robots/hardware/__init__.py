@@ -1,25 +1,24 @@
 """The pneumatic rig that plays a gait on the physical robot, and gaits as tables of its line pressures."""
 
-from robots.hardware.csv_files import export_csv, read_csv, read_design, write_csv
-from robots.hardware.limits import RigViolation, Violation
-from robots.hardware.line_map import LineMap
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, PneumaticRig
-from robots.hardware.table import GaitTable, design_hash, gait_table
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CHANNELS",
-    "KPA_PER_UNIT",
-    "PRESETS",
-    "Channel",
-    "GaitTable",
-    "LineMap",
-    "PneumaticRig",
-    "RigViolation",
-    "Violation",
-    "design_hash",
-    "export_csv",
-    "gait_table",
-    "read_csv",
-    "read_design",
-    "write_csv",
-]
+from taichi_sim.base.lazy import exported_names
+
+if TYPE_CHECKING:
+    from robots.hardware.csv_files import export_csv as export_csv
+    from robots.hardware.csv_files import read_csv as read_csv
+    from robots.hardware.csv_files import read_design as read_design
+    from robots.hardware.csv_files import write_csv as write_csv
+    from robots.hardware.limits import RigViolation as RigViolation
+    from robots.hardware.limits import Violation as Violation
+    from robots.hardware.line_map import LineMap as LineMap
+    from robots.hardware.rig import CHANNELS as CHANNELS
+    from robots.hardware.rig import KPA_PER_UNIT as KPA_PER_UNIT
+    from robots.hardware.rig import PRESETS as PRESETS
+    from robots.hardware.rig import Channel as Channel
+    from robots.hardware.rig import PneumaticRig as PneumaticRig
+    from robots.hardware.table import GaitTable as GaitTable
+    from robots.hardware.table import design_hash as design_hash
+    from robots.hardware.table import gait_table as gait_table
+
+__getattr__, __dir__ = exported_names(__name__)

@@ -10,69 +10,30 @@ et al., Nature Machine Intelligence 3, 51-59, 2021.
 
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported
+from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
-    from robots.frames import Frames
-    from robots.inflatable.actuation import ACTUATION, InflatableActuation
-    from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, SMALL, TWO_CORE, InflatableGeometry
-    from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
-    from robots.inflatable.files import load_design, save_design
-    from robots.inflatable.gradient import InflatableGradient, differentiate
-    from robots.inflatable.program import Counting
-    from robots.inflatable.schedule import MAXIMUM_PRESSURE, GaitSchedule
-    from robots.inflatable.simulation import InflatableResult, sideways, simulate
-    from robots.inflatable.timing import predicted_steps
+    from robots.frames import Frames as Frames
+    from robots.inflatable.actuation import ACTUATION as ACTUATION
+    from robots.inflatable.actuation import InflatableActuation as InflatableActuation
+    from robots.inflatable.body import NAMED_GEOMETRIES as NAMED_GEOMETRIES
+    from robots.inflatable.body import PUBLISHED as PUBLISHED
+    from robots.inflatable.body import SMALL as SMALL
+    from robots.inflatable.body import TWO_CORE as TWO_CORE
+    from robots.inflatable.body import InflatableGeometry as InflatableGeometry
+    from robots.inflatable.design import INCHING as INCHING
+    from robots.inflatable.design import ROLLING as ROLLING
+    from robots.inflatable.design import InflatableDesign as InflatableDesign
+    from robots.inflatable.files import load_design as load_design
+    from robots.inflatable.files import save_design as save_design
+    from robots.inflatable.gradient import InflatableGradient as InflatableGradient
+    from robots.inflatable.gradient import differentiate as differentiate
+    from robots.inflatable.program import Counting as Counting
+    from robots.inflatable.schedule import MAXIMUM_PRESSURE as MAXIMUM_PRESSURE
+    from robots.inflatable.schedule import GaitSchedule as GaitSchedule
+    from robots.inflatable.simulation import InflatableResult as InflatableResult
+    from robots.inflatable.simulation import sideways as sideways
+    from robots.inflatable.simulation import simulate as simulate
+    from robots.inflatable.timing import predicted_steps as predicted_steps
 
-__all__ = [
-    "ACTUATION",
-    "INCHING",
-    "MAXIMUM_PRESSURE",
-    "NAMED_GEOMETRIES",
-    "PUBLISHED",
-    "ROLLING",
-    "SMALL",
-    "TWO_CORE",
-    "Counting",
-    "Frames",
-    "GaitSchedule",
-    "InflatableActuation",
-    "InflatableDesign",
-    "InflatableGeometry",
-    "InflatableGradient",
-    "InflatableResult",
-    "differentiate",
-    "load_design",
-    "predicted_steps",
-    "save_design",
-    "sideways",
-    "simulate",
-]
-
-__getattr__ = exported(
-    __name__,
-    {
-        "Frames": "robots.frames",
-        "ACTUATION": "robots.inflatable.actuation",
-        "InflatableActuation": "robots.inflatable.actuation",
-        "NAMED_GEOMETRIES": "robots.inflatable.body",
-        "PUBLISHED": "robots.inflatable.body",
-        "SMALL": "robots.inflatable.body",
-        "TWO_CORE": "robots.inflatable.body",
-        "InflatableGeometry": "robots.inflatable.body",
-        "MAXIMUM_PRESSURE": "robots.inflatable.schedule",
-        "INCHING": "robots.inflatable.design",
-        "ROLLING": "robots.inflatable.design",
-        "InflatableDesign": "robots.inflatable.design",
-        "load_design": "robots.inflatable.files",
-        "save_design": "robots.inflatable.files",
-        "Counting": "robots.inflatable.program",
-        "InflatableGradient": "robots.inflatable.gradient",
-        "differentiate": "robots.inflatable.gradient",
-        "GaitSchedule": "robots.inflatable.schedule",
-        "InflatableResult": "robots.inflatable.simulation",
-        "sideways": "robots.inflatable.simulation",
-        "simulate": "robots.inflatable.simulation",
-        "predicted_steps": "robots.inflatable.timing",
-    },
-)
+__getattr__, __dir__ = exported_names(__name__)

@@ -4,11 +4,12 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 """
 
 import math
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, Any
 
 from robots.world import Terrain
-from taichi_sim.base.checks import whole_number
+from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, whole_number
 
 WEIGHTS = ("published", "physical")
 PUBLISHED_COLUMNS = 16  # of a gait, 8 played twice
@@ -41,42 +42,25 @@ class InflatableActuation:
             "physical": they always have it.
     """
 
-    high_friction: float = 2.0
-    low_friction: float = 1e-4
-    deflated: float = 0.2
-    inflated: float = 2.5
-    inflation_rate: float = 3e-4
-    widening: float = 1 / 20
-    lengthening_flat: float = 1.7
-    lengthening_round: float = 10.0
-    round_pressure: float = 12e3
-    pressure_ramp: float = 0.5
-    hold_steps: int = 2000
-    settle_steps: int = 4001
-    moving_damping: float = 0.002
-    settling_damping: float = 0.01
-    weight: str = "published"
-    ramp_steps: int | None = None
+    high_friction: NotNegative = 2.0
+    low_friction: NotNegative = 1e-4
+    deflated: Positive = 0.2
+    inflated: NotNegative = 2.5
+    inflation_rate: Positive = 3e-4
+    widening: NotNegative = 1 / 20
+    lengthening_flat: Positive = 1.7
+    lengthening_round: Positive = 10.0
+    round_pressure: Positive = 12e3
+    pressure_ramp: Positive = 0.5
+    hold_steps: Annotated[int, partial(whole_number, low=0)] = 2000
+    settle_steps: Annotated[int, partial(whole_number, low=0)] = 4001
+    moving_damping: NotNegative = 0.002
+    settling_damping: NotNegative = 0.01
+    weight: Annotated[str, partial(choice, names=WEIGHTS)] = "published"
+    ramp_steps: Annotated[int, partial(whole_number, low=1)] | None = None
 
     def __post_init__(self) -> None:
-        if self.weight not in WEIGHTS:
-            raise ValueError(f"weight: {self.weight!r} is unknown; choose one of {', '.join(WEIGHTS)}")
-        if self.ramp_steps is not None:
-            object.__setattr__(self, "ramp_steps", whole_number("ramp_steps", self.ramp_steps, 1))
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name not in ("weight", "ramp_steps") and not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{field.name}: {value!r} is not allowed; it must not be negative")
-        for name in (
-            "deflated",
-            "inflation_rate",
-            "lengthening_flat",
-            "lengthening_round",
-            "pressure_ramp",
-            "round_pressure",
-        ):
-            if getattr(self, name) == 0:
-                raise ValueError(f"{name}: 0 is not allowed; it must be positive")
+        check_fields(self)
         if self.inflated <= self.deflated:
             raise ValueError(f"inflated: {self.inflated!r} is not allowed; it must exceed deflated, {self.deflated!r}")
 

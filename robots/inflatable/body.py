@@ -11,13 +11,15 @@ Layers from the ground up: lower bladders, lower skin, upper skin, upper bladder
 
 import itertools
 import math
-from dataclasses import dataclass, fields
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Ints
+from taichi_sim.base.checks import Positive, check_fields, whole_number
 from taichi_sim.lattice import LatticeBody, Material
 
 # Regions that a program addresses. Foot seams are the third foot material of the published robot. Behind these, each
@@ -29,6 +31,7 @@ REGION_COUNT = FIRST_BLADDER + BLADDER_COUNT
 SKIN_REGIONS = np.arange(FIRST_BLADDER)
 FOOT_REGIONS = np.array([FOOT_1, FOOT_2])
 BLADDER_REGIONS = np.arange(FIRST_BLADDER, REGION_COUNT)
+Count = Annotated[int, partial(whole_number, low=1)]
 LEAST_CORE_ROWS = 3  # a wall at either end, and a row between
 
 
@@ -68,27 +71,22 @@ class InflatableGeometry:
         cores: that the pouch is divided into along its length, of as equal numbers of rows as possible.
     """
 
-    bladder_columns: int = 3
-    rows: int = 22
-    foot_rows: int = 3
-    bladder_layers: int = 2
-    voxel_size: float = 0.01
-    youngs_modulus: float = 400e3
-    bladder_modulus: float = 400e3 / 1.8
-    density: float = 3000.0
-    foot_seam_scale: float = 0.9
-    internal_damping: float = 1.0
-    collision_damping: float = 1.0
-    time_step_safety: float = 1.3
-    cores: int = 1
+    bladder_columns: Count = 3
+    rows: Count = 22
+    foot_rows: Count = 3
+    bladder_layers: Count = 2
+    voxel_size: Positive = 0.01
+    youngs_modulus: Positive = 400e3
+    bladder_modulus: Positive = 400e3 / 1.8
+    density: Positive = 3000.0
+    foot_seam_scale: Positive = 0.9
+    internal_damping: Positive = 1.0
+    collision_damping: Positive = 1.0
+    time_step_safety: Positive = 1.3
+    cores: Count = 1
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{field.name}: {value!r} is not allowed; it must be positive")
-            if field.type in (int, "int") and value != int(value):
-                raise ValueError(f"{field.name}: {value!r} is not allowed; it must be a whole number")
+        check_fields(self)
         if self.rows <= 2 * self.foot_rows:
             raise ValueError(
                 f"rows: {self.rows} is not allowed; two feet of {self.foot_rows} rows leave no room for bladders"
@@ -207,8 +205,17 @@ def _build(geometry: InflatableGeometry) -> LatticeBody:
 def _materials(geometry: InflatableGeometry) -> tuple[Material, ...]:
     """One material per skin region and one for the bladders; friction and bladder scales belong to the program."""
 
-    def material(name: str, modulus: float, across: float = 1.0) -> Material:
-        return Material(
+    skin = geometry.youngs_modulus
+    kinds = (
+        ("skin", skin, 1.0),
+        ("seam", skin, 1.0),
+        ("foot 1", skin, 1.0),
+        ("foot 2", skin, 1.0),
+        ("foot seam", skin, geometry.foot_seam_scale),
+        ("bladder", geometry.bladder_modulus, 1.0),
+    )
+    return tuple(
+        Material(
             modulus,
             geometry.density,
             internal_damping=geometry.internal_damping,
@@ -216,13 +223,5 @@ def _materials(geometry: InflatableGeometry) -> tuple[Material, ...]:
             scale=(across, 1.0, 1.0),
             name=name,
         )
-
-    skin = geometry.youngs_modulus
-    return (
-        material("skin", skin),
-        material("seam", skin),
-        material("foot 1", skin),
-        material("foot 2", skin),
-        material("foot seam", skin, geometry.foot_seam_scale),
-        material("bladder", geometry.bladder_modulus),
+        for name, modulus, across in kinds
     )

@@ -24,7 +24,7 @@ from robots.inflatable.timing import gait_steps, nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
-from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.compute import ComputeOptions
 
 RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
@@ -178,8 +178,7 @@ def judge_gait(
     """
     whole_number("runs", runs, 2)
     terrain = terrain or Terrain()
-    noisy = _Noisy([design] * runs, terrain, geometry, actuation, seed, Compute.given(compute))
-    usual, hard = noisy.both_ways(RECORD_EVERY, progress)
+    usual, hard = _both_ways([design] * runs, terrain, geometry, actuation, RECORD_EVERY, seed, progress, compute)
     slip = np.stack([slip_under_load(usual, design, actuation, robot) for robot in range(runs)])
     return GaitJudgement(
         usual.speed,
@@ -246,46 +245,33 @@ def play_with_noise(
     """
     whole_number("runs", runs, 1)
     copies = [design for design in designs for _ in range(runs)]
-    noisy = _Noisy(copies, terrain, geometry, actuation, seed, Compute.given(compute))
-    usual, hard = noisy.both_ways(None, progress)
+    usual, hard = _both_ways(copies, terrain, geometry, actuation, None, seed, progress, compute)
     return usual.speed.reshape(-1, runs), hard.speed.reshape(-1, runs)
 
 
-@dataclass(frozen=True, eq=False)
-class _Noisy:
-    """A batch of designs that start with noise."""
-
-    designs: Sequence[InflatableDesign]
-    terrain: Terrain
-    geometry: InflatableGeometry
-    actuation: InflatableActuation
-    seed: int
-    compute: Compute
-
-    def both_ways(
-        self, record_every: int | None, progress: Callable[[float], None] | None
-    ) -> tuple[InflatableResult, InflatableResult]:
-        """Results as usual and under the harder conditions; frames of the former."""
-        report = progress or (lambda fraction: None)
-        hard, weighed = harder(self.terrain, self.actuation)
-        usual = self._simulate(self.terrain, self.actuation, record_every, lambda f: report(0.5 * f))
-        return usual, self._simulate(hard, weighed, None, lambda f: report(0.5 + 0.5 * f))
-
-    def _simulate(
-        self,
-        terrain: Terrain,
-        actuation: InflatableActuation,
-        record_every: int | None,
-        progress: Callable[[float], None],
-    ) -> InflatableResult:
-        return simulation.simulate(
-            self.designs,
-            terrain,
-            geometry=self.geometry,
-            actuation=actuation,
-            record_every=record_every,
+def _both_ways(
+    designs: Sequence[InflatableDesign],
+    terrain: Terrain,
+    geometry: InflatableGeometry,
+    actuation: InflatableActuation,
+    record_every: int | None,
+    seed: int,
+    progress: Callable[[float], None] | None,
+    compute: ComputeOptions,
+) -> tuple[InflatableResult, InflatableResult]:
+    """Results of designs that start with noise, as usual and under the harder conditions; frames of the former."""
+    report, found = progress or (lambda fraction: None), []
+    for number, (ground, drive) in enumerate(((terrain, actuation), harder(terrain, actuation))):
+        result = simulation.simulate(
+            designs,
+            ground,
+            geometry=geometry,
+            actuation=drive,
+            record_every=None if number else record_every,
             perturbation=NOISE,
-            seed=self.seed,
-            progress=progress,
-            **self.compute.options,
+            seed=seed,
+            progress=lambda fraction, number=number: report((number + fraction) / 2),
+            **compute,
         )
+        found.append(result)
+    return found[0], found[1]

@@ -230,11 +230,11 @@ def test_bad_designs_are_refused_in_one_line(change, message):
         (lambda: InflatableGeometry(voxel_size=-0.01), "voxel_size: -0.01 is not allowed"),
         (
             lambda: InflatableGeometry(bladder_layers=1.5),
-            "bladder_layers: 1.5 is not allowed; it must be a whole number",
+            "bladder_layers: 1.5 is not allowed; give a whole number, at least 1",
         ),
         (lambda: InflatableActuation(weight="none"), "weight: 'none' is unknown"),
         (lambda: InflatableActuation(inflated=0.1), "inflated: 0.1 is not allowed"),
-        (lambda: InflatableActuation(inflation_rate=0.0), "inflation_rate: 0 is not allowed"),
+        (lambda: InflatableActuation(inflation_rate=0.0), "inflation_rate: 0.0 is not allowed"),
         (lambda: simulate([]), "designs: give at least one"),
         (lambda: simulate(INCHING, perturbation=-1e-3), "perturbation: -0.001 is not allowed"),
         (lambda: simulate(INCHING, record_every=0), "record_every: 0 is not allowed"),

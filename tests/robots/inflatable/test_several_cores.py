@@ -121,8 +121,8 @@ def test_one_core_is_the_published_body():
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: InflatableGeometry(cores=0), "cores: 0 is not allowed; it must be positive"),
-        (lambda: InflatableGeometry(cores=1.5), "cores: 1.5 is not allowed; it must be a whole number"),
+        (lambda: InflatableGeometry(cores=0), "cores: 0 is not allowed; give a whole number, at least 1"),
+        (lambda: InflatableGeometry(cores=1.5), "cores: 1.5 is not allowed; give a whole number, at least 1"),
         (lambda: InflatableGeometry(cores=8), "cores: 8 is not allowed; 22 rows have room for 1 to 7, each of 3 rows"),
         (lambda: checked_pressure(()), "pressure: none is given; give one for all cores, or one each"),
         (lambda: checked_pressure((1.0, -1.0)), "pressure: -1.0 is not allowed; give a number from 0 to 15000"),
