@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -120,20 +120,25 @@ def _read(lines: list[str]) -> GaitTable:
     if (units := header.get("units", "")) not in KPA_PER_UNIT:
         raise ValueError(f"units {units!r} are unknown; give one of {', '.join(KPA_PER_UNIT)}")
     _check_columns(lines, len(head), units)
-    design = _design(header)
-    times, states, pressures = _rows(lines, len(head) + 1, design.schedule.columns)
-    # The sum comes after what can be named more precisely.
-    rest = [line for line in lines if not line.startswith("# checksum=")]
-    if header.get("checksum") != _checksum(rest):
-        raise ValueError("checksum does not fit; the file was changed or damaged, export it again")
-    clipped = tuple(value for name, value in pairs if name == "clipped")
     try:
+        schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
+        design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
+        fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
         seed = None if header["seed"] == _NO_SEED else int(header["seed"])
         rate = None if header["rate_hz"] == "corners" else float(header["rate_hz"])
         rig = header["rig"]
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
+    except ValueError as error:
+        raise ValueError(f"header is damaged ({error})") from None
+    if not fits:
+        raise ValueError("header is damaged (robot_hash and loops do not fit its design)")
+    times, states, pressures = _rows(lines, len(head) + 1, schedule.columns)
+    # The sum comes after what can be named more precisely.
+    if header.get("checksum") != _checksum([line for line in lines if not line.startswith("# checksum=")]):
+        raise ValueError("checksum does not fit; the file was changed or damaged, export it again")
+    clipped = tuple(value for name, value in pairs if name == "clipped")
     return GaitTable(times, states, pressures, units, design, line_map, seed, rig, rate, clipped)
 
 
@@ -144,20 +149,6 @@ def _check_columns(lines: list[str], at: int, units: str) -> None:
         raise ValueError(f"line {at + 1}: column {missing[0]} is missing; give {','.join(expected)}")
     if given != expected:
         raise ValueError(f"line {at + 1}: columns must be {','.join(expected)}, in this order")
-
-
-def _design(header: Mapping[str, str]) -> InflatableDesign:
-    try:
-        schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
-        design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
-        fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
-    except KeyError as missing:
-        raise ValueError(f"{missing.args[0]} is missing in the header") from None
-    except ValueError as error:
-        raise ValueError(f"header is damaged ({error})") from None
-    if not fits:
-        raise ValueError("header is damaged (robot_hash and loops do not fit its design)")
-    return design
 
 
 def _rows(lines: Sequence[str], start: int, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.commands import commands_of
 from robots.hardware.rig import CHANNELS, Channel, PneumaticRig
 from robots.hardware.table import with_one_pressure
-from robots.hardware.timeline import timeline
+from robots.hardware.timeline import commands_of, timeline
 from robots.inflatable.design import InflatableDesign
 
 NEAR = 0.9  # of a limit

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.commands import Commands
 from robots.hardware.rig import CHANNELS, PneumaticRig
-from robots.hardware.timeline import State, strokes
+from robots.hardware.timeline import Commands, State
 
 POLICIES = ("refuse", "clip")
 
@@ -61,19 +60,15 @@ def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -
         rig: with the limits.
     """
     found: list[Violation] = []
-    before = np.zeros(len(CHANNELS))
-    for state, target, portions in zip(states, commands.targets, commands.portions, strict=True):
-        times = strokes(before, target, portions, rig, keep_slew=False)
-        for index in np.flatnonzero(target != before):
-            name, channel = CHANNELS[index], rig.channels[index]
-            first, last = float(before[index]), float(target[index])
-            rate = abs(last - first) / float(times[index])
-            if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
-                found.append(Violation(name, state.start_s, rate, channel.slew_kpa_per_s, "kPa/s"))
-            limit = min(max(last, channel.minimum_kpa), channel.maximum_kpa)
-            if limit != last:
-                inside = min(max(first, channel.minimum_kpa), channel.maximum_kpa) == first
-                passed = abs(limit - first) / rate if inside else 0.0
-                found.append(Violation(name, state.start_s + passed, last, limit, "kPa"))
-        before = target
+    before, rates = commands.before, np.abs(commands.targets - commands.before) / commands.strokes(rig, False)
+    for number, index in np.argwhere(commands.targets != before):
+        name, channel, start = CHANNELS[index], rig.channels[index], states[number].start_s
+        first, last, rate = (float(each[number, index]) for each in (before, commands.targets, rates))
+        if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
+            found.append(Violation(name, start, rate, channel.slew_kpa_per_s, "kPa/s"))
+        limit = min(max(last, channel.minimum_kpa), channel.maximum_kpa)
+        if limit != last:
+            inside = channel.minimum_kpa <= first <= channel.maximum_kpa
+            passed = abs(limit - first) / rate if inside else 0.0
+            found.append(Violation(name, start + passed, last, limit, "kPa"))
     return sorted(found, key=lambda violation: violation.time_s)

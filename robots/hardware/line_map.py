@@ -9,17 +9,28 @@ that is on by parts has a pressure as far between its two.
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Self
+from functools import partial
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import number
+from taichi_sim.base.checks import Positive, check_fields, number
 
 _RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 _LEVEL_RESOLUTION = 6  # and of a level
+
+
+def _each_actuator(field: str, value: Any) -> tuple[float, ...]:
+    """Check the pressures of the ten actuators."""
+    if not isinstance(value, list | tuple) or len(value) != ROWS:
+        raise ValueError(f"{field}: {value!r} is not allowed; give {ROWS} pressures, bladders then feet")
+    return tuple(number(field, part) for part in value)
+
+
+Actuators = Annotated[tuple[float, ...], _each_actuator]
 
 
 @dataclass(frozen=True)
@@ -37,26 +48,14 @@ class LineMap:
         off_kpa: of bladders deflated and of feet sliding [kPa], 10 values.
     """
 
-    simulated_pa: float = 12e3
-    core_kpa: float = 50.0
-    flat_kpa: float = -80.0
-    on_kpa: tuple[float, ...] = (20.0,) * BLADDERS + (50.0,) * FEET
-    off_kpa: tuple[float, ...] = (0.0,) * BLADDERS + (-80.0,) * FEET
+    simulated_pa: Positive = 12e3
+    core_kpa: Positive = 50.0
+    flat_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
+    on_kpa: Actuators = (20.0,) * BLADDERS + (50.0,) * FEET
+    off_kpa: Actuators = (0.0,) * BLADDERS + (-80.0,) * FEET
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name not in ("on_kpa", "off_kpa"):
-                object.__setattr__(self, field.name, number(field.name, value))
-                continue
-            if not isinstance(value, list | tuple) or len(value) != ROWS:
-                raise ValueError(f"{field.name}: {value!r} is not allowed; give {ROWS} pressures, bladders then feet")
-            object.__setattr__(self, field.name, tuple(number(field.name, part) for part in value))
-        for name in ("simulated_pa", "core_kpa"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name}: {getattr(self, name):g} is not allowed; it must be positive")
-        if self.flat_kpa > 0:
-            raise ValueError(f"flat_kpa: {self.flat_kpa:g} is not allowed; it must not be positive")
+        check_fields(self)
         for name, on, off in zip(GaitSchedule.row_names, self.on_kpa, self.off_kpa, strict=True):
             if off >= on:
                 raise ValueError(f"off_kpa: {off:g} of {name} is not allowed; it must be below its on_kpa, {on:g}")

@@ -6,19 +6,21 @@ Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021.
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Annotated, Any, TypeVar
 
 import tomli_w
 
 from robots.hardware.line_map import LineMap
 from robots.inflatable.schedule import BLADDERS, FEET, GaitSchedule
-from taichi_sim.base.checks import number
+from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number
 from taichi_sim.base.files import read_text, write_text
 
+Described = TypeVar("Described", "Channel", LineMap)
 CHANNELS = ("core", *GaitSchedule.row_names)
 KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}
 
@@ -36,21 +38,15 @@ class Channel:
         valve_delay_s: from the command until the pressure begins to change [s].
     """
 
-    rise_s: float
-    fall_s: float
-    minimum_kpa: float
-    maximum_kpa: float
-    slew_kpa_per_s: float
-    valve_delay_s: float = 0.0
+    rise_s: Positive
+    fall_s: Positive
+    minimum_kpa: Finite
+    maximum_kpa: Finite
+    slew_kpa_per_s: Positive
+    valve_delay_s: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            object.__setattr__(self, entry.name, number(entry.name, getattr(self, entry.name)))
-        for name in ("rise_s", "fall_s", "slew_kpa_per_s"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name}: {getattr(self, name):g} is not allowed; it must be positive")
-        if self.valve_delay_s < 0:
-            raise ValueError(f"valve_delay_s: {self.valve_delay_s:g} is not allowed; it must not be negative")
+        check_fields(self)
         if self.minimum_kpa >= self.maximum_kpa:
             limit = f"it must be below maximum_kpa, {self.maximum_kpa:g}"
             raise ValueError(f"minimum_kpa: {self.minimum_kpa:g} is not allowed; {limit}")
@@ -81,22 +77,16 @@ class PneumaticRig:
     """
 
     name: str = "dissertation"
-    supply_kpa: float = 50.0
-    vacuum_kpa: float = -80.0
+    supply_kpa: Positive = 50.0
+    vacuum_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
     channels: tuple[Channel, ...] = (_CORE,) + (_BLADDER,) * BLADDERS + (_FOOT,) * FEET
-    shortest_state_s: float = 0.1
+    shortest_state_s: Positive = 0.1
     line_map: LineMap = field(default_factory=LineMap)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.isprintable()):
             raise ValueError(f"name: {self.name!r} is not allowed; give a text of one line")
-        for name in ("supply_kpa", "vacuum_kpa", "shortest_state_s"):
-            object.__setattr__(self, name, number(name, getattr(self, name)))
-        for name in ("supply_kpa", "shortest_state_s"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name}: {getattr(self, name):g} is not allowed; it must be positive")
-        if self.vacuum_kpa > 0:
-            raise ValueError(f"vacuum_kpa: {self.vacuum_kpa:g} is not allowed; it must not be positive")
+        check_fields(self)
         object.__setattr__(self, "channels", tuple(self.channels))
         if (given := len(self.channels)) != len(CHANNELS):
             raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)}")
@@ -119,15 +109,24 @@ class PneumaticRig:
         content = {"units": "kpa", **data, "map": asdict(self.line_map), "channels": channels}
         write_text(path, tomli_w.dumps(content))
 
-    @classmethod
-    def load(cls, source: str | os.PathLike[str]) -> Self:
+    @staticmethod
+    def load(source: str | os.PathLike[str]) -> "PneumaticRig":
         """Read a rig from TOML, or take a preset by its name; what a file leaves out is the default.
 
+        In a file ``[channels.bladder]`` is all bladders, ``[channels.bladder3]`` what differs in the third.
+
         Raises:
-            ValueError: in one line, for an unreadable file, an unknown name or a value that is not allowed.
+            ValueError: for an unreadable file, an unknown name or a value that is not allowed.
         """
-        rig = PRESETS[str(source)] if str(source) in PRESETS else _read_rig(source)
-        return cls(**{entry.name: getattr(rig, entry.name) for entry in fields(rig)})
+        if str(source) in PRESETS:
+            return PRESETS[str(source)]
+        if Path(source).suffix.lower() != ".toml":
+            raise ValueError(f"rig: '{source}' is neither a preset ({', '.join(PRESETS)}) nor a .toml file")
+        text = read_text(source)
+        try:
+            return _rig(tomllib.loads(text))
+        except ValueError as error:  # syntax errors too
+            raise ValueError(f"{source}: {error}") from None
 
 
 # "Gentle" drives the core with what the text calls necessary on hardware: 35 kPa.
@@ -144,43 +143,27 @@ _ALL = {"bladder": CHANNELS[1:9], "foot": CHANNELS[9:]}  # tables that speak of 
 _NAMES = ("name", "units", "supply_kpa", "vacuum_kpa", "shortest_state_s", "map", "channels")
 
 
-def _read_rig(path: str | os.PathLike[str]) -> PneumaticRig:
-    """Read a rig; ``[channels.bladder]`` is all bladders, ``[channels.bladder3]`` what differs in the third.
-
-    Raises:
-        ValueError: in one line, for an unreadable file, an unknown name or a value that is not allowed.
-    """
-    if Path(path).suffix.lower() != ".toml":
-        raise ValueError(f"rig: '{path}' is neither a preset ({', '.join(PRESETS)}) nor a .toml file")
-    text = read_text(path)
-    try:
-        return _rig(tomllib.loads(text))
-    except ValueError as error:  # syntax errors too
-        raise ValueError(f"{path}: {error}") from None
-
-
 def _rig(data: dict[str, Any]) -> PneumaticRig:
     units = data.get("units", "kpa")
     if not isinstance(units, str) or units not in KPA_PER_UNIT:
         raise ValueError(f"units: {units!r} is not allowed; give one of {', '.join(KPA_PER_UNIT)}")
     data = _known(_in_kpa(data, units), "rig", _NAMES)
     default = PneumaticRig()
-    simple = {name: data[name] for name in _NAMES if name in data and name not in ("units", "map", "channels")}
-    if "map" in data:
-        given = _known(data["map"], "map", tuple(entry.name for entry in fields(LineMap)))
-        simple["line_map"] = _made("map", lambda: replace(default.line_map, **given))
-    tables = _known(data.get("channels", {}), "channels", (*_ALL, *CHANNELS))
     channels = dict(zip(CHANNELS, default.channels, strict=True))
+    tables = _known(data.pop("channels", {}), "channels", (*_ALL, *CHANNELS))
     for table in sorted(tables, key=lambda name: name not in _ALL):  # one channel's own table wins
-        given = _known(tables[table], table, tuple(entry.name for entry in fields(Channel)))
         for name in _ALL.get(table, (table,)):
-            channels[name] = _made(table, lambda name=name, given=given: replace(channels[name], **given))
-    return replace(default, channels=tuple(channels.values()), **{"name": "unnamed", **simple})
+            channels[name] = _changed(channels[name], table, tables[table])
+    line_map = _changed(default.line_map, "map", data.pop("map", {}))
+    simple = {"name": "unnamed", **{name: value for name, value in data.items() if name != "units"}}
+    return replace(default, channels=tuple(channels.values()), line_map=line_map, **simple)
 
 
-def _made(what: str, make: Any) -> Any:
+def _changed(given: Described, what: str, table: object) -> Described:
+    """A channel or a map with the values of a table."""
+    changes = _known(table, what, [entry.name for entry in fields(given)])
     try:
-        return make()
+        return replace(given, **changes)
     except ValueError as error:
         raise ValueError(f"{what}: {error}") from None
 
@@ -206,11 +189,10 @@ def _scaled(value: Any, factor: float) -> Any:
     return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def _known(data: object, what: str, names: tuple[str, ...]) -> dict[str, Any]:
+def _known(data: object, what: str, names: Sequence[str]) -> dict[str, Any]:
     """The data as a dict with no other than these names."""
     if not isinstance(data, dict):
         raise ValueError(f"{what}: give a table with {', '.join(names)}")
-    unknown = sorted(set(data) - set(names))
-    if unknown:
+    if unknown := sorted(set(data) - set(names)):
         raise ValueError(f"{what}: {unknown[0]!r} is unknown; give {', '.join(names)}")
-    return data
+    return dict(data)

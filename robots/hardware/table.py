@@ -8,16 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from robots.hardware.commands import TIME_STEP, commands_of
 from robots.hardware.limits import POLICIES, RigViolation, violations
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
-from robots.hardware.timeline import State, section_of, timeline
+from robots.hardware.timeline import TIME_STEP, State, commands_of, section_of, timeline
 from robots.inflatable.cores import common_pressure, kilopascals
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.checks import choice, number, whole_number
 
 SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
@@ -105,30 +104,15 @@ class GaitTable:
         first, second = np.array_split(np.vstack([levels, core])[:, 1:], 2, axis=1)
         if not np.array_equal(first, second):
             raise ValueError("gait table: the columns of its prefix differ from those of its main")
-        return InflatableDesign(float(core[0]), self.design.orientation, self._schedule(second[:ROWS], second[ROWS]))
+        told = None if given.core_pressure is None else second[ROWS]
+        gait = GaitSchedule(second[:ROWS], self.loops + 1, told, skip_idle=given.skip_idle)
+        if given.has_own_times:
+            moved = np.zeros(gait.columns, int) if told is None else self._steps(slice(0, 1))[:, 0]
+            gait = replace(gait, motion_steps=moved, settle_steps=self._steps(slice(None))[:, 1])
+        return InflatableDesign(float(core[0]), self.design.orientation, gait)
 
-    def _schedule(self, levels: Floats, core: Floats) -> GaitSchedule:
-        """The schedule of levels, shape (10, T), and core pressures [Pa], (T,), with what the header says it has."""
-        given, repeats = self.design.schedule, self.loops + 1
-        core_pressure = None if given.core_pressure is None else core
-        gait = GaitSchedule(levels, repeats, core_pressure, skip_idle=given.skip_idle)
-        if not given.has_own_times:
-            return gait
-        moved = np.zeros(gait.columns, int) if core_pressure is None else self._core_steps()
-        return replace(gait, motion_steps=moved, settle_steps=self._settled())
-
-    def _core_steps(self) -> Ints:
-        """Time steps that the core takes to its pressure in each column, shape (T,)."""
-        times = self._arrivals(slice(0, 1))
-        return np.round([(arrival - begin) / TIME_STEP for begin, arrival, _ in times]).astype(int)
-
-    def _settled(self) -> Ints:
-        """Time steps for which states last after all lines have arrived, shape (T,)."""
-        times = self._arrivals(slice(None))
-        return np.round([(end - arrival) / TIME_STEP for _, arrival, end in times]).astype(int)
-
-    def _arrivals(self, lines: slice) -> list[tuple[float, float, float]]:
-        """When each column begins, when some lines have arrived, and when it ends [s].
+    def _steps(self, lines: slice) -> Ints:
+        """Time steps of each column until some lines have arrived, and from there to its end, shape (T, 2).
 
         As the main has it, but where that is not played, the prefix.
         """
@@ -139,8 +123,8 @@ class GaitTable:
             begin, end = place[0] - 1, place[-1]
             on_the_way = np.flatnonzero((np.abs(pressures[begin:end] - pressures[end]) > ARRIVED).any(axis=1))
             arrival = begin + (on_the_way[-1] + 1 if on_the_way.size else 0)
-            found.append((float(self.times[begin]), float(self.times[arrival]), float(self.times[end])))
-        return found
+            found.append(np.diff(self.times[[begin, arrival, end]]))
+        return np.round(np.array(found) / TIME_STEP).astype(int)
 
 
 def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
@@ -189,9 +173,8 @@ def gait_table(
         RigViolation: a ValueError in one line, when a pressure or a rate exceeds the rig's limits and is not clipped.
         ValueError: in one line, for any other value that is not allowed.
     """
-    for name, value, known in (("units", units, tuple(KPA_PER_UNIT)), ("on_violation", on_violation, POLICIES)):
-        if value not in known:
-            raise ValueError(f"{name}: {value!r} is unknown; give one of {', '.join(known)}")
+    choice("units", units, KPA_PER_UNIT)
+    choice("on_violation", on_violation, POLICIES)
     rig = PneumaticRig() if rig is None else rig
     if not isinstance(rig, PneumaticRig):
         raise ValueError(f"rig: {rig!r} is not allowed; give a PneumaticRig, such as PneumaticRig.load('dissertation')")

@@ -27,6 +27,8 @@ def number(field: str, value: object, low: float = -math.inf, high: float = math
         allowed = f"a number from {low:g} to {high:g}"
     elif low > -math.inf:
         allowed = f"a finite number, at least {low:g}"
+    elif high < math.inf:
+        allowed = f"a finite number, at most {high:g}"
     else:
         allowed = "a finite number of" if unit else "a finite number"
     raise ValueError(f"{field}: {_shown(value)} is not allowed; give {allowed} {unit}".rstrip())

@@ -25,7 +25,7 @@ def test_export_from_a_run_and_from_a_design(morpholab, simulator, folder):
     assert code == 0 and json.loads(out)["units"] == "psi" and read_csv(folder / "b.csv").units == "psi"
     (folder / "rig.toml").write_text("shortest_state_s = -1.0\n")
     code, _, error = morpholab("export runs/a --csv c.csv --rig rig.toml")
-    assert code == 2 and "shortest_state_s: -1 is not allowed" in error and not (folder / "c.csv").exists()
+    assert code == 2 and "shortest_state_s: -1.0 is not allowed" in error and not (folder / "c.csv").exists()
 
 
 def test_a_gait_table_is_a_gait(morpholab, folder, simulator):

@@ -205,8 +205,8 @@ def test_psi_is_a_unit_of_the_same_pressure():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"units": "bar"}, r"units: 'bar' is unknown; give one of kpa, psi"),
-        ({"on_violation": "shrug"}, r"on_violation: 'shrug' is unknown; give one of refuse, clip"),
+        ({"units": "bar"}, r"units: 'bar' is unknown; choose one of kpa, psi"),
+        ({"on_violation": "shrug"}, r"on_violation: 'shrug' is unknown; choose one of refuse, clip"),
         ({"rate": 0.0}, r"rate: 0.0 is not allowed; give a number from 0.1 to 1000 Hz"),
         ({"rate": 1e6}, r"rate: 1000000.0 is not allowed; give a number from 0.1 to 1000 Hz"),
         ({"seed": -1}, r"seed: -1 is not allowed; give a whole number, at least 0"),

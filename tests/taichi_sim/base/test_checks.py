@@ -101,6 +101,7 @@ def test_settings_are_of_their_very_kind():
     for check, message in (
         (lambda: checks.integer("climbers", 3.0, 1), "climbers: 3.0 is not allowed; give a whole number, at least 1"),
         (lambda: checks.positive("rate", 0.0, 5.0), "rate: 0.0 is not allowed; give a positive number, at most 5"),
+        (lambda: checks.number("vacuum", 1, high=0.0), "vacuum: 1 is not allowed; give a finite number, at most 0"),
         (lambda: checks.flag("verify", 1), "verify: 1 is not allowed; give true or false"),
         (lambda: checks.table("start", [1]), r"start: \[1\] is not allowed; give values by name"),
     ):
