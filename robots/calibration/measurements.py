@@ -59,7 +59,11 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
         ValueError: in one line, for an unreadable file, unknown names and units, missing columns, bad values.
     """
     text = read_text(path)
-    readers = {"drag": _drag, "diameter": _diameter, "gait": partial(_gait, load_gait)}
+    readers: dict[str, Callable[[_Table], Experiment]] = {
+        "drag": _drag,
+        "diameter": _diameter,
+        "gait": partial(_gait, load_gait),
+    }
     try:
         data = tomllib.loads(text)
         geometry = choice("geometry", data.pop("geometry", "published"), NAMED_GEOMETRIES)

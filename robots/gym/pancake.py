@@ -8,7 +8,7 @@ from typing import Any, Literal, Unpack
 import gymnasium
 import numpy as np
 
-from robots.gym.environment import Observation, RobotEnvironment, checked_action
+from robots.gym.environment import Observation, RobotEnvironment
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
@@ -22,21 +22,21 @@ from robots.inflatable.body import (
 from robots.inflatable.cores import Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.inflatable.events import RobotEvents
 from robots.inflatable.schedule import ROWS, GaitSchedule
-from robots.inflatable.simulation import engine_of, scattered, travel_directions
+from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions
 from robots.inflatable.timing import nominal_steps, play
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import value_of
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
-from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 FARTHEST = 100.0  # bodies' lengths in a step: displacements are cut off there
 _LOW = np.array([0.0] * ROWS + [-1.0] * 6 + [-FARTHEST] * 2)
 _HIGH = np.array([1.0] * (ROWS + 6) + [FARTHEST] * 2)
 
 
-class PancakeEnvironment(RobotEnvironment[Observation]):
+class PancakeEnvironment(RobotEnvironment):
     """Roll or inch in a direction, one column of a gait at a time.
 
     Action: bladders 1 to 8 and feet 1 and 2, shape (10,): on (inflated, gripping) or off. With
@@ -81,17 +81,13 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         Raises:
             ValueError: for values that are not allowed.
         """
-        super().__init__(_LOW, _HIGH)
-        self.render_mode = render_mode
         if isinstance(geometry, str):
             geometry = NAMED_GEOMETRIES[choice("geometry", geometry, NAMED_GEOMETRIES)]
-        self.action_space: gymnasium.Space[Any]
-        if actions == "bits":
-            self.action_space = gymnasium.spaces.MultiBinary(ROWS)
-        elif actions == "continuous":
-            self.action_space = gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64)
-        else:
-            raise ValueError(f"actions: {actions!r} is unknown; choose bits or continuous")
+        spaces = {
+            "bits": gymnasium.spaces.MultiBinary(ROWS),
+            "continuous": gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64),
+        }
+        super().__init__(_LOW, _HIGH, spaces[choice("actions", actions, spaces)], render_mode)
         self.pressure = checked_pressure(pressure)
         each_pressure(self.pressure, geometry)
         self._heading = number("orientation", orientation, 0.0, 90.0, "degrees")
@@ -103,11 +99,8 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         self._engine: LatticeEngine | None = None
         self._ready: Any = None
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; the first one initialises the robot, later ones restore that state."""
-        super().reset(seed=seed)
+    def _begin(self, options: dict[str, Any]) -> Observation:
+        """The first episode initialises the robot, later ones restore that state."""
         if options:
             raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
         if self._engine is None:
@@ -119,18 +112,14 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
             if self._perturbation:
                 drawn = int(self.np_random.integers(2**31))
                 self._engine.set_positions(scattered(self.geometry.body, self._perturbation, drawn, [0]))
-            self._ready = self._initialised(), self._engine.save()
+            builder, events = self._events()
+            steps = self.actuation.initial_steps(highest_pressure(self.pressure))
+            events.initialise(steps)
+            self._ready = self._engine.run(builder.build(steps, np.array([[steps]]))), self._engine.save()
         found, saved = self._ready
         self._engine.restore(saved)
         self._place = self._start = self._middle(found)
-        return self._begin(self._observation(found, np.zeros(2)), self._info())
-
-    def _initialised(self) -> LatticeResult:
-        assert self._engine
-        builder, events = self._events()
-        steps = self.actuation.initial_steps(highest_pressure(self.pressure))
-        events.initialise(steps)
-        return self._engine.run(builder.build(steps, np.array([[steps]])))
+        return self._observation(found, np.zeros(2))
 
     def _events(self) -> tuple[ProgramBuilder, RobotEvents]:
         """An empty program, and what writes the robot's events into it."""
@@ -138,11 +127,10 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         own = self.pressure, self._heading, self._terrain
         return builder, RobotEvents.of(builder, 0, *own, self.actuation, self.geometry)
 
-    def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
         """Play one column."""
-        if self._engine is None:
-            raise RuntimeError("reset the environment before its first step")
-        bits = (checked_action(action, self.action_space) > 0.5).astype(float)
+        assert self._engine
+        bits = (action > 0.5).astype(float)
         (column,), steps = play(GaitSchedule(bits[:, None], repeats=1), self.actuation, levels=self._levels)
         builder, events = self._events()
         if self._columns == 0:
@@ -152,18 +140,16 @@ class PancakeEnvironment(RobotEnvironment[Observation]):
         self._levels, self._grips = value_of(column.motion.ends), bits[BLADDER_COUNT:]
         self._columns, self._steps = self._columns + 1, self._steps + int(found.steps[0])
         if str(found.status[0]) != "ok":
-            return self._outcome(_LOW, 0.0, False, True, self._info())
+            return _LOW, 0.0, False, True
         before, self._place = self._place, self._middle(found)
         ahead, left = self._ahead, np.array([-self._ahead[1], self._ahead[0]])
         moved = (self._place - before)[:2] / self.geometry.body_length
         moved = np.array([moved @ ahead, moved @ left])
-        return self._outcome(self._observation(found, moved), float(moved[0]), False, False, self._info())
+        return self._observation(found, moved), float(moved[0]), False, False
 
     def _middle(self, found: LatticeResult) -> Observation:
         """Middle of the robot, by which distances are measured: the mean of all corners of exposed faces [m]."""
-        body = self.geometry.body
-        extents = half_extents(body, found.strains, found.sizes)
-        middle: Observation = mean_of_face_corners(body, found.positions, found.orientations, extents)[0, 0]
+        middle: Observation = read_poses(found, self.geometry, 1)[0][0, 0]
         return middle
 
     def _observation(self, found: LatticeResult, moved: Observation) -> Observation:

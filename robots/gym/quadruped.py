@@ -10,14 +10,15 @@ import gymnasium
 import numpy as np
 
 from robots.control.neural import check_lights
-from robots.gym.environment import Observation, RobotEnvironment, checked_action
+from robots.gym.environment import Observation, RobotEnvironment
 from robots.quadruped import AS_RUN, ENVIRONMENTS, LIGHT_HEIGHT, MOTORS, SENSORS, Kind, Quadruped, Variant, engine
+from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import RigidResult
 
 BRIGHTEST = 100.0  # 1/m^2
 
 
-class QuadrupedEnvironment(RobotEnvironment[Observation]):
+class QuadrupedEnvironment(RobotEnvironment):
     """Environment in which a quadruped goes towards a light on legs, wheels or whegs.
 
     Action: values of the eight motor neurons, shape (8,), from -1 to 1, kept for one step of 0.05 s (20 Hz). Motors of
@@ -44,34 +45,29 @@ class QuadrupedEnvironment(RobotEnvironment[Observation]):
         """Take a kind or a robot, the variant of the simulation, and places of the light [m], shape (E, 2)."""
         low = np.array([min(variant.touch_values)] * (SENSORS - 1) + [0.0])
         high = np.array([max(variant.touch_values)] * (SENSORS - 1) + [BRIGHTEST])
-        super().__init__(low, high)
-        self.render_mode = render_mode
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (MOTORS,), np.float64)
+        super().__init__(low, high, gymnasium.spaces.Box(-1.0, 1.0, (MOTORS,), np.float64), render_mode)
         self.robot = Quadruped(kind) if robot is None else robot
         self.lights = check_lights(lights)
         self._engine = engine(self.robot, variant, precision="f64", threads=1)
-        self._light, self._distance = self.lights[0], 0.0
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode."""
-        super().reset(seed=seed)
+    def _begin(self, options: dict[str, Any]) -> Observation:
         self._light = self.lights[self._chosen(options, "light", len(self.lights))]
         self._session = self._engine.session(lights=np.array([[*self._light, LIGHT_HEIGHT]]))
-        found = self._session.advance(steps=0)
-        info = self._info(found)
-        self._distance = info["distance"]
-        return self._begin(found.readings[0], info)
+        return self._observe(self._session.advance(steps=0))
 
-    def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
         """Apply the motors' commands for one time step."""
-        found = self._session.advance(checked_action(action, self.action_space)[None])
-        info = self._info(found)
-        gained, self._distance = self._distance - info["distance"], info["distance"]
-        failed = str(found.status[0]) != "ok" or not np.isfinite(gained)
-        return self._outcome(found.readings[0], gained, False, failed, info)
+        before = self._distance
+        found = self._session.advance(action[None])
+        observation, gained = self._observe(found), before - self._distance
+        return observation, gained, False, str(found.status[0]) != "ok" or not np.isfinite(gained)
 
-    def _info(self, found: RigidResult) -> dict[str, Any]:
-        distance = float(np.hypot(*(found.position[0, :2] - self._light)))
-        return {"position": found.position[0], "distance": distance, "light": float(found.readings[0, -1])}
+    def _observe(self, found: RigidResult) -> Observation:
+        """Sensors, as they now are."""
+        self._found, self._distance = found, float(np.hypot(*(found.position[0, :2] - self._light)))
+        readings: Observation = found.readings[0]
+        return readings
+
+    def _info(self) -> dict[str, Any]:
+        light = float(self._found.readings[0, -1])
+        return {"position": self._found.position[0], "distance": self._distance, "light": light}

@@ -9,7 +9,8 @@ import gymnasium
 import numpy as np
 
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody
-from robots.gym.environment import Observation, RobotEnvironment, checked_action
+from robots.gym.environment import Observation, RobotEnvironment
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.vehicle import VehicleTask
 from taichi_sim.vehicle.equations import move, readings
@@ -17,7 +18,7 @@ from taichi_sim.vehicle.equations import move, readings
 BRIGHTEST = 1e4  # 1/m^2: readings are cut off there, 1 cm from the light
 
 
-class VehicleEnvironment(RobotEnvironment[Observation]):
+class VehicleEnvironment(RobotEnvironment):
     """Environment in which a vehicle steers to a light by its two motors.
 
     Action: motor commands, shape (2,), from -1 to 1, in units of ``fastest``; the first turns the vehicle to the left.
@@ -40,35 +41,25 @@ class VehicleEnvironment(RobotEnvironment[Observation]):
         render_mode: None = None,
     ) -> None:
         """Take a body, starts, radius and time step, and the fastest motor command [m/s]."""
-        count = len(body.sensors)
-        super().__init__(np.zeros(count), np.full(count, BRIGHTEST))
-        self.render_mode = render_mode
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64)
+        count, commands = len(body.sensors), gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64)
+        super().__init__(np.zeros(count), np.full(count, BRIGHTEST), commands, render_mode)
         self.body, self.task, self.fastest = body, task, number("fastest", fastest, 1e-6, unit="m/s")
         self._sites = np.array(body.sensors).ravel().tolist()
-        self._seen, self._heading = (0.0, 0.0), 0.0
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode."""
-        super().reset(seed=seed)
+    def _begin(self, options: dict[str, Any]) -> Observation:
         start = self._chosen(options, "start", len(self.task.starts))
         x, y = self.task.seen[start].tolist()
         self._seen, self._heading = (x, y), float(self.task.starts[start, 2])
-        return self._begin(self._observation(), self._info())
+        return self._observation()
 
-    def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
         """Drive for one time step."""
-        first, second = (checked_action(action, self.action_space) * self.fastest).tolist()
+        first, second = (action * self.fastest).tolist()
         before = float(np.hypot(*self._seen))
         x, y, turn = move(*self._seen, first, second, self.task.time_step)
         self._seen, self._heading = (float(x), float(y)), self._heading + float(turn)
         after = float(np.hypot(*self._seen))
-        observation = self._observation()
-        return self._outcome(
-            observation, before - after, after < self.task.radius, not np.isfinite(after), self._info()
-        )
+        return self._observation(), before - after, after < self.task.radius, not np.isfinite(after)
 
     def _observation(self) -> Observation:
         with np.errstate(divide="ignore", invalid="ignore"):

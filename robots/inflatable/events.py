@@ -72,9 +72,9 @@ class RobotEvents:
         Raises:
             ValueError: if several pressures are not as many as the cores.
         """
-        cores = each_pressure(pressure, geometry)
+        cores: tuple[Any, ...] = each_pressure(pressure, geometry)
         shares = zip(bladder_shares(geometry), cores, strict=True)
-        felt = sum(share * one for share, one in shares) if isinstance(pressure, tuple) else pressure
+        felt: Any = sum(share * one for share, one in shares) if isinstance(pressure, tuple) else pressure
         return cls(builder, robot, cores, felt, weights(terrain, orientation), actuation.on(terrain), terrain)
 
     @property

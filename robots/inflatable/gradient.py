@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -112,7 +112,7 @@ def differentiate(
         )
         results.append(result)
         slopes.extend(found)
-    joined = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
+    joined: dict[str, Any] = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
     pressure, orientation, levels, *core = (np.stack(parts) for parts in zip(*slopes, strict=True))
     return InflatableGradient(
         pressure,
@@ -144,9 +144,8 @@ def _side_by_side(
     result = summarise(tape.result, program, designs, geometry, actuation, counting)
     headings = np.array([design.orientation for design in designs])
     *seeds, by_headings = distance_cotangents(geometry.body, tape.result, headings, worst_stages(result))
-    back = tape.pull_back(
-        **dict(zip(READ_OFF, seeds, strict=True)), progress=lambda f: progress(RECORDING + (1 - RECORDING) * f)
-    )
+    cotangents: dict[str, Any] = dict(zip(READ_OFF, seeds, strict=True))
+    back = tape.pull_back(**cotangents, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
     slopes = []
     for robot, (design, terrain) in enumerate(zip(designs, terrains, strict=True)):
         mine = program.events["robot"] == robot

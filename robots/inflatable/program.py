@@ -122,8 +122,8 @@ class _Kept(ProgramBuilder):
 
     def __init__(self) -> None:
         super().__init__(1)
-        self.values: list[Array] = []
-        self.rates: list[Array] = []
+        self.values: list[Any] = []
+        self.rates: list[Any] = []
 
     def set(
         self,

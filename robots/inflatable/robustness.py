@@ -262,6 +262,10 @@ def _both_ways(
     """Results of designs that start with noise, as usual and under the harder conditions; frames of the former."""
     report, found = progress or (lambda fraction: None), []
     for number, (ground, drive) in enumerate(((terrain, actuation), harder(terrain, actuation))):
+
+        def part(fraction: float, number: int = number) -> None:
+            report((number + fraction) / 2)
+
         result = simulation.simulate(
             designs,
             ground,
@@ -270,7 +274,7 @@ def _both_ways(
             record_every=None if number else record_every,
             perturbation=NOISE,
             seed=seed,
-            progress=lambda fraction, number=number: report((number + fraction) / 2),
+            progress=part,
             **compute,
         )
         found.append(result)

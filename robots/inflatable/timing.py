@@ -115,9 +115,8 @@ def approach(levels: Array, told: Array, strokes_only: bool, actuation: Inflatab
     counted = np.full(BLADDER_COUNT, True) if strokes_only else _are_strokes(now, wanted, actuation)
     for i in np.flatnonzero(counted):
         (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(wanted[i])), 0.0
-    return Motion(
-        levels, revalued(np.where(stays, levels, target), ends), direction, moving, revalued(time, arrival), ~stays
-    )
+    last = revalued(np.where(stays, levels, target), ends)  # type: ignore[arg-type]
+    return Motion(levels, last, direction, moving, revalued(time, arrival), ~stays)
 
 
 def _are_strokes(levels: Floats, told: Floats, a: InflatableActuation) -> Bools:

@@ -150,7 +150,10 @@ def test_a_simulation_that_diverges_ends_the_episode_and_never_wins():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: make("morpholab/Pancake-v0", actions="some"), "actions: 'some' is unknown; choose bits or continuous"),
+        (
+            lambda: make("morpholab/Pancake-v0", actions="some"),
+            "actions: 'some' is unknown; choose one of bits, continuous",
+        ),
         (lambda: make("morpholab/Pancake-v0", geometry="big"), "geometry: 'big' is unknown; choose one of published"),
         (lambda: make("morpholab/Pancake-v0", pressure=1e6), "pressure: 1000000.0 is not allowed"),
         (lambda: make("morpholab/Vehicle-v0", fastest=0.0), "fastest: 0.0 is not allowed"),
