@@ -8,7 +8,6 @@ from functools import partial
 from typing import Annotated, Any, Self, TypedDict
 
 from robots.robot import Option, RobotKind, World
-from taichi_sim.autodiff.arrays import Array, cosine, sine
 from taichi_sim.base.checks import NotNegative, check_fields, number
 from taichi_sim.base.options import checked
 from taichi_sim.base.options import number as number_type
@@ -20,7 +19,7 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 NO_WEIGHT = (0.0, 0.0, 0.0)
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
-Vector = tuple[float | Array, float | Array, float | Array]
+Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
 
 
 class Medium(TypedDict):
@@ -227,15 +226,17 @@ def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     return terrains
 
 
-def gravity_vector(slope: float, orientation: float | Array) -> Vector:
+def gravity_vector(slope: float, orientation: Any) -> Vector:
     """Gravity [m/s^2] on a plane of a slope [degrees], as a robot of a heading [degrees] feels it."""
+    from taichi_sim.autodiff.arrays import cosine, sine
+
     tilt, heading = math.radians(180 + slope), orientation * (math.pi / 180)
     direction = (math.sin(tilt) * cosine(heading), math.sin(tilt) * sine(heading), math.cos(tilt))
     x, y, z = (STANDARD_GRAVITY * part for part in direction)
     return x, y, z
 
 
-def weights(terrain: Terrain, orientation: float | Array) -> tuple[Vector, Vector]:
+def weights(terrain: Terrain, orientation: Any) -> tuple[Vector, Vector]:
     """Gravity [m/s^2] while a robot is put on level ground, and on the terrain; none in a fluid."""
     if terrain.is_fluid:
         return NO_WEIGHT, NO_WEIGHT

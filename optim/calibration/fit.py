@@ -74,8 +74,8 @@ def calibrate(
         progress: called with the fraction done, roughly, and what was found.
 
     Raises:
-        ValueError: in one line, for unknown names, too few points, and properties that the data cannot tell.
-        RuntimeError: in one line, if the robot diverges where the joint fit begins.
+        ValueError: for unknown names, too few points, and properties that the data cannot tell.
+        RuntimeError: if the robot diverges where the joint fit begins.
     """
     check_names(experiments, names)
     before = Properties.of(laboratory.geometry, laboratory.actuation)
@@ -88,7 +88,7 @@ def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None
     """Check, before anything is simulated, that experiments may tell these properties.
 
     Raises:
-        ValueError: in one line.
+        ValueError: for unknown names, too few points, and properties that act in no experiment.
     """
     if unknown := [name for name in names if name not in NAMES]:
         raise ValueError(f"fit: {unknown[0]!r} is unknown; choose of {', '.join(NAMES)}")

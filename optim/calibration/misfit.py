@@ -90,7 +90,7 @@ class Misfit:
         return replace(self.start, **{name: float(v) for name, v in zip(self.names, values, strict=True)})
 
     def predictions(self, trials: Sequence[Trial]) -> Floats:
-        """Of all experiments, shape (T, N)."""
+        """What all experiments would measure in some trials, shape (T, N)."""
         return np.hstack([experiment.predict(trials, self.laboratory) for experiment in self.experiments])
 
     def costs(self, points: Floats) -> Floats:

@@ -18,7 +18,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Of K properties.
+    """How sure K properties are.
 
     Attributes:
         errors: standard errors of the logarithms, which are relative standard errors, shape (K,).

@@ -77,7 +77,7 @@ def _fit(args: argparse.Namespace) -> Report:
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
     options.claim_folder(args)
-    found = read_measurements(args.data, lambda *gait: _load(args.data.parent, *gait))
+    found = read_measurements(args.data, lambda name: _load(args.data.parent, name))
     made_for = {experiment.informs[0] for experiment in found.experiments}
     names = args.fit or tuple(name for name in NAMES if name in made_for)
     bounds = _bounds(args.bounds or ())
@@ -100,17 +100,9 @@ def _fit(args: argparse.Namespace) -> Report:
     return Report(record, text)
 
 
-def _load(folder: Path, name: str, columns: int | None, repeats: int | None) -> "InflatableDesign":
+def _load(folder: Path, name: str) -> "InflatableDesign":
     """A gait of a file of measurements; names of files are relative to its folder."""
-    from robots.inflatable.design import InflatableDesign
-    from robots.inflatable.offered import cut
-    from robots.inflatable.schedule import GaitSchedule
-
-    design = load_gait(name if name in GAITS else str(folder / name))
-    schedule = cut(design.schedule, columns, repeats)
-    if not isinstance(schedule, GaitSchedule):
-        raise ValueError(f"gait: {name} is graded, which is not allowed here; give one of on and off")
-    return InflatableDesign(design.pressure, design.orientation, schedule)
+    return load_gait(name if name in GAITS else str(folder / name))
 
 
 def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -4,7 +4,7 @@ import math
 import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -32,7 +32,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     }
 )
 _FEET = {"grips": True, "slides": False}
-LoadGait = Callable[[str, int | None, int | None], InflatableDesign]  # name, columns, repeats
+LoadGait = Callable[[str], InflatableDesign]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +53,10 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
 
     Args:
         path: of the TOML file.
-        load_gait: the design of a gait's name or file, cut to so many columns and repeats; None is the gait's own.
+        load_gait: gives the design of a gait's name or file.
 
     Raises:
-        ValueError: in one line, for an unreadable file, unknown names and units, missing columns, bad values.
+        ValueError: for an unreadable file, unknown names and units, missing columns, bad values.
     """
     text = read_text(path)
     readers: dict[str, Callable[[_Table], Experiment]] = {
@@ -195,9 +195,10 @@ def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
     """The gait with what the table says of it."""
     counts = {key: table.left.pop(key, None) for key in ("columns", "repeats")}
     cut = [None if value is None else whole_number(key, value, 1) for key, value in counts.items()]
-    design = load_gait(name, *cut)
+    design = load_gait(name)
     pressure = table.single("pressure", 0.0) if table.has("pressure") else design.pressure
-    return replace(design, pressure=pressure, orientation=table.left.pop("orientation_deg", design.orientation))
+    orientation = table.left.pop("orientation_deg", design.orientation)
+    return InflatableDesign(pressure, orientation, design.schedule.cut(*cut))
 
 
 def write_measurements(path: str | os.PathLike[str], geometry: str, experiments: Sequence[Experiment]) -> None:

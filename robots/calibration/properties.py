@@ -103,7 +103,7 @@ class Properties:
             )
 
     def _safety(self, geometry: InflatableGeometry) -> float:
-        """Of the robot at the time step of the geometry: the largest stable one divided by it."""
+        """The largest stable time step of the robot, divided by that of the geometry."""
         return geometry.time_step_safety * geometry.relative_time_step(self.modulus)
 
 
@@ -122,7 +122,7 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
     """The properties in a file that ``morpholab calibrate`` wrote, and the name of the geometry that they belong to.
 
     Raises:
-        ValueError: in one line, naming the file and what is wrong with it.
+        ValueError: if the file cannot be read as one; names it and what is wrong.
     """
     return read_record(path, CALIBRATION_FORMAT, _calibration)
 

@@ -44,7 +44,7 @@ def export_csv(
         The table that was written.
 
     Raises:
-        ValueError: in one line, when the rig's limits refuse the gait or the file cannot be written.
+        ValueError: if the rig's limits refuse the gait or the file cannot be written.
     """
     table = gait_table(design, rig, units, rate=rate, on_violation=on_violation, seed=seed)
     write_csv(table, path)
@@ -55,7 +55,7 @@ def write_csv(table: GaitTable, path: str | os.PathLike[str]) -> None:
     """Write a table as CSV, replacing the file in one step.
 
     Raises:
-        ValueError: in one line, when the file cannot be written.
+        ValueError: if the file cannot be written.
     """
     lines = [f"# {name}={value}" for name, value in _header(table)]
     lines.append(_column_names(table.units))
@@ -88,7 +88,7 @@ def read_csv(path: str | os.PathLike[str]) -> GaitTable:
     """Read a gait table that :func:`export_csv` wrote.
 
     Raises:
-        ValueError: in one line, with what is wrong, and where.
+        ValueError: if the file is damaged; tells what is wrong, and where.
     """
     lines = read_text(path).splitlines()
     try:
@@ -101,7 +101,7 @@ def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
     """The design of a gait file (JSON), or of a gait table (``.csv``): that of its header, or what its rows play.
 
     Raises:
-        ValueError: in one line, for any other file, and for rows asked of one that has none.
+        ValueError: for any other file, and for rows asked of one that has none.
     """
     if path.suffix.lower() == ".csv":
         table = read_csv(path)

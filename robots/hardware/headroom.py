@@ -84,7 +84,7 @@ def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> Rig
     """What a design asks of a rig, the dissertation's if None; a gait that is refused, too.
 
     Raises:
-        ValueError: in one line, for a design with several cores that are not alike.
+        ValueError: for a design with several cores that are not alike.
     """
     rig = rig or PneumaticRig()
     columns, repeats = design.schedule.columns, design.schedule.repeats
@@ -107,7 +107,7 @@ def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> Rig
 
 
 def _share(value: float, limit: float) -> float:
-    """Of a limit above 0 the share; another, such as that no vacuum is allowed, is kept or not."""
+    """The share of a limit above 0 that is used; another limit, such as no vacuum, is kept (0) or not (2)."""
     if limit > 0:
         return max(0.0, value / limit)
     return 2.0 if value > limit + ROUNDING else 0.0

@@ -107,7 +107,7 @@ class LineMap:
         """The map of such a line.
 
         Raises:
-            ValueError: when it is damaged.
+            ValueError: if it is damaged.
         """
         data: Mapping[str, Any] = json.loads(text)
         if not isinstance(data, dict) or set(data) != {field.name for field in fields(cls)}:

@@ -91,7 +91,7 @@ class GaitTable:
         how long it settles.
 
         Raises:
-            ValueError: in one line, when the rows play no schedule.
+            ValueError: if the rows play no schedule.
         """
         last = np.append(np.flatnonzero(np.diff(self.states)), len(self.states) - 1)
         lines = self.pressures[last] * KPA_PER_UNIT[self.units]
@@ -131,7 +131,7 @@ def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
     """The design with the one core pressure that the rig's one line for the core stands for.
 
     Raises:
-        ValueError: in one line, for a design with several cores that are not alike.
+        ValueError: for a design with several cores that are not alike.
     """
     if (pressure := common_pressure(design.pressure)) is None:
         told = kilopascals(design.pressure)
@@ -170,8 +170,8 @@ def gait_table(
         seed: of the search that found the design, for the header.
 
     Raises:
-        RigViolation: a ValueError in one line, when a pressure or a rate exceeds the rig's limits and is not clipped.
-        ValueError: in one line, for any other value that is not allowed.
+        RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
+        ValueError: for any other value that is not allowed.
     """
     choice("units", units, KPA_PER_UNIT)
     choice("on_violation", on_violation, POLICIES)

@@ -45,7 +45,7 @@ def travel(
         options: of ``robots.inflatable.gradient.differentiate``.
 
     Raises:
-        ValueError: one line; also if a robot diverges, as no number would be its distance.
+        ValueError: if an argument is not allowed, or a robot diverges, as no number would be its distance.
     """
     on = one_each(Terrain() if terrains is None else terrains, len(pressure))
     tensors = [pressure, orientation, inflation, grip] + ([] if core_pressure is None else [core_pressure])

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.inflatable.cores import Pressure, checked_pressure, highest_pressure
+from robots.inflatable.cores import Pressure, checked_pressure
 from robots.inflatable.schedule import GaitSchedule
-from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 
 
@@ -40,12 +39,6 @@ class InflatableDesign:
                 f"pressure: {len(self.pressure)} values are not allowed with a gait that has core pressures of its "
                 "columns; give one"
             )
-
-    @property
-    def core_over_time(self) -> tuple[float, Floats] | None:
-        """Core pressure before the gait and at the end of each column's motion [Pa]; None if it does not change."""
-        core = self.schedule.core_pressure
-        return None if core is None else (highest_pressure(self.pressure), core)
 
 
 INCHING = InflatableDesign(

@@ -35,11 +35,13 @@ Scalar = float | Array
 
 @dataclass(frozen=True, eq=False)
 class RobotEvents:
-    """Writes the events of one robot of a batch on a terrain. Numbers may be traced to carry derivatives.
+    """Writes the events of a robot of a batch, or of several that do the same, on a terrain.
+
+    Numbers may be traced to carry derivatives.
 
     Attributes:
         builder: takes the events.
-        robot: place in the batch.
+        robot: place in the batch, or places.
         cores: pressure of every core [Pa].
         felt: pressure that bladders feel [Pa]: they lie over all cores, and lengthen by the mean of the pressures, each
             weighted by the rows that the core has under bladders.
@@ -49,7 +51,7 @@ class RobotEvents:
     """
 
     builder: ProgramBuilder
-    robot: int
+    robot: ArrayLike
     cores: tuple[Scalar, ...]
     felt: Scalar
     gravity: tuple[Vector, Vector]
@@ -60,7 +62,7 @@ class RobotEvents:
     def of(
         cls,
         builder: ProgramBuilder,
-        robot: int,
+        robot: ArrayLike,
         pressure: Scalar | tuple[Scalar, ...],
         orientation: Scalar,
         terrain: Terrain,

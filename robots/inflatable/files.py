@@ -28,32 +28,24 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
     """Read a design that :func:`save_design` wrote, in either format.
 
     Raises:
-        ValueError: one line that names the file and what is wrong with it.
+        ValueError: if the file cannot be read as one; names the file and what is wrong with it.
     """
-    form = _format_of(path)
-    if form == TABLES_FORMAT:
-        return read_record(path, TABLES_FORMAT, _of_tables)
-    if isinstance(form, str) and form != ROWS_FORMAT:
-        known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}"
-        raise ValueError(f"{path}: it is of the format {form[:60]!r}; gaits of this robot are of {known}")
-    return read_record(path, ROWS_FORMAT, _of_rows)
-
-
-def _format_of(path: str | PathLike[str]) -> Any:
-    """What a file says it is; nothing if it is no record."""
     try:
         record = json.loads(read_text(path))
-    except (ValueError, RecursionError):
-        return None
-    return record.get("format") if isinstance(record, dict) else None
+        form = record.get("format") if isinstance(record, dict) else None
+    except (json.JSONDecodeError, RecursionError):
+        form = None
+    if isinstance(form, str) and form not in (ROWS_FORMAT, TABLES_FORMAT):
+        known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}"
+        raise ValueError(f"{path}: it is of the format {form[:60]!r}; gaits of this robot are of {known}")
+    return read_record(path, TABLES_FORMAT if form == TABLES_FORMAT else ROWS_FORMAT, _design)
 
 
-def _of_rows(record: dict[str, Any]) -> InflatableDesign:
-    schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
+def _design(record: dict[str, Any]) -> InflatableDesign:
+    """The design of a record of either format."""
+    if record["format"] == ROWS_FORMAT:
+        schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
+    else:
+        tables = {name: value for name, value in record.items() if name not in BESIDE_TABLES}
+        schedule = GaitSchedule.from_tables(tables, record["repeats"])
     return InflatableDesign(record["pressure"], record["orientation"], schedule)
-
-
-def _of_tables(record: dict[str, Any]) -> InflatableDesign:
-    tables = {name: value for name, value in record.items() if name not in BESIDE_TABLES}
-    gait = GaitSchedule.from_tables(tables, record["repeats"])
-    return InflatableDesign(record["pressure"], record["orientation"], gait)

@@ -92,7 +92,7 @@ def differentiate(
         compute: ``precision``, ``device`` and ``threads``, see ``simulate``.
 
     Raises:
-        ValueError: one line that names the argument, the value and what is allowed.
+        ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
     designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))

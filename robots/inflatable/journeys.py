@@ -46,7 +46,7 @@ class Leg:
 
     @property
     def last_pressure(self) -> Pressure:
-        """Of the cores, with which the leg ends [Pa]."""
+        """Pressure of the cores with which the leg ends [Pa]."""
         core = self.design.schedule.core_pressure
         return self.design.pressure if core is None else float(core[-1])
 
@@ -79,7 +79,7 @@ class JourneyResult:
 
     @cached_property
     def speeds(self) -> Floats:
-        """Of the legs, by the time that they take [body lengths/s], shape (R, L)."""
+        """Speeds of the legs, by the time that they take [body lengths/s], shape (R, L)."""
         return self.distances / (self.body_length * self.steps * self.time_step)
 
 
@@ -109,7 +109,7 @@ def simulate_journey(
         compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
-        ValueError: in one line, for what is not allowed.
+        ValueError: for what is not allowed.
     """
     _check(legs)
     runs = whole_number("runs", runs, 1)
@@ -163,37 +163,22 @@ def build_journey(
 
     Snapshots are the end of the initialisation and of every leg, then the recorded poses.
     """
-    builder = ProgramBuilder(runs)
-    begin = actuation.initial_steps(highest_pressure(legs[0].design.pressure))
-    for robot in range(runs):
-        edges = _write(builder, robot, legs, begin, actuation, geometry)
-    recorded = range(begin, edges[-1] + 1, record_every) if record_every else ()
-    marks = np.array([[*edges, *recorded]] * runs)
-    return builder.build([edges[-1]] * runs, marks), np.diff(edges)
-
-
-def _write(
-    builder: ProgramBuilder,
-    robot: int,
-    legs: Sequence[Leg],
-    begin: int,
-    actuation: InflatableActuation,
-    geometry: InflatableGeometry,
-) -> list[int]:
-    """The events of one robot, and the steps at which the journey begins and the legs end."""
-    edges, levels = [begin], np.full(BLADDER_COUNT, actuation.deflated)
-    inflation = np.zeros(BLADDER_COUNT)
-    for place, leg in enumerate(legs):
-        design = leg.design
-        events = RobotEvents.of(builder, robot, design.pressure, design.orientation, leg.terrain, actuation, geometry)
-        if place == 0:
+    builder, begin = ProgramBuilder(runs), actuation.initial_steps(highest_pressure(legs[0].design.pressure))
+    edges, levels, inflation = [begin], np.full(BLADDER_COUNT, actuation.deflated), np.zeros(BLADDER_COUNT)
+    for leg in legs:
+        design, first, robots = leg.design, len(edges) == 1, np.arange(runs)
+        events = RobotEvents.of(builder, robots, design.pressure, design.orientation, leg.terrain, actuation, geometry)
+        if first:
             events.initialise(begin)
         else:
             events.stand_on(1.0 - inflation, edges[-1])
         # Bladders of the leg before may have to move in a column that would be idle from the start.
-        schedule = replace(design.schedule, skip_idle=False)
-        columns, steps = play(schedule, actuation, core=design.core_over_time, levels=levels)
-        events.play(columns, edges[-1], first=place == 0)
+        schedule, after = replace(design.schedule, skip_idle=False), design.schedule.core_pressure
+        core = None if after is None else (highest_pressure(design.pressure), after)
+        columns, steps = play(schedule, actuation, core=core, levels=levels)
+        events.play(columns, edges[-1], first)
         levels, inflation = value_of(columns[-1].motion.ends), value_of(columns[-1].inflation)
         edges.append(edges[-1] + steps)
-    return edges
+    recorded = range(begin, edges[-1] + 1, record_every) if record_every else ()
+    marks = np.array([[*edges, *recorded]] * runs)
+    return builder.build([edges[-1]] * runs, marks), np.diff(edges)

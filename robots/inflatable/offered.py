@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from robots.calibration import NAMES, UNITS, Properties, load_calibration, robot_of
+from robots.hardware.rig import KPA_PER_UNIT
 from robots.inflatable import files, simulation, timing
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.cores import common_pressure
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import InflatableResult, sideways
 from robots.outcome import recorded
 from robots.robot import (
@@ -39,7 +39,6 @@ from taichi_sim.base.compute import Compute
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
-KPA_PER_PSI = 6.894757293168361
 MEASURES = (
     Measure("speed", "BL/s", "speed, in body lengths a second by the published convention"),
     Measure("distance", "m", "distance along its heading"),
@@ -99,7 +98,7 @@ class InflatableRobot(Robot):
         """With another body, the properties of another rig, a part of the gait, or noise."""
         rig = load_calibration(options["calibration"]) if "calibration" in options else None
         gait = {name: options[name] for name in ("pressure", "orientation") if name in options}
-        schedule = cut(self.gait.schedule, options.get("columns"), options.get("repeats"))
+        schedule = self.gait.schedule.cut(options.get("columns"), options.get("repeats"))
         own = {"properties": rig[0], "calibration": options["calibration"]} if rig else {}
         if "columns" in options or "repeats" in options:
             own["speeds"] = None  # they are counted by the whole gait
@@ -183,7 +182,10 @@ class InflatableRobot(Robot):
         gait = self.gait
         cores: list[tuple[str, str | Quantity]] = []
         for name, kpa in kilopascals("Core pressure", gait).items():
-            cores += [(name, Quantity(kpa, "kPa", 2)), (f"{name} in psi", Quantity(kpa / KPA_PER_PSI, "psi", 2))]
+            cores += [
+                (name, Quantity(kpa, "kPa", 2)),
+                (f"{name} in psi", Quantity(kpa / KPA_PER_UNIT["psi"], "psi", 2)),
+            ]
         times = {1: "once", 2: "twice"}.get(gait.schedule.repeats, f"{gait.schedule.repeats} times")
         return [
             *cores,
@@ -212,21 +214,18 @@ class InflatableRobot(Robot):
         """Mean speed of runs with noise, what remains of it under harder conditions, and how far feet slip."""
         from robots.inflatable.robustness import judge_gait
 
-        for name, value in (
-            ("weight", self.weight if self.weight != "published" else ""),
-            ("perturbation", self.perturbation),
-        ):
-            if value:
+        for name in ("weight", "perturbation"):
+            if (value := getattr(self, name)) not in ("published", 0.0):
                 raise ValueError(f"{name}: {value} is not allowed with --judge, which plays both weights with noise")
         geometry, drive = self.parts
         more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
         found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, **more)
         if found.diverged:
             return Judgement("; ".join(found.faults), found.to_document(), True)
-        speeds = (
+        usual, hard = (
             f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds)
         )
-        text = f"{next(speeds)}, {len(found.speeds)} runs\nharder conditions: {next(speeds)}"
+        text = f"{usual}, {len(found.speeds)} runs\nharder conditions: {hard}"
         slip = f"{found.slip_ratio:.2f} of the way while they grip, standard deviation {found.slip_deviation:.2f}"
         text += f"\nfeet slip {slip}; {found.steps:,} steps\n"
         text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
@@ -252,17 +251,6 @@ class InflatableRobot(Robot):
         picture.save_motion_picture(
             self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
         )
-
-
-def cut(schedule: GaitSchedule, columns: int | None, repeats: int | None) -> GaitSchedule:
-    """The first columns of a schedule, and how often they are played; None keeps what there is.
-
-    Raises:
-        ValueError: for more columns than the schedule has.
-    """
-    if columns is not None and columns > schedule.columns:
-        raise ValueError(f"columns: {columns} is not allowed; the gait has {schedule.columns}")
-    return schedule.cut(columns, repeats)
 
 
 def kilopascals(name: str, gait: InflatableDesign) -> dict[str, float]:

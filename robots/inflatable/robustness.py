@@ -200,7 +200,7 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
         actuation: how the robot is driven.
 
     Raises:
-        ValueError: in one line, for a fluid, and friction of gripping feet below that.
+        ValueError: for a fluid, and friction of gripping feet below that.
     """
     if terrain.is_fluid:
         raise ValueError(

@@ -141,7 +141,13 @@ class GaitSchedule:
         return float((4 * self.levels * (1 - self.levels)).mean())
 
     def cut(self, columns: int | None, repeats: int | None) -> Self:
-        """The schedule of the first ``columns`` columns, played ``repeats`` times; None keeps what there is."""
+        """The schedule of the first ``columns`` columns, played ``repeats`` times; None keeps what there is.
+
+        Raises:
+            ValueError: for more columns than there are.
+        """
+        if columns is not None and columns > self.columns:
+            raise ValueError(f"columns: {columns} is not allowed; the gait has {self.columns}")
         names = ("levels", "core_pressure", "motion_steps", "settle_steps")
         tables = {name: table[..., :columns] for name in names if (table := getattr(self, name)) is not None}
         return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)

@@ -88,7 +88,7 @@ def simulate(
             threads, all cores by default), see ``taichi_sim.base.compute.Compute``.
 
     Raises:
-        ValueError: one line that names the argument, the value and what is allowed.
+        ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
     designs = checked_designs(designs, geometry, actuation)
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
@@ -113,7 +113,7 @@ def checked_designs(
     """The designs of a batch as a list, if a robot of this geometry and actuation can have them.
 
     Raises:
-        ValueError: one line that names the argument, the value and what is allowed.
+        ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
     listed = [designs] if isinstance(designs, InflatableDesign) else list(designs)
     if not listed or not all(isinstance(design, InflatableDesign) for design in listed):

@@ -31,7 +31,7 @@ def slip_under_load(
         robot: place in the batch.
 
     Raises:
-        ValueError: in one line, for a result without frames.
+        ValueError: for a result without frames.
     """
     if result.frames is None:
         raise ValueError("frames: nothing was recorded; simulate with record_every")

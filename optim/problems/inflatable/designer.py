@@ -218,12 +218,10 @@ def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
 
 def _check_control(settings: dict[str, Any], args: SimpleNamespace, method: str) -> None:
     """Cut a fixed schedule; refuse options that say nothing of the control."""
-    from robots.inflatable.offered import cut
-
     if settings["schedule"] is not None:
         if args.encoding is not None:
             raise ValueError(f"encoding: {args.encoding!r} is not used; the control is fixed")
-        settings["schedule"] = cut(settings["schedule"], args.columns, args.repeats)
+        settings["schedule"] = settings["schedule"].cut(args.columns, args.repeats)
         return
     if method == "gradient" and settings["encoding"] not in RELAXED:
         raise ValueError(
