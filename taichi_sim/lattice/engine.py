@@ -297,7 +297,7 @@ class LatticeEngine:
 
     def state(self) -> LatticeState:
         """Where the voxels are and how they move; NaN for robots that diverged."""
-        voxel = np.take(self._driver.read(memory.VOXEL), self.place, axis=1)
+        voxel = np.take(self._driver.read(memory.VOXEL), self.place, axis=1).astype(float)
         voxel[self._diverged] = np.nan
         inverse = np.take(self.inverse_masses, self.place, axis=1)
         position, orientation, momentum, spin = (voxel[..., part] for part in memory.MOTION.values())

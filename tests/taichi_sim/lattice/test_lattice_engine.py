@@ -200,6 +200,11 @@ def test_memory_per_robot():
     assert engine.bytes_per_robot < 800_000
 
 
+def test_states_are_in_double_precision_whatever_the_engine_computes_with():
+    state = LatticeEngine(BAR, precision="f32").state()
+    assert all(getattr(state, field.name).dtype == np.float64 for field in dataclasses.fields(state))
+
+
 def test_progress_is_told():
     told = []
     LatticeEngine(BAR).run(ProgramBuilder(1).build(2500), progress=told.append)
