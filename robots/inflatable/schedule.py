@@ -273,7 +273,7 @@ def _table(field: str, given: object, high: float, columns: int | str, rows: Seq
         *row, column = wrong[0]
         place = f"{rows[row[0]]}, column {column + 1}" if row else f"column {column + 1}"
         allowed = f"give numbers from 0 to {high:g}"
-        raise ValueError(f"{field}: {table[tuple(wrong[0])]:g} of {place} is not allowed; {allowed}")
+        raise ValueError(f"{field}: {table[tuple(wrong[0])]} of {place} is not allowed; {allowed}")
     table[np.signbit(table)] = 0.0  # so that equal schedules have equal texts
     table.setflags(write=False)
     return table

@@ -159,13 +159,19 @@ def test_gradients_agree_with_differences_while_durations_hold():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"settle_steps": [1]}, r"settle_steps: shape \(1,\) is not allowed; give shape \(2,\)"),
-        ({"settle_steps": [1, -1]}, "settle_steps: -1.0 is not allowed; give numbers from 0 to 1e\\+06"),
-        ({"motion_steps": [1, 2e6]}, "motion_steps: 2000000.0 is not allowed; give numbers from 0 to 1e\\+06"),
-        ({"motion_steps": [0.5, 1]}, "motion_steps: 0.5 is not allowed; give whole numbers"),
-        ({"motion_steps": [np.nan, 1]}, "motion_steps: nan is not allowed; give numbers from 0"),
-        ({"motion_steps": "soon"}, r"motion_steps: str is not allowed; give shape \(2,\)"),
-        ({"inflation": np.full((8, 2), 1.5)}, "inflation: 1.5 is not allowed; give numbers from 0 to 1"),
+        ({"settle_steps": [1]}, r"settle_steps: shape \(1,\) is not allowed; give \(2,\)"),
+        ({"settle_steps": [1, -1]}, "settle_steps: -1.0 of column 2 is not allowed; give numbers from 0 to 1e\\+06"),
+        (
+            {"motion_steps": [1, 2e6]},
+            "motion_steps: 2000000.0 of column 2 is not allowed; give numbers from 0 to 1e\\+06",
+        ),
+        ({"motion_steps": [0.5, 1]}, "motion_steps: 0.5 is not allowed; give a whole number"),
+        ({"motion_steps": [np.nan, 1]}, "motion_steps: nan is not allowed; give finite numbers"),
+        ({"motion_steps": "soon"}, r"motion_steps: 'soon' is not allowed; give numbers of shape \(2,\)"),
+        (
+            {"inflation": np.full((8, 2), 1.5)},
+            "inflation: 1.5 of bladder1, column 1 is not allowed; give numbers from 0 to 1",
+        ),
         ({"repeats": 0}, "repeats: 0 is not allowed; give a whole number, at least 1"),
     ],
 )
@@ -217,8 +223,8 @@ def test_equal_gaits_are_those_of_equal_numbers():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"inflation": None}, r"inflation: shape \(\) is not allowed; give shape \(8, T\)"),
-        ({"grip": [[0, 1]]}, r"grip: shape \(1, 2\) is not allowed; give shape \(2, 2\)"),
+        ({"inflation": None}, r"inflation: shape \(\) is not allowed; give \(8, T\)"),
+        ({"grip": [[0, 1]]}, r"grip: shape \(1, 2\) is not allowed; give \(2, 2\)"),
         ({"settle_steps": [1, 2, 3]}, r"settle_steps: shape \(3,\) is not allowed"),
         ({"settle": [1, 2]}, "settle: is unknown; a gait's tables are inflation, grip, core_pressure, motion_steps, s"),
         ({"repeats": 1.5}, "repeats: 1.5 is not allowed"),

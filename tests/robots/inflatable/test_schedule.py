@@ -113,7 +113,7 @@ def test_bits_are_a_read_only_copy():
         (np.zeros(10), r"shape \(10,\) is not allowed"),
         ([[0, 1]] * 9 + [[0]], r"[^\n]* is not allowed; give numbers of shape \(10, T\)"),
         (np.full((10, 2), np.nan), "nan is not allowed; give finite numbers"),
-        ([[0, 1]] * 9 + [[0, 2]], "2 of foot2, column 2 is not allowed"),
+        ([[0, 1]] * 9 + [[0, 2]], "2.0 of foot2, column 2 is not allowed"),
         (np.full((10, 2), 1.5), "1.5 of bladder1, column 1 is not allowed"),
         (np.full((10, 2), "1"), r"[^\n]* is not allowed; give numbers of shape \(10, T\)"),
     ],

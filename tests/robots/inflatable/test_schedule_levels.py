@@ -130,7 +130,7 @@ def test_tables_are_read_only_copies():
         ),
         (
             lambda: dataclasses.replace(HALF, core_pressure=[0.0, 0.0, 15_001.0]),
-            "core_pressure: 15001 of column 3 is not",
+            "core_pressure: 15001.0 of column 3 is not",
         ),
         (lambda: HALF.sharpened(-1.0), "sharpness: -1.0 is not allowed"),
         (lambda: HALF.sharpening_slope(np.inf), "sharpness: inf is not allowed"),
