@@ -61,7 +61,12 @@ class Laboratory:
         """A body of the robots of some trials (alike but for the material) and their engine, with noise on starts."""
         bodies = [trial.properties.body_of(self.geometry).body for trial in trials]
         engine = LatticeEngine(
-            bodies, time_step=self.time_step, **terrain.medium, precision=self.precision, threads=self.threads
+            bodies,
+            time_step=self.time_step,
+            **terrain.medium,
+            driver="forwards",
+            precision=self.precision,
+            threads=self.threads,
         )
         replicas = [trial.replica for trial in trials]
         engine.set_positions(scattered(bodies[0], self.perturbation, self.seed, replicas))

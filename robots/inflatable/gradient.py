@@ -139,7 +139,7 @@ def _side_by_side(
     These are the pressure, the orientation, the levels, shape (10, T), and the core pressures of columns, if any.
     """
     program = build_program(designs, terrains, actuation, None, geometry, counting)
-    engine = engine_of(len(designs), geometry, terrains[0], compute)
+    engine = engine_of(len(designs), geometry, terrains[0], compute, differentiable=True)
     tape = engine.record(program, memory=memory, progress=lambda f: progress(RECORDING * f))
     result = summarise(tape.result, program, designs, geometry, actuation, counting)
     headings = np.array([design.orientation for design in designs])

@@ -129,13 +129,16 @@ def checked_designs(
     return listed
 
 
-def engine_of(batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute) -> LatticeEngine:
+def engine_of(
+    batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute, differentiable: bool = False
+) -> LatticeEngine:
     """An engine of so many robots of a geometry, at rest."""
     return LatticeEngine(
         geometry.body,
         batch,
         time_step=geometry.time_step,
         **terrain.medium,
+        driver="auto" if differentiable else "forwards",
         compute=compute,
     )
 

@@ -119,7 +119,7 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
         if not len(rows):
             continue
-        batch = _Batch(robot, points[rows], terrain, compute, every)
+        batch = _Batch(robot, points[rows], terrain, compute, every, trial.gradients)
         if trial.gradients:
             found = _differentiate(batch, memory, tick or (lambda _: None))
         else:
@@ -182,6 +182,7 @@ class _Batch:
         terrain: Terrain,
         compute: Compute,
         record_every: int | None,
+        differentiable: bool,
     ) -> None:
         self.robot, self.points, self.record_every = robot, points, record_every
         self.bodies = robot.bodies(points)
@@ -203,6 +204,7 @@ class _Batch:
             len(points),
             time_step=robot.cycle.time_step,
             **terrain.medium,
+            driver="auto" if differentiable else "forwards",
             compute=compute,
         )
 

@@ -204,3 +204,16 @@ def accumulate_all(memory: Any, k: Any, slots: Sequence[Any], values: Sequence[A
     """Add to several slots."""
     for slot, value in zip(slots, values, strict=True):
         accumulate(memory, k, slot, value)
+
+
+@primitive
+def variables(values: Sequence[Any]) -> list[Any]:
+    """Variables of the kernel that hold these values."""
+    return [emit(value) for value in values]
+
+
+@primitive
+def assign_all(targets: Sequence[Any], values: Sequence[Any]) -> None:
+    """Give variables new values."""
+    for target, value in zip(targets, values, strict=True):
+        target._assign(emit(value))

@@ -12,6 +12,7 @@ from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.drivers.driver import Driver, Run
 from taichi_sim.lattice.drivers.fused import FusedDriver
+from taichi_sim.lattice.drivers.packed import PackedDriver, few
 from taichi_sim.lattice.drivers.stepped import SteppedDriver
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
@@ -21,7 +22,7 @@ from taichi_sim.lattice.stages.tables import PackedProgram, build_tables, pack_p
 if TYPE_CHECKING:
     from taichi_sim.lattice.gradient import Tape
 
-DRIVERS = ("auto", "fused", "stepped")
+DRIVERS = ("auto", "forwards", "fused", "packed", "stepped")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,9 @@ class LatticeEngine:
                 and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
                 pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
-            driver: "fused" (CPU lanes), "stepped" (a kernel per stage of a step) or "auto": fused on a CPU.
+            driver: "fused" (CPU, robots in vector lanes), "packed" (CPU, voxels of one robot in vector lanes),
+                "stepped" (a kernel per stage of a step), "auto" (fused on a CPU) or "forwards": as auto, but few robots
+                are packed. Runs do not depend on it; the last bits of gradients do.
             width: robots per native vector of the fused driver, 1 or 16 (f32) or 8 (f64); chosen by default.
             compute: device, precision (f64 by default) and threads.
             **options: instead of ``compute``, its fields one by one.
@@ -143,8 +146,8 @@ class LatticeEngine:
         precision, on_cpu = self.compute.precision, self.compute.device == "cpu"
         if driver not in DRIVERS:
             raise ValueError(f"driver: {driver!r} is unknown; choose one of {', '.join(DRIVERS)}")
-        if driver == "fused" and not on_cpu:
-            raise ValueError(f"driver: 'fused' runs on a cpu only, not on {self.compute.device!r}; use 'auto'")
+        if driver in ("fused", "packed") and not on_cpu:
+            raise ValueError(f"driver: {driver!r} runs on a cpu only, not on {self.compute.device!r}; use 'auto'")
         self.gravity = float(gravity)
         threads = runtime.start(self.compute).thread_count
         self.order = self.body.topology.order
@@ -154,6 +157,8 @@ class LatticeEngine:
         self._driver: Driver
         if driver == "stepped" or not on_cpu:
             self._driver = SteppedDriver(self.tables, self.batch, precision, switches, on_cpu)
+        elif driver == "packed" or (driver == "forwards" and not width and few(self.batch, self.compute)):
+            self._driver = PackedDriver(self.tables, self.batch, precision, switches, self.body.voxels[self.order])
         else:
             self._driver = FusedDriver(self.tables, self.batch, precision, threads, switches, width)
         self._diverged = np.zeros(self.batch, bool)

@@ -94,6 +94,11 @@ class Driver(ABC):
         return self.host(array).reshape(self.blocks, -1, self.robot.shape[1])
 
     @property
+    def backward_layout(self) -> memory.Memory:
+        """The memory on the way back, where every voxel has its own cotangents of forces."""
+        return self.tables.layout(forces=(len(self.tables.group), 6))
+
+    @property
     @abstractmethod
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""
@@ -196,7 +201,7 @@ class Reverse(ABC):
         """Start at the end of a run; the arguments are those of :meth:`Run.reverse`."""
         self.run, self.driver = run, run.driver
         driver, program, dtype = run.driver, run.program, run.driver.real.numpy
-        self.layout = driver.tables.layout(forces=(len(driver.tables.group), 6))
+        self.layout = driver.backward_layout
         values, shared = driver.zeros(self.layout.slots), self.layout.starts[memory.FORCE]
         values[:, :shared] = driver.host_memory(run.memory)[:, :shared]
         self.values, self.cotangents = map(driver.put_memory, (values, driver.zeros(self.layout.slots)))

@@ -123,14 +123,20 @@ def apply_event(ms: ti.template(), k, lane, e, robot, t: ti.template(), marks: t
         for l in range(t.plan[memory.LINKS]):
             extension = ms[k + t.plan[memory.LINK] + l * memory.LINK_WIDTH, lane]
             marks.strains[robot, snapshot, l] = extension * ms[k + rest_slot(l, t) + 1, lane]
-        for g in range(t.plan[memory.GROUPS]):
-            if marks.event[e, 0] > 0:
-                for c in ti.static(range(3)):
-                    marks.sizes[robot, snapshot, g, c] = ms[k + current_size(g, t) + c, lane]
-            else:
-                scales = laws.grown_scales(*first_sizes(ms, k, lane, g, t))
-                for c in ti.static(range(3)):
-                    marks.sizes[robot, snapshot, g, c] = t.edge * scales[c]
+        record_sizes(ms, k, lane, e, robot, snapshot, t, marks)
+
+
+@ti.func
+def record_sizes(ms: ti.template(), k, lane, e, robot, snapshot, t: ti.template(), marks: ti.template()):
+    """Record the rest sizes of a robot's groups."""
+    for g in range(t.plan[memory.GROUPS]):
+        if marks.event[e, 0] > 0:
+            for c in ti.static(range(3)):
+                marks.sizes[robot, snapshot, g, c] = ms[k + current_size(g, t) + c, lane]
+        else:
+            scales = laws.grown_scales(*first_sizes(ms, k, lane, g, t))
+            for c in ti.static(range(3)):
+                marks.sizes[robot, snapshot, g, c] = t.edge * scales[c]
 
 
 @ti.func
@@ -195,16 +201,22 @@ def meet_events_back(u: ti.template(), block, lane, step, slots, t: ti.template(
                     due = 1
                     if marks.event[e, 0] == step:
                         if marks.event[e, 1] >= 0:
-                            slot = u.k + t.plan[CHANNEL] + marks.event[e, 1] * CHANNEL_WIDTH
-                            for c in ti.static((BASE, RATE)):
-                                marks.by_value[e, c] = u.a[slot + c, lane]
-                                u.a[slot + c, lane] = 0.0
+                            take_event(u, lane, e, t, marks)
                         else:
                             receive(u, lane, robot, 0 - marks.event[e, 1] - 1, step, t, marks)
                 else:
                     upcoming = marks.event[e - 1, 0]
         marks.lanes[block, lane, EVENT] = e
     return upcoming
+
+
+@ti.func
+def take_event(u: ti.template(), lane, e, t: ti.template(), marks: ti.template()):
+    """Move the cotangents of what an event set to the event."""
+    slot = u.k + t.plan[CHANNEL] + marks.event[e, 1] * CHANNEL_WIDTH
+    for c in ti.static((BASE, RATE)):
+        marks.by_value[e, c] = u.a[slot + c, lane]
+        u.a[slot + c, lane] = 0.0
 
 
 @ti.func
@@ -232,6 +244,12 @@ def receive(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), mar
             link = t.plan[memory.LINK] + l * memory.LINK_WIDTH
             u.a[u.k + link, lane] += marks.strains[robot, snapshot, l] * u.m[rest, lane]
             u.a[rest, lane] += marks.strains[robot, snapshot, l] * u.record[u.r + u.new + link, lane]
+    receive_sizes(u, lane, robot, snapshot, step, t, marks)
+
+
+@ti.func
+def receive_sizes(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), marks: ti.template()):
+    """Add the cotangents of recorded rest sizes."""
     for g in range(t.plan[memory.GROUPS]):
         if step > 0:
             for c in ti.static(range(3)):

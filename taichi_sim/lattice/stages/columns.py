@@ -24,6 +24,11 @@ VOXEL_COLUMNS = 20
 WET_SHIFTS = (1, 4, 16)
 REST_MINUS, REST_PLUS, REST_AXIS = range(3)
 
+# Reals of a pack of voxels: half the links along each axis, normals, wet faces, which degrees of freedom are held, and
+# the start; by axis: 1 with two links, 1 if these or the world hold the voxel on both sides, 1 if one link alone does.
+HALF_LINKS, NORMALS, WET_FACES, HELD, START, PAIRED, TENSE, SINGLE = 0, 3, 6, 9, 15, 18, 21, 24
+SHAPE_COLUMNS = 27
+
 # Columns of the table of surface voxels: slots of the voxel in VOXEL and of its group in CONSTANT/CURRENT.
 SURFACE_VOXEL, SURFACE_GROUP = range(2)
 SURFACE_COLUMNS = 2
@@ -59,6 +64,10 @@ class Shared(NamedTuple):
         start: start positions [m].
         time_step, edge, gravity: dt [s], edge h of a voxel [m], acceleration along -z [m/s^2].
         fluid: whether there is a fluid, known when the kernel is compiled.
+        shape: where voxels lie in lanes: what the table of voxels says of them, as reals by pack (see above).
+        packed: whether they do.
+        lanes: where such voxels find what they need, see ``packed_kernel.Lanes``.
+        transverse: gives the transverse strains at both ends of links between such voxels.
     """
 
     plan: Any
@@ -74,9 +83,13 @@ class Shared(NamedTuple):
     edge: Any = None
     gravity: Any = None
     fluid: bool = False
+    shape: Any = None
+    packed: bool = False
+    lanes: Any = None
+    transverse: Any = None
 
 
-def shared_types(real: Real, fluid: bool = False, reads: Sequence[str] = Shared._fields[:-1]) -> Shared:
+def shared_types(real: Real, fluid: bool = False, reads: Sequence[str] = Shared._fields[:12]) -> Shared:
     """Types of what a kernel is given of these fields and the plan, which is all that its stages may read."""
     flat, table, scalar = ints(1), ints(2), real.scalar
     every = Shared(flat, flat, flat, table, flat, flat, flat, table, real.scalars(2), scalar, scalar, scalar)

@@ -5,14 +5,24 @@ See ``groups`` for what the arguments hold.
 
 from typing import Any
 
-from taichi_sim.autodiff.lanes import all_lanes, consecutive, load, load_all, select_all, slots_at, store, store_all
+from taichi_sim.autodiff.lanes import (
+    all_lanes,
+    assign_all,
+    consecutive,
+    load,
+    load_all,
+    select_all,
+    slots_at,
+    store,
+    store_all,
+)
 from taichi_sim.autodiff.rotations import apply, matrix
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.undo import before, cotangents_of, give, parameters_of, reverse
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import emit, ti
 
 BENDING = (materials.STIFF, materials.DAMP_MINUS, materials.DAMP_PLUS, materials.TWIST, materials.TWIST_ROOT)
 
@@ -75,6 +85,12 @@ def transverse_slots(l, t: ti.template()):
     return s1 + b, s1 + c, s2 + b, s2 + c
 
 
+@primitive
+def transverse_strains(m: Any, k: Any, l: Any, t: Any) -> Any:
+    """The two transverse strains of either voxel of a link."""
+    return t.transverse(m, k, l) if t.packed else load_all(m, k, transverse_slots(l, t))
+
+
 @ti.func
 def link_axes(l, t: ti.template()):
     """Components along and across a link's axis."""
@@ -101,10 +117,20 @@ def link_stage(m: ti.template(), k, l, t: ti.template()):
 
     World frame, components along the link's axis first.
     """
-    x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2 = load_all(m, k, pose_slots(l, t))
-    x, y, z, qw, qx, qy, qz = laws.relative_pose(x1, y1, z1, w, qa, qb, qc, x2, y2, z2, w2, a2, b2, c2)
+    poses = load_all(m, k, pose_slots(l, t))
+    return link_forces(m, k, l, poses[:7], poses[7:], 1, t)
+
+
+@ti.func
+def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.template(), there, t: ti.template()):
+    """:func:`link_stage` of voxels of these poses; in lanes that are not ``there`` the link is straight and at rest."""
+    x, y, z, qw, qx, qy, qz = laws.relative_pose(*first, *second)
+    if ti.static(not isinstance(there, int)):
+        length = load(m, k, rest_slot(l, t))
+        x, y, z = select(there > 0.5, x, length), select(there > 0.5, y, 0.0), select(there > 0.5, z, 0.0)
+        qw = select(there > 0.5, qw, 1.0)
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(m, k, l, x, y, z, qw, qx, qy, qz, t)
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, qa, qb, qc)
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(*first[3:])
     fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
     mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
     nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
@@ -113,8 +139,9 @@ def link_stage(m: ti.template(), k, l, t: ti.template()):
     else:
         gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
     if ti.static(t.fluid):  # nothing else holds a floating body; on the ground all is as published
+        x, y, z = second[0] - first[0], second[1] - first[1], second[2] - first[2]
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.balanced(
-            x2 - x1, y2 - y1, z2 - z1, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+            x, y, z, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
         )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
@@ -158,7 +185,7 @@ def axial_force(m: ti.template(), k, l, rest, beam, extension, t: ti.template())
         store(m, k, mark, select(tension <= laws.DIVERGED_STRAIN, load(m, k, mark), 1.0))
     force = laws.axial_force(tension, load(m, k, beam + materials.AXIAL))
     if t.plan[memory.POISSON_ON] != 0:
-        squeeze, area = laws.cross_section(*load_all(m, k, transverse_slots(l, t)))
+        squeeze, area = laws.cross_section(*transverse_strains(m, k, l, t))
         force = laws.squeezed_force(force, load(m, k, beam + materials.TRANSVERSE), squeeze, area)
     return force
 
@@ -197,29 +224,47 @@ def whole_link(*given: Any) -> Any:
 @ti.func
 def link_adjoint(u: ti.template(), l, t: ti.template()):
     """Reverse link l: reads the cotangents of its voxels' forces (FORCE) and of its new memory (LINK)."""
-    poses = before(u, pose_slots(l, t))
-    slot, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
-    past, axes = consecutive(slot, 6), link_axes(l, t)
-    constants = parameters_of(u, axial_slots(rest, beam) + bending_slots(beam))
+    poses, axes = before(u, pose_slots(l, t)), link_axes(l, t)
     first = t.link[l * columns.LINK_COLUMNS + columns.LINK_FIRST]
     second = t.link[l * columns.LINK_COLUMNS + columns.LINK_SECOND]
     gained = cotangents_of(u, end_slots(t.plan[memory.FORCE] + 6 * first, axes))
     lost = cotangents_of(u, end_slots(t.plan[memory.FORCE] + 6 * second, axes))
+    give_link(u, l, t, link_cotangents(u, l, poses, gained, lost, 1, t))
+
+
+@ti.func
+def link_cotangents(
+    u: ti.template(), l, poses: ti.template(), gained: ti.template(), lost: ti.template(), there, t: ti.template()
+):
+    """Cotangents of poses, memory and constants of link l, and of squeeze and area by Poisson's effect.
+
+    ``gained`` and ``lost`` are those of the forces on its voxels; where it is not ``there``, all must be zero.
+    """
+    slot, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
+    past = consecutive(slot, 6)
+    constants = parameters_of(u, axial_slots(rest, beam) + bending_slots(beam))
     seeds = gained + ti.static(tuple([0.0 - x for x in lost])) + cotangents_of(u, past)
     squeeze = 0.0 * constants[0]
     area = 1.0 + squeeze
     if t.plan[memory.POISSON_ON] != 0:
-        squeeze, area = laws.cross_section(*before(u, transverse_slots(l, t)))
+        squeeze, area = laws.cross_section(*recorded_strains(u, l, t))
     inputs = poses + before(u, past) + constants + (squeeze, area)
     (regime,) = before(u, (slot + memory.REGIME,))
     x, y, z, _, _, _, _ = laws.relative_pose(*poses)
     straight = is_straight(regime, x, y, z, constants[0])
+    if ti.static(not isinstance(there, int)):
+        straight = straight | (there < 0.5)
     g = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, False), seeds))
-    if all_lanes(straight):
-        give_link(u, l, t, g)
-    else:  # the laws agree on straight links, but their reverses add in other orders: each lane must have its own
-        g_turned = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, True), seeds))
-        give_link(u, l, t, select_all(straight, g, g_turned))
+    if not all_lanes(straight):  # the laws agree on straight links, but their reverses add in other orders
+        turned = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, True), seeds))
+        assign_all(g, select_all(straight, g, turned))
+    return g
+
+
+@primitive
+def recorded_strains(u: Any, l: Any, t: Any) -> Any:
+    """The transverse strains of a link's voxels before the step that is undone."""
+    return t.transverse(u.record, emit(u.r + u.old), l) if t.packed else before(u, transverse_slots(l, t))
 
 
 @ti.func

@@ -110,19 +110,18 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
     bits = t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED]
     if bits != 0:
         zero = 0.0 * inverse_mass
-        px, py, pz = held(bits, 1, px, zero), held(bits, 2, py, zero), held(bits, 4, pz, zero)
-        lx, ly, lz = held(bits, 8, lx, zero), held(bits, 16, ly, zero), held(bits, 32, lz, zero)
+        px, py, pz = held(v, 0, px, zero, t), held(v, 1, py, zero, t), held(v, 2, pz, zero, t)
+        lx, ly, lz = held(v, 3, lx, zero, t), held(v, 4, ly, zero, t), held(v, 5, lz, zero, t)
     x, y, z, qw, qx, qy, qz = motion.placed(
         x, y, z, qw, qx, qy, qz, px, py, pz, lx, ly, lz, inverse_mass, inverse_inertia, t.time_step
     )
     if bits != 0:
         ax, ay, az = load_all(m, k, slots_at(g.channels, columns.TRANSLATION))
-        x = held(bits, 1, x, t.start[v, 0] + ax)
-        y = held(bits, 2, y, t.start[v, 1] + ay)
-        z = held(bits, 4, z, t.start[v, 2] + az)
+        sx, sy, sz = start_place(v, t)
+        x, y, z = held(v, 0, x, sx + ax, t), held(v, 1, y, sy + ay, t), held(v, 2, z, sz + az, t)
         if bits >= 8:
             turn = load_all(m, k, slots_at(g.channels, columns.ROTATION))
-            qw, qx, qy, qz = motion.held_rotation(qw, qx, qy, qz, *turn, *held_turns(bits, inverse_mass))
+            qw, qx, qy, qz = motion.held_rotation(qw, qx, qy, qz, *turn, *held_turns(v, inverse_mass, t))
     store_all(m, k, consecutive(voxel, 7), (x, y, z, qw, qx, qy, qz))
     store_all(m, k, consecutive(voxel + memory.MOMENTUM, 6), (px, py, pz, lx, ly, lz))
     return x, y, z
@@ -157,31 +156,62 @@ def push(m: ti.template(), k, sticking, px, py, pz, fx, fy, fz, z, inverse_mass,
 
 
 @ti.func
-def held(bits, bit: ti.template(), value, prescribed):
+def held(v, freedom: ti.template(), value, prescribed, t: ti.template()):
     """What becomes of a degree of freedom: its own value, or the prescribed one where the world holds it."""
-    if bits & bit != 0:
-        value = prescribed
+    if ti.static(not t.packed):
+        if t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED] & (1 << freedom) != 0:
+            value = prescribed
+    else:
+        value = select(t.shape[v * columns.SHAPE_COLUMNS + columns.HELD + freedom] > 0.5, prescribed, value)
     return value
 
 
+@primitive
+def start_place(v: Any, t: Any) -> tuple[Any, ...]:
+    """Where voxel v started [m]."""
+    if not t.packed:
+        return tuple(element(t.start, v, c) for c in range(3))
+    return shape_of(v, columns.START, t)
+
+
+@primitive
+def shape_of(v: Any, column: int, t: Any) -> tuple[Any, ...]:
+    """Three reals of a pack of voxels, see ``columns``."""
+    return load_all(t.shape, emit(v * columns.SHAPE_COLUMNS), range(column, column + 3))
+
+
 @ti.func
-def held_turns(bits, like):
+def held_turns(v, like, t: ti.template()):
     """1 for each rotation that the world holds, else 0, as reals of the kind of ``like``."""
     zero = 0.0 * like
     one = 1.0 + zero
-    return held(bits, 8, zero, one), held(bits, 16, zero, one), held(bits, 32, zero, one)
+    return held(v, 3, zero, one, t), held(v, 4, zero, one, t), held(v, 5, zero, one, t)
+
+
+@primitive
+def wet_faces(v: Any, t: Any) -> tuple[Any, ...]:
+    """How many faces along each axis a fluid reaches."""
+    return shape_of(v, columns.WET_FACES, t) if t.packed else table_wet_faces(v, t)
 
 
 @ti.func
-def wet_faces(v, t: ti.template()):
-    """How many faces along each axis a fluid reaches."""
+def table_wet_faces(v, t: ti.template()):
+    """:func:`wet_faces` by the table of voxels."""
     wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET]
     return ti.cast(wet & 3, float), ti.cast((wet >> 2) & 3, float), ti.cast((wet >> 4) & 3, float)
 
 
-@ti.func
-def pressed_faces(v, t: ti.template()):
+@primitive
+def pressed_faces(v: Any, t: Any) -> tuple[Any, ...]:
     """Half the number of links along each axis, and the normals of the voxel's pressurised faces."""
+    if t.packed:
+        return shape_of(v, columns.HALF_LINKS, t) + shape_of(v, columns.NORMALS, t)
+    return table_pressed_faces(v, t)
+
+
+@ti.func
+def table_pressed_faces(v, t: ti.template()):
+    """:func:`pressed_faces` by the table of voxels."""
     normal = v * columns.VOXEL_COLUMNS + columns.NORMAL
     links = link_count(v, 0, t), link_count(v, 1, t), link_count(v, 2, t)
     halves = 0.5 * ti.cast(links[0], float), 0.5 * ti.cast(links[1], float), 0.5 * ti.cast(links[2], float)
@@ -199,8 +229,14 @@ def link_count(v, axis: ti.template(), t: ti.template()):
 @ti.func
 def gauge_stage(m: ti.template(), k, v, t: ti.template()):
     """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
-    gauge = gauge_slot(v, t)
     ex, ey, ez = axis_strain(m, k, v, 0, t), axis_strain(m, k, v, 1, t), axis_strain(m, k, v, 2, t)
+    keep_strains(m, k, v, ex, ey, ez, t)
+
+
+@ti.func
+def keep_strains(m: ti.template(), k, v, ex, ey, ez, t: ti.template()):
+    """Store the strains of a voxel, and what Poisson's effect makes of them."""
+    gauge = gauge_slot(v, t)
     store_all(m, k, consecutive(gauge, 3), (ex, ey, ez))
     if t.plan[memory.POISSON_ON] != 0:
         nu = load(m, k, ti.static(group_of(v, t)).constant + materials.NU)
@@ -234,12 +270,17 @@ def in_tension(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
     acceleration, force = load_all(m, k, slots_at(channels_of(v, t), ti.static(columns.PULLING[axis])))
     pull = force + acceleration
     tension = 0.0 * pull
-    count = link_count(v, axis, t)
-    if count == 2:
-        tension = tension + 1.0
-    elif count == 1:
-        if t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED] & (1 << axis) != 0:
+    if ti.static(t.packed):
+        row = v * columns.SHAPE_COLUMNS + axis
+        alone = select(t.shape[row + columns.SINGLE] > 0.5, pull, tension)
+        tension = select(alone != 0.0, tension + 1.0, tension + t.shape[row + columns.TENSE])
+    else:
+        count = link_count(v, axis, t)
+        if count == 2:
             tension = tension + 1.0
-        else:
-            tension = select(pull != 0.0, 1.0, tension)
+        elif count == 1:
+            if t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED] & (1 << axis) != 0:
+                tension = tension + 1.0
+            else:
+                tension = select(pull != 0.0, 1.0, tension)
     return tension

@@ -38,19 +38,19 @@ def voxel_adjoint(u: ti.template(), v, t: ti.template()):
     momenta = after(u, consecutive(voxel + memory.MOMENTUM, 6))
     zero = 0.0 * inverse_mass
     if bits != 0:
-        moved = held(bits, 1, zero, cx), held(bits, 2, zero, cy), held(bits, 4, zero, cz)
+        moved = held(v, 0, zero, cx, t), held(v, 1, zero, cy, t), held(v, 2, zero, cz, t)
         give(u, slots_at(g.channels, columns.TRANSLATION), moved)
-        cx, cy, cz = held(bits, 1, cx, zero), held(bits, 2, cy, zero), held(bits, 4, cz, zero)
+        cx, cy, cz = held(v, 0, cx, zero, t), held(v, 1, cy, zero, t), held(v, 2, cz, zero, t)
         if bits >= 8:
             free = motion.rotate_by_momentum(*pose[3:], *momenta[3:], t.time_step * inverse_inertia)
-            cw, ca, cb, cc = held_adjoint(u, bits, g, free, (cw, ca, cb, cc))
+            cw, ca, cb, cc = held_adjoint(u, v, g, free, t, (cw, ca, cb, cc))
     inputs = pose + momenta + (inverse_mass, inverse_inertia)
     p = ti.static(pull_back(motion.placed, inputs, (t.time_step,), (cx, cy, cz, cw, ca, cb, cc)))
     gx, gy, gz = gx + p[7], gy + p[8], gz + p[9]
     hx, hy, hz = hx + p[10], hy + p[11], hz + p[12]
     if bits != 0:
-        gx, gy, gz = held(bits, 1, gx, zero), held(bits, 2, gy, zero), held(bits, 4, gz, zero)
-        hx, hy, hz = held(bits, 8, hx, zero), held(bits, 16, hy, zero), held(bits, 32, hz, zero)
+        gx, gy, gz = held(v, 0, gx, zero, t), held(v, 1, gy, zero, t), held(v, 2, gz, zero, t)
+        hx, hy, hz = held(v, 3, hx, zero, t), held(v, 4, hy, zero, t), held(v, 5, hz, zero, t)
     give(u, inverses, p[13:])
     rotation_adjoint(u, v, g, t, (hx, hy, hz))
     store_all(u.a, u.k, consecutive(voxel, 7), p[:7])
@@ -66,11 +66,11 @@ def voxel_adjoint(u: ti.template(), v, t: ti.template()):
 
 
 @ti.func
-def held_adjoint(u: ti.template(), bits, g: ti.template(), free: ti.template(), seeds: ti.template()):
+def held_adjoint(u: ti.template(), v, g: ti.template(), free: ti.template(), t: ti.template(), seeds: ti.template()):
     """Reverse the hold on a voxel's rotation; the cotangents of its free orientation."""
     slots = slots_at(g.channels, columns.ROTATION)
     inputs = free + parameters_of(u, slots)
-    found = ti.static(pull_back(motion.held_rotation, inputs, stage.held_turns(bits, inputs[4]), seeds))
+    found = ti.static(pull_back(motion.held_rotation, inputs, stage.held_turns(v, inputs[4], t), seeds))
     give(u, slots, found[4:])
     return found[0], found[1], found[2], found[3]
 
@@ -152,6 +152,15 @@ def give_force(u: ti.template(), v, g: ti.template(), t: ti.template(), found: t
 @ti.func
 def gauge_adjoint(u: ti.template(), v, t: ti.template()):
     """Reverse a voxel's gauges: takes the cotangents of its new strains to those of its links' new memory."""
+    gx, gy, gz = strain_cotangents(u, v, t)
+    axis_adjoint(u, v, 0, gx, t)
+    axis_adjoint(u, v, 1, gy, t)
+    axis_adjoint(u, v, 2, gz, t)
+
+
+@ti.func
+def strain_cotangents(u: ti.template(), v, t: ti.template()):
+    """Cotangents of a voxel's new strains, those with Poisson's effect included."""
     gauge = consecutive(stage.gauge_slot(v, t), 3)
     gx, gy, gz = take_all(u, gauge)
     if t.plan[memory.POISSON_ON] != 0:
@@ -161,9 +170,7 @@ def gauge_adjoint(u: ti.template(), v, t: ti.template()):
         found = ti.static(pull_back(motion.poisson_strains, inputs, stage.tensions(u.m, u.k, v, t), seeds))
         gx, gy, gz = gx + found[0], gy + found[1], gz + found[2]
         give(u, (nu,), found[3:])
-    axis_adjoint(u, v, 0, gx, t)
-    axis_adjoint(u, v, 1, gy, t)
-    axis_adjoint(u, v, 2, gz, t)
+    return gx, gy, gz
 
 
 @ti.func

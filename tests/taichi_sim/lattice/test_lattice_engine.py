@@ -217,7 +217,7 @@ def test_progress_is_told():
         ({"batch": 0}, "batch: 0 is not allowed"),
         ({"time_step": -1e-4}, "time_step: -0.0001 is not allowed"),
         ({"gravity": np.nan}, "gravity: nan"),
-        ({"driver": "magic"}, "driver: 'magic' is unknown; choose one of auto, fused, stepped"),
+        ({"driver": "magic"}, "driver: 'magic' is unknown; choose one of auto, forwards, fused, packed, stepped"),
         ({"precision": "f16"}, "precision: 'f16' is unknown; choose one of f32, f64"),
         ({"compute": Compute(threads=1), "precision": "f32"}, "compute: give it or precision, not both"),
         ({"device": "abacus"}, "device: 'abacus' is unknown"),

@@ -1,0 +1,283 @@
+"""Memory and launches of the packed driver (see ``packed_kernel``)."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice.drivers import packed_contact as contacts
+from taichi_sim.lattice.drivers import packed_kernel as kernel
+from taichi_sim.lattice.drivers import packed_reverse_kernel as backwards
+from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
+from taichi_sim.lattice.drivers.fused import BLOCK_COST
+from taichi_sim.lattice.drivers.marks import Recordings
+from taichi_sim.lattice.drivers.packed_contact import Pairs, Record
+from taichi_sim.lattice.drivers.packed_reverse_kernel import BACK_WIDTH
+from taichi_sim.lattice.drivers.packed_tables import PackedTables
+from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.stages import memory
+from taichi_sim.lattice.stages.neighbours import NOWHERE
+from taichi_sim.lattice.stages.tables import PackedProgram, Tables
+from taichi_sim.runtime import aligned
+
+STEPS_PER_LAUNCH, LEAST_STEPS = 1000, 50
+STEPS_PER_REVERSE = 250
+# A robot in packs takes about this part of the time of one in scalars (measured on a CPU with AVX-512).
+ROBOT_COST = {"f32": 0.2, "f64": 0.3}
+PAIRS_PER_VOXEL = 8  # room for listed pairs at first; it grows when needed
+
+
+def few(batch: int, compute: Compute) -> bool:
+    """Whether so many robots are done sooner one by one in packs than side by side in lanes."""
+    blocks, threads = -(-batch // NATIVE_WIDTH[compute.precision]), compute.thread_count
+    in_packs = -(-batch // threads) * ROBOT_COST[compute.precision]
+    return in_packs < min(-(-blocks // threads) * BLOCK_COST[compute.precision], -(-batch // threads))
+
+
+class PackedReverse(Reverse):
+    """The way back by launches of the reverse kernel."""
+
+    def __init__(self, run: "PackedRun", recorded: Recordings, finals: np.ndarray) -> None:
+        """Start at the end of a run; the arguments are those of :meth:`Run.reverse`."""
+        super().__init__(run, recorded, finals)
+        driver, real = run.driver, run.driver.real
+        packs, links = len(driver.packed.packs.voxel), len(driver.packed.packs.link)
+        left, gauges = (real.array((driver.batch * n,)) for n in ((links + 1) * BACK_WIDTH, packs * 3))
+        parts = [a.reshape(-1) for a in (self.values, self.cotangents, left, gauges)]
+        groups, self._given = driver.groups.copy().reshape(-1), np.zeros(driver.groups.size, real.numpy)
+        upcoming = np.full(driver.batch, int(run.program.lengths.max()), np.int32)
+        columns = (groups, groups[:, None], self._given, self._given[:, None])
+        reals = (self.values, parts[0], self.cotangents, parts[1], left, parts[2], gauges, parts[3])
+        self._memories = backwards.Memories._make([*reals, *columns, upcoming])
+        self._shared = run.shared._replace(plan=driver.packed.plan(self.layout, driver.switches))
+
+    def undo(self, low: int, high: int) -> None:
+        """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
+        driver, record = self.driver, self.record(low, high)
+        while True:
+            middle = max(high - STEPS_PER_REVERSE, low)
+            backwards.packed_reverse_kernel(driver.real, driver.tables.fluid)(
+                backwards.Launch(driver.batch, self.layout.slots, driver.scalars.slots, high, middle),
+                self._memories,
+                self._shared,
+                self.run.groups,
+                driver.packed.lanes,
+                record,
+                self.marks,
+            )
+            if middle == low:
+                return
+            high = middle
+
+    def read(self, section: int) -> np.ndarray:
+        """Cotangents of a section of the memory, shape (B, items, components)."""
+        view = self.layout.section(self.driver.host_memory(self.cotangents), section)
+        if section == memory.VOXEL:
+            return self.driver.packed.read(view, section).astype(float)
+        found = self.driver.group_section(section, self._given.reshape(self.driver.batch, -1)).astype(float)
+        if section != memory.CHANNEL:
+            self.driver.packed.add(view, section, found)
+        return found
+
+
+class PackedRun(Run):
+    """A program on its way by launches of the kernel."""
+
+    reverse_type = PackedReverse
+
+    def __init__(
+        self, driver: "PackedDriver", program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
+    ) -> None:
+        """Put every robot at the start of the program; the constants are time step, edge and gravity."""
+        super().__init__(driver, program, alive, constants)
+        info, tables, dtype = driver.pairs.info, driver.packed, driver.real.numpy
+        info[:, [contacts.STEP, contacts.NEXT_MARK]] = 0
+        info[:, contacts.STATE] = np.where(alive, contacts.RUNNING, contacts.FINISHED)
+        self.groups = self.shared._replace(plan=driver.group_plan)
+        self.shared = self.shared._replace(
+            link=tables.link, voxel=tables.voxel, start=driver.tables.start.astype(dtype)
+        )
+        self._states: np.ndarray | None = None
+
+    def advance(
+        self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Record | None = None
+    ) -> None:
+        """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
+        driver, info = self.driver, self.driver.pairs.info
+        last = NOWHERE if until is None else until
+        info[:, contacts.LOGGED], info[:, contacts.KEPT] = 0, -1
+        while ((info[:, contacts.STATE] != contacts.FINISHED) & (info[:, contacts.STEP] < last)).any():
+            self._launch(last, record)
+            full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
+            if full.any():
+                driver.reserve(2 * driver.pairs.listed.shape[1])
+                info = driver.pairs.info
+                info[full, contacts.STATE] = contacts.RUNNING
+            if tick:
+                tick(float(info[:, contacts.STEP].mean()) / self.total)
+
+    def _launch(self, until: int, record: Record | None) -> None:
+        driver, edge = self.driver, self.edge
+        steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
+        radius, distance = contact.NEIGHBOUR_RADIUS * edge, contact.REBUILD_DISTANCE * edge
+        groups = driver.groups.reshape(-1)
+        kernel.packed_kernel(driver.real, record is not None, driver.tables.fluid)(
+            kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, radius, distance),
+            kernel.Memories(self.memory, self.memory.reshape(-1), groups, groups[:, None]),
+            self.shared,
+            self.groups,
+            driver.packed.lanes,
+            driver.pairs,
+            self.marks,
+            record or Record(),
+        )
+
+    def checkpoint(self) -> Checkpoint:
+        """Copies of all that changes from step to step."""
+        return *self.driver.save(), self.marks.lanes.copy()
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Go back to a checkpoint."""
+        *saved, lanes = checkpoint
+        self.driver.restore(tuple(saved))
+        self.marks.lanes[...] = lanes
+
+    def new_record(self, first: int, room: int, contacts: int) -> Record:
+        """Memory for so many states from step ``first`` on, and so many contacts of each."""
+        batch, real = self.driver.batch, self.driver.real
+        states = aligned((batch * room * self.driver.layout.state_slots, real.width), real.numpy)
+        groups = np.zeros(batch * room * self.driver.channel_slots, real.numpy)
+        log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)
+        return Record(True, first, states, states.reshape(-1), groups, groups[:, None], room, log, start)
+
+    def fits(self, record: Record) -> bool:
+        """Whether all contacts found room in a record."""
+        return bool((self.driver.pairs.info[:, contacts.LOGGED] <= record.contacts.shape[1]).all())
+
+    @property
+    def state_bytes(self) -> int:
+        """Bytes of a recorded step of all robots."""
+        driver = self.driver
+        reals = driver.layout.state_slots * driver.real.width + driver.channel_slots
+        return driver.batch * (reals * driver.memory.itemsize + 8 * CONTACTS_PER_STEP + 4)
+
+
+class PackedDriver(Driver):
+    """A batch of robots whose voxels and links lie in native vectors, and whose groups are scalars."""
+
+    run_type = PackedRun
+
+    def __init__(
+        self, tables: Tables, batch: int, precision: str, switches: tuple[bool, bool], places: np.ndarray
+    ) -> None:
+        """Allocate the memory and fill in the constants.
+
+        Args:
+            tables: of the batch.
+            batch: number of robots B.
+            precision: ``"f32"`` or ``"f64"``.
+            switches: those of floor and self-contact.
+            places: of voxels on the lattice, engine order, shape (V, 3).
+        """
+        self.tables, self.batch, self.real = tables, batch, Real(precision, NATIVE_WIDTH[precision])
+        self.packed = packed = PackedTables(tables, places, self.real)
+        self.blocks, self.robot = batch, np.arange(batch)[:, None]
+        self.has_robot = np.ones((batch, 1), bool)
+        self.layout, self.scalars = packed.layout, packed.scalars
+        self.switches = switches
+        self.plan = packed.plan(packed.layout, switches)
+        self.group_plan = tables.plan(packed.scalars, *switches)
+        self.memory = self.zeros(self.layout.slots)
+        self.groups = aligned((batch, self.scalars.slots), self.real.numpy)
+        packs, dtype = len(packed.packs.voxel), self.real.numpy
+        self.pairs = Pairs(
+            listed=np.zeros((batch, 0, 2), np.int32),
+            near=np.zeros((batch, 8, 0), np.int32),
+            seen=aligned((batch * packs * 3, self.real.width), dtype),
+            sizes=np.zeros((batch, len(tables.group_region)), dtype),
+            drift=aligned((batch, self.real.width), dtype),
+            touched=np.zeros((batch, packs), np.int32),
+            changing=np.zeros((batch, len(packed.lanes.to)), np.int32),
+            info=np.zeros((batch, contacts.INFO_COLUMNS), np.int32),
+        )
+        self.reserve(PAIRS_PER_VOXEL * max(len(tables.surface_voxels), 1))
+        packed.put_nobody(self.section(memory.VOXEL))
+        for section, values in tables.initial_sections():
+            self.write(section, values)
+        self.forget_neighbours()
+
+    def zeros(self, slots: int) -> np.ndarray:
+        """Vector memory of so many slots a robot, shape (B, slots, lanes)."""
+        return self.real.array((self.batch, slots))
+
+    def host_memory(self, array: np.ndarray) -> np.ndarray:
+        """A vector memory in NumPy, shape (B, slots, lanes)."""
+        return array.reshape(self.batch, -1, self.real.width)
+
+    @property
+    def backward_layout(self) -> memory.Memory:
+        """The memory on the way back."""
+        return self.packed.backward
+
+    def reserve(self, pairs: int) -> None:
+        """Make room for so many listed pairs a robot, keeping the present ones; short lists are made anew."""
+        listed = np.zeros((self.batch, pairs, 2), np.int32)
+        listed[:, : self.pairs.listed.shape[1]] = self.pairs.listed
+        near = np.zeros((self.batch, 8, pairs + self.real.width), np.int32)
+        self.pairs = self.pairs._replace(listed=listed, near=near)
+        self.pairs.drift[...] = np.inf
+
+    @property
+    def channel_slots(self) -> int:
+        """Slots of the channels of a robot's groups."""
+        span = self.scalars.span(memory.CHANNEL)
+        return span.stop - span.start
+
+    def group_section(self, section: int, of: np.ndarray | None = None) -> np.ndarray:
+        """A view of a section of the scalars, shape (B, items, components)."""
+        whole = self.groups if of is None else of
+        return whole[:, self.scalars.span(section)].reshape(self.batch, *self.scalars.rows[section])
+
+    def write(self, section: int, values: np.ndarray) -> None:
+        """Set a section from values of shape (B, items, components)."""
+        if section in (memory.VOXEL, memory.LINK, memory.STRAIN):
+            self.packed.write(self.section(section), section, values)
+            return
+        self.group_section(section)[:, : values.shape[1]] = values
+        if section in (memory.CONSTANT, memory.BEAM):
+            self.packed.write(self.section(section), section, values)
+
+    def read(self, section: int) -> np.ndarray:
+        """A copy of a section, shape (B, items, components)."""
+        if section in (memory.VOXEL, memory.LINK):
+            return self.packed.read(self.section(section), section)
+        return self.group_section(section).copy()
+
+    def save(self) -> Checkpoint:
+        """Copies of all that lasts from run to run."""
+        pairs = self.pairs
+        return self.memory.copy(), self.groups.copy(), *(a.copy() for a in pairs)
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Go back to what was saved."""
+        slots, groups, *pairs = saved
+        self.memory[...], self.groups[...] = slots, groups
+        self.pairs = Pairs(*(aligned_copy(a) for a in pairs))
+
+    @property
+    def rebuilds(self) -> int:
+        """How often the lists of the first robot were built."""
+        return int(self.pairs.info[0, contacts.REBUILDS])
+
+    @property
+    def bytes_per_robot(self) -> int:
+        """Memory that grows with the batch [B]."""
+        return int(sum(a.nbytes for a in (self.memory, self.groups, *self.pairs)) / self.batch)
+
+
+def aligned_copy(array: np.ndarray) -> np.ndarray:
+    """A copy on a boundary that native vectors require."""
+    copy = aligned(array.shape, array.dtype.type)
+    copy[...] = array
+    return copy

@@ -1,0 +1,209 @@
+"""Who may touch whom in a robot whose voxels lie in lanes, and the forces of contact, a pack of pairs at a time."""
+
+from typing import Any, NamedTuple
+
+from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, store_all
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.lattice import materials
+from taichi_sim.lattice.drivers.marks import current_size
+from taichi_sim.lattice.drivers.packed_lanes import gather_all
+from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.stages import memory
+from taichi_sim.runtime import element, emit, ti
+
+# Columns of the integers of a robot.
+STEP, NEXT_MARK, STATE, LISTED, REBUILDS, NEAR, CHANGING, FRESH, LOGGED, KEPT = range(10)
+INFO_COLUMNS = 10
+RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
+
+SHORT = 0.1  # voxel edges that a voxel may move, and sizes may grow, before the short list is made again
+SLACK = 4.0  # times that much is between what touches and what the short list has; 2 + 2 * 0.625 would do
+
+
+class Pairs(NamedTuple):
+    """Who may touch whom, robot by robot, and whose contact forces are to be taken.
+
+    Attributes:
+        listed: pairs of surface voxels of the neighbour list, shape (B, pairs, 2).
+        near: the short list: places of both in VOXEL, of their groups, and in CONTACT; their numbers, shape
+            (B, 8, pairs + width).
+        seen: positions at which the short list was made, by pack.
+        sizes: mean sizes of groups at that time, shape (B, G).
+        drift: the largest squared distance from ``seen``, by robot.
+        touched: whether a pack has a contact force, shape (B, P).
+        changing: rows of what is spread that change from step to step, shape (B, rows).
+        info: integers of a robot.
+    """
+
+    listed: Any
+    near: Any
+    seen: Any
+    sizes: Any
+    drift: Any
+    touched: Any
+    changing: Any
+    info: Any
+
+
+class Record(NamedTuple):
+    """States before each of the steps ``first`` to ``first`` + room - 2, and the contacts of each.
+
+    Attributes:
+        kept: whether there is a record; known when a kernel is compiled.
+        first: step of the first state.
+        states, scalar_states: shape (B * room * state slots, lanes), as reals and as scalars.
+        groups, group_column: channels, shape (B * room * slots of channels,), and the same as [slot, 0].
+        room: states a robot.
+        contacts: touching pairs of surface voxels, shape (B, contacts, 2).
+        start: first contact of each step, shape (B, room).
+    """
+
+    kept: bool = False
+    first: Any = None
+    states: Any = None
+    scalar_states: Any = None
+    groups: Any = None
+    group_column: Any = None
+    room: Any = None
+    contacts: Any = None
+    start: Any = None
+
+
+@ti.func
+def list_pairs(r: ti.template(), radius_squared):
+    """List the pairs of surface voxels that are near; returns 0 if there is no room."""
+    i, k, ms, t, p, pairs = ti.static((r.i, r.k, r.ms, r.t, r.p, r.pairs))
+    count = 0
+    w = ti.static(p.width)
+    o = (k + t.plan[memory.VOXEL]) * w
+    for s in range(t.plan[memory.SURFACE]):
+        a = p.surface[s, 0] + o
+        x, y, z = ms[a], ms[a + w], ms[a + 2 * w]
+        for q in range(s + 1, t.plan[memory.SURFACE]):
+            b = p.surface[q, 0] + o
+            dx, dy, dz = ms[b] - x, ms[b + w] - y, ms[b + 2 * w] - z
+            if dx * dx + dy * dy + dz * dz <= radius_squared:
+                if t.excluded[s, q // 32] & (1 << (q % 32)) == 0:
+                    if count < pairs.listed.shape[1]:
+                        pairs.listed[i, count, 0], pairs.listed[i, count, 1] = s, q
+                    count += 1
+    fits = 0
+    if count <= pairs.listed.shape[1]:
+        fits = 1
+        pairs.info[i, LISTED] = count
+        pairs.info[i, REBUILDS] += 1
+    return fits
+
+
+@ti.func
+def renew_list(r: ti.template(), radius):
+    """List neighbours anew, and note where voxels are; halts the robot if there is no room."""
+    i, k, m, t, pairs = ti.static((r.i, r.k, r.m, r.t, r.pairs))
+    if list_pairs(r, radius * radius) == 0:
+        pairs.info[i, STATE] = OUT_OF_PAIRS
+    else:
+        for v in range(t.plan[memory.VOXELS]):
+            place = load_all(m, k, consecutive(t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH, 3))
+            store_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3), place)
+        zero = 0.0 * load(m, k, t.plan[memory.CONSTANT])
+        store_all(m, k, (t.plan[memory.MONITOR] + memory.MOVED,), (zero,))
+        pairs.drift[i] = zero + 1e30
+
+
+@ti.func
+def mean_size(c, tg: ti.template()):
+    """Slot of the mean size of group c."""
+    return current_size(c, tg) - memory.SIZE + memory.MEAN_SIZE
+
+
+@ti.func
+def shorten(r: ti.template(), margin):
+    """Make the short list: listed pairs that could touch before a voxel has moved, and sizes grown, by the margin."""
+    i, k, h, m, ms, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.ms, r.g, r.t, r.tg, r.p, r.pairs))
+    count = 0
+    w = ti.static(p.width)
+    o = (k + t.plan[memory.VOXEL]) * w
+    size = h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
+    for n in range(pairs.info[i, LISTED]):
+        s1, s2 = pairs.listed[i, n, 0], pairs.listed[i, n, 1]
+        a, b = o + p.surface[s1, 0], o + p.surface[s2, 0]
+        dx, dy, dz = ms[b] - ms[a], ms[b + w] - ms[a + w], ms[b + 2 * w] - ms[a + 2 * w]
+        limit = contact.reach(g[size + p.surface[s1, 1]], g[size + p.surface[s2, 1]]) + SLACK * margin
+        if not dx * dx + dy * dy + dz * dz >= limit * limit:
+            enter(r, count, s1, s2)
+            count += 1
+    pairs.info[i, NEAR] = count
+    for _ in range((w - count % w) % w):  # two who are never near fill up the last pack
+        enter(r, count, t.plan[memory.SURFACE], t.plan[memory.SURFACE] + 1)
+        count += 1
+    for v in range(t.plan[memory.VOXELS]):
+        first = (i * t.plan[memory.VOXELS] + v) * 3
+        for c in ti.static(range(3)):
+            pairs.seen[first + c] = m[k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH + c]
+    for c in range(tg.plan[memory.GROUPS]):
+        pairs.sizes[i, c] = g[h + mean_size(c, tg)]
+
+
+@ti.func
+def enter(r: ti.template(), n, s1, s2):
+    """Enter a pair of surface voxels into the short list."""
+    i, p, pairs = ti.static((r.i, r.p, r.pairs))
+    for c in ti.static(range(3)):
+        pairs.near[i, 2 * c, n], pairs.near[i, 2 * c + 1, n] = p.surface[s1, c], p.surface[s2, c]
+    pairs.near[i, 6, n], pairs.near[i, 7, n] = s1, s2
+
+
+@ti.func
+def collide(r: ti.template(), log: ti.template()):
+    """Contact forces of the short list, a pack of pairs at a time; they are added pair by pair, in the list's order."""
+    i, k, h, ms, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.ms, r.g, r.t, r.tg, r.p, r.pairs))
+    w = ti.static(p.width)
+    margin = SHORT * t.edge
+    grown = 0
+    for c in range(tg.plan[memory.GROUPS]):
+        if g[h + mean_size(c, tg)] > pairs.sizes[i, c] + margin:
+            grown = 1
+    if any_lane(pairs.drift[i] > margin * margin) or grown == 1:
+        shorten(r, margin)
+    sums = (k + t.plan[memory.CONTACT]) * w
+    size = h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
+    for n in range((pairs.info[i, NEAR] + w - 1) // w):
+        o = (k + t.plan[memory.VOXEL]) * w
+        one = ti.static(near_places(o, pairs.near, i, 0, n * w, w))
+        two = ti.static(near_places(o, pairs.near, i, 1, n * w, w))
+        x1, y1, z1 = gather_all(ms, one, (0, 1, 2), w)
+        x2, y2, z2 = gather_all(ms, two, (0, 1, 2), w)
+        group1 = ti.static(near_places(0, pairs.near, i, 2, n * w, w))
+        group2 = ti.static(near_places(0, pairs.near, i, 3, n * w, w))
+        limit = contact.reach(gather_all(g, group1, (0,), 1, size)[0], gather_all(g, group2, (0,), 1, size)[0])
+        dx, dy, dz = x2 - x1, y2 - y1, z2 - z1
+        near = dx * dx + dy * dy + dz * dz < limit * limit
+        if any_lane(near):
+            push = memory.MOMENTUM
+            px, py, pz = gather_all(ms, one, (push, push + 1, push + 2), w)
+            qx, qy, qz = gather_all(ms, two, (push, push + 1, push + 2), w)
+            constants = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
+            w1, k1, c1 = gather_all(g, group1, constants, 1, h + tg.plan[memory.CONSTANT])
+            w2, k2, c2 = gather_all(g, group2, constants, 1, h + tg.plan[memory.CONSTANT])
+            f = contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
+            touch = ti.select(near, 1, 0)
+            for j in ti.static(range(w)):
+                if touch[j] != 0:
+                    for end in ti.static(range(2)):
+                        place = pairs.near[i, 4 + end, n * w + j]
+                        pairs.touched[i, place // (3 * w)] = 1
+                        for c in ti.static(range(3)):
+                            force = f[c][j] if ti.static(end == 1) else 0.0 - f[c][j]
+                            ms[sums + place + c * w] = ms[sums + place + c * w] + force
+                    if ti.static(log.kept):
+                        entry = pairs.info[i, LOGGED]
+                        if entry < log.contacts.shape[1]:
+                            log.contacts[i, entry, 0] = pairs.near[i, 6, n * w + j]
+                            log.contacts[i, entry, 1] = pairs.near[i, 7, n * w + j]
+                        pairs.info[i, LOGGED] = entry + 1
+
+
+@primitive
+def near_places(first: Any, near: Any, i: Any, column: int, n: Any, width: int) -> list[Any]:
+    """Places in a column of the short list, from its entry n on."""
+    return [emit(first + element(near, i, column, emit(n + j))) for j in range(width)]

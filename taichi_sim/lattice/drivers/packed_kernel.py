@@ -1,0 +1,362 @@
+"""The packed driver: one robot at a time, its voxels in native vector lanes, the time loop inside one kernel (CPU).
+
+A step has five parts: what the program does to groups, in scalars, which is then *spread* to the classes of packs
+(lanes of equal groups); contact; pressure on squares; links, which leave their forces in memory; and voxels, which
+fetch them from there in the order of their sides, so that sums have the bits of a robot in scalars. Robots are
+independent of each other; threads take them one by one. See ``packs`` for how voxels lie.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from taichi_sim.autodiff.lanes import (
+    Real,
+    any_lane,
+    assign_all,
+    consecutive,
+    ints,
+    larger,
+    load,
+    load_all,
+    store_all,
+    variables,
+)
+from taichi_sim.autodiff.tracing import primitive, select
+from taichi_sim.lattice.drivers import marks as marking
+from taichi_sim.lattice.drivers.marks import mark_types
+from taichi_sim.lattice.drivers.packed_contact import (
+    CHANGING,
+    FINISHED,
+    FRESH,
+    KEPT,
+    LOGGED,
+    NEXT_MARK,
+    RUNNING,
+    STATE,
+    STEP,
+    Pairs,
+    Record,
+    collide,
+    renew_list,
+)
+from taichi_sim.lattice.drivers.packed_lanes import (
+    FORCE_WIDTH,
+    SHARES,
+    Lanes,
+    Robot,
+    gather_all,
+    lane_types,
+    minus_all,
+    of_groups,
+    own_pack,
+    plus_all,
+    pose_slots,
+    spread,
+    vector,
+    with_lanes,
+)
+from taichi_sim.lattice.laws import enclosure
+from taichi_sim.lattice.laws import link as laws
+from taichi_sim.lattice.program import QUANTITY_COUNT
+from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.columns import shared_types
+from taichi_sim.lattice.stages.groups import group_stage
+from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot, rest_slot
+from taichi_sim.lattice.stages.voxel import keep_strains, share_slots, voxel_stage
+from taichi_sim.runtime import GRAIN, emit, kernel_of, ti
+
+
+class Memories(NamedTuple):
+    """The vector memory as reals and as scalars; that of groups, and as [slot, 0]."""
+
+    m: Any
+    ms: Any
+    g: Any
+    g2: Any
+
+
+class Launch(NamedTuple):
+    """How many robots there are, slots of each in both memories, most steps of each, and where all stop."""
+
+    robots: Any
+    slots: Any
+    group_slots: Any
+    steps: Any
+    until: Any
+    radius: Any
+    distance: Any
+
+
+@ti.func
+def link_pack(r: ti.template(), l):
+    """Forces of a pack of links, left in FORCE in the order x, y, z."""
+    k, m, ms, t, p = ti.static((r.k, r.m, r.ms, r.t, r.p))
+    first = k + t.plan[memory.VOXEL]
+    own = load_all(m, first, pose_slots(own_pack(l, t), l, t))
+    beyond = plus_all(m, ms, first, memory.VOXEL_WIDTH, pose_slots(0, l, t), own, l, p)
+    ends = link_forces(m, k, l, own, beyond, p.there[l], t)
+    a, b, c = link_axes(l, t)
+    place = t.plan[memory.FORCE] + l * FORCE_WIDTH
+    for i in ti.static(range(0, 12, 3)):
+        store_all(m, k, (place + i + a, place + i + b, place + i + c), ends[i : i + 3])
+    if p.gauged[l] != 0:
+        extension = load(m, k, past_slot(l, t))
+        for side in ti.static(range(2)):
+            share = laws.shared_strain(extension, *load_all(m, k, share_slots(l, 1 - side, t)))
+            store_all(m, k, (place + SHARES + side,), (share,))
+
+
+@ti.func
+def axis_strain(r: ti.template(), v, axis: ti.template(), zero):
+    """Mean of a pack's shares in the strains of its links along an axis."""
+    k, m, ms, t, p = ti.static((r.k, r.m, r.ms, r.t, r.p))
+    first = k + t.plan[memory.FORCE]
+    total = minus_all(m, ms, first, FORCE_WIDTH, (SHARES + 1,), zero, v, axis, t, p)[0]
+    l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + 1]
+    if l >= 0:
+        total = total + m[first + l * FORCE_WIDTH + SHARES]
+    return select(t.shape[v * columns.SHAPE_COLUMNS + columns.PAIRED + axis] > 0.5, 0.5 * total, total)
+
+
+@ti.func
+def press(r: ti.template(), q):
+    """Forces of the pressure on the corners of a pack of squares."""
+    k, h, m, ms, g, t, p = ti.static((r.k, r.h, r.m, r.ms, r.g, r.t, r.p))
+    given = square_inputs(ms, k + t.plan[memory.VOXEL], g, h, q, p)
+    place = t.plan[memory.PRESSED] + q * memory.PRESSED_WIDTH
+    store_all(m, k, consecutive(place, memory.PRESSED_WIDTH), enclosure.pressed_square(*given))
+
+
+@primitive
+def square_inputs(ms: Any, first: Any, g: Any, h: Any, q: Any, p: Lanes) -> tuple[Any, ...]:
+    """Positions of the corners of a pack of squares, and their pressures."""
+    w = p.width
+    found: tuple[Any, ...] = ()
+    pressures: tuple[Any, ...] = ()
+    for corner in range(columns.SQUARE_COLUMNS):
+        row = emit((q * columns.SQUARE_COLUMNS + corner) * w)
+        places = [emit(first * w + load(p.square_corner, row, i)) for i in range(w)]
+        found += gather_all(ms, places, range(3), w)
+        pressures += (vector([load(g, h, emit(load(p.square_pressure, row, i))) for i in range(w)]),)
+    return found + pressures
+
+
+@ti.func
+def spread_news(r: ti.template()):
+    """Spread what changes from step to step, or everything after events."""
+    i, k, h, ms, g, p, pairs = ti.static((r.i, r.k, r.h, r.ms, r.g, r.p, r.pairs))
+    if pairs.info[i, FRESH] == 1:
+        pairs.info[i, FRESH] = 0
+        for n in range(p.to.shape[0]):
+            spread(ms, g, k, h, n, p)
+    else:
+        for n in range(pairs.info[i, CHANGING]):
+            spread(ms, g, k, h, pairs.changing[i, n], p)
+
+
+@ti.func
+def find_changing(r: ti.template()):
+    """Note the rows of groups that have a channel which changes from step to step."""
+    i, h, g, tg, p, pairs = ti.static((r.i, r.h, r.g, r.tg, r.p, r.pairs))
+    count = 0
+    for n in range(p.to.shape[0]):
+        changes = 0
+        for j in range(p.width):
+            channels = h + tg.plan[memory.CHANNEL] + p.group[n * p.width + j] * columns.CHANNELS_PER_GROUP
+            for q in range(QUANTITY_COUNT):
+                if g[channels + q * memory.CHANNEL_WIDTH + memory.RATE] != 0.0:
+                    changes = 1
+        if changes == 1:
+            pairs.changing[i, count] = n
+            count += 1
+    pairs.info[i, CHANGING] = count
+    pairs.info[i, FRESH] = 1
+
+
+@ti.func
+def handle_marks(r: ti.template(), step, marks: ti.template()):
+    """The events and recordings of a robot that are due at a step, and its end."""
+    i, h, g2, tg, pairs = ti.static((r.i, r.h, r.g2, r.tg, r.pairs))
+    upcoming = marks.lanes[i, 0, marking.LENGTH]
+    e = marks.lanes[i, 0, marking.EVENT]
+    due = 1
+    while due == 1:
+        due = 0
+        if e < marks.lanes[i, 0, marking.END_EVENT]:
+            if marks.event[e, 0] <= step:
+                if marks.event[e, 1] >= 0:
+                    marking.set_channel(g2, h, 0, e, tg, marks)
+                else:
+                    record_snapshot(r, e, marks.lanes[i, 0, marking.ROBOT], marks)
+                e += 1
+                due = 1
+            else:
+                upcoming = ti.min(upcoming, marks.event[e, 0])
+    marks.lanes[i, 0, marking.EVENT] = e
+    pairs.info[i, NEXT_MARK] = upcoming
+    if marks.lanes[i, 0, marking.LENGTH] == step:
+        marks.lanes[i, 0, marking.STATE] = marking.ENDED
+        marks.lanes[i, 0, marking.STEP] = step
+        pairs.info[i, STATE] = FINISHED
+
+
+@ti.func
+def record_snapshot(r: ti.template(), e, robot, marks: ti.template()):
+    """Record a robot's pose, strains and rest sizes."""
+    k, h, ms, g2, t, tg = ti.static((r.k, r.h, r.ms, r.g2, r.t, r.tg))
+    w = ti.static(t.lanes.width)
+    snapshot = 0 - marks.event[e, 1] - 1
+    marking.record_sizes(g2, h, 0, e, robot, snapshot, tg, marks)
+    for v in range(tg.plan[memory.VOXELS]):
+        for c in range(7):
+            marks.poses[robot, snapshot, v, c] = ms[(k + t.plan[memory.VOXEL] + c) * w + t.lanes.voxel[v]]
+    for l in range(tg.plan[memory.LINKS]):
+        extension = ms[(k + t.plan[memory.LINK]) * w + t.lanes.link[l]]
+        marks.strains[robot, snapshot, l] = extension * g2[h + rest_slot(l, tg) + 1, 0]
+
+
+@ti.func
+def step_voxel(r: ti.template(), v, zero):
+    """Sum up the forces on a pack of voxels, integrate it and read its gauges; its new place."""
+    i, k, m, ms, t, p, pairs = ti.static((r.i, r.k, r.m, r.ms, r.t, r.p, r.pairs))
+    row = v * columns.VOXEL_COLUMNS
+    first = k + t.plan[memory.FORCE]
+    s = ti.static(variables([zero] * 6))
+    for axis in ti.static(range(3)):
+        given = minus_all(m, ms, first, FORCE_WIDTH, (6, 7, 8, 9, 10, 11), zero, v, axis, t, p)
+        assign_all(s, [s[c] - given[c] for c in ti.static(range(6))])
+    for l in range(t.voxel[row + columns.FIRST_LINK], t.voxel[row + columns.END_LINK]):
+        own = load_all(m, first, consecutive(l * FORCE_WIDTH, 6))
+        assign_all(s, [s[c] + own[c] for c in ti.static(range(6))])
+    for corner in range(t.voxel[row + columns.FIRST_CORNER], t.voxel[row + columns.END_CORNER]):
+        places = ti.static(corner_places((k + t.plan[memory.PRESSED]) * p.width, corner, p))
+        own = gather_all(ms, places, (0, 1, 2), p.width)
+        assign_all(s[:3], [s[c] + own[c] for c in ti.static(range(3))])
+    cx, cy, cz = zero, zero, zero
+    if pairs.touched[i, v] != 0:
+        pairs.touched[i, v] = 0
+        slots = consecutive(t.plan[memory.CONTACT] + 3 * v, 3)
+        cx, cy, cz = load_all(m, k, slots)
+        store_all(m, k, slots, (zero, zero, zero))
+    x, y, z = voxel_stage(m, k, v, *s, cx, cy, cz, t)
+    if t.voxel[row + columns.GAUGE] >= 0:
+        ex = axis_strain(r, v, 0, zero)
+        ey = axis_strain(r, v, 1, zero)
+        ez = axis_strain(r, v, 2, zero)
+        keep_strains(m, k, v, ex, ey, ez, t)
+    return x, y, z
+
+
+@primitive
+def corner_places(first: Any, row: Any, p: Lanes) -> list[Any]:
+    """Places of a row of forces of squares on the voxels of a pack."""
+    return [emit(first + load(p.corner, emit(row * p.width), j)) for j in range(p.width)]
+
+
+@ti.func
+def step_robot(r: ti.template(), log: ti.template()):
+    """One time step; notes how far voxels have moved since lists were made."""
+    i, k, h, m, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.t, r.tg, r.p, r.pairs))
+    group_stage(g, h, tg)
+    spread_news(r)
+    if t.plan[memory.CONTACT_ON] != 0:
+        collide(r, log)
+    for q in range(t.plan[memory.SQUARES]):
+        press(r, q)
+    for l in range(t.plan[memory.LINKS]):
+        link_pack(r, l)
+    zero = 0.0 * load(m, k, t.plan[memory.CONSTANT])
+    moved, drifted = zero, zero
+    for v in range(t.plan[memory.VOXELS]):
+        x, y, z = step_voxel(r, v, zero)
+        if t.plan[memory.CONTACT_ON] != 0:
+            lx, ly, lz = load_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3))
+            dx, dy, dz = x - lx, y - ly, z - lz
+            moved = larger(select(p.outer[v] > 0.5, dx * dx + dy * dy + dz * dz, zero), moved)
+            first = (i * t.plan[memory.VOXELS] + v) * 3
+            dx, dy, dz = x - pairs.seen[first], y - pairs.seen[first + 1], z - pairs.seen[first + 2]
+            drifted = larger(dx * dx + dy * dy + dz * dz, drifted)
+    store_all(m, k, (t.plan[memory.MONITOR] + memory.MOVED,), (moved,))
+    pairs.drift[i] = drifted
+
+
+@ti.func
+def keep(r: ti.template(), step, log: ti.template()):
+    """Copy a robot's state before a step to its place in the record."""
+    i, k, h, m, g, t, tg, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.t, r.tg, r.pairs))
+    row = i * log.room + step - log.first
+    for slot in range(t.plan[memory.STATE_SLOTS]):
+        log.states[row * t.plan[memory.STATE_SLOTS] + slot] = m[k + slot]
+    count = tg.plan[memory.GROUPS] * columns.CHANNELS_PER_GROUP
+    for slot in range(count):
+        log.groups[row * count + slot] = g[h + tg.plan[memory.CHANNEL] + slot]
+    log.start[i, step - log.first] = pairs.info[i, LOGGED]
+
+
+@lru_cache
+def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
+    """The kernel for one kind of real, on the ground or in a fluid; all else that differs is an argument.
+
+    With ``recording`` it keeps the state before every step from the record's first on, and the contacts of each.
+    """
+
+    @ti.func
+    def run(
+        launch: ti.template(),
+        memories: ti.template(),
+        given: ti.template(),
+        groups: ti.template(),
+        p: ti.template(),
+        pairs: ti.template(),
+        marks: ti.template(),
+        log: ti.template(),
+    ):
+        m, ms, g, g2 = ti.static(memories)
+        info, plan = ti.static((pairs.info, given.plan))
+        for n in range(GRAIN * launch.robots):
+            if n % GRAIN == 0:
+                t = ti.static(with_lanes(given, p, ms))
+                tg = ti.static(of_groups(groups, t))
+                i = n // GRAIN
+                k, h = i * launch.slots, i * launch.group_slots
+                r = ti.static(Robot(i, k, h, m, ms, g, g2, t, tg, p, pairs))
+                left = launch.steps
+                while left > 0 and info[i, STATE] == RUNNING and info[i, STEP] < launch.until:
+                    left -= 1
+                    step = info[i, STEP]
+                    if ti.static(log.kept):
+                        if step != info[i, KEPT]:  # before the events of the step, and not again after a halt
+                            keep(r, step, log)
+                            info[i, KEPT] = step
+                    if step == info[i, NEXT_MARK]:
+                        handle_marks(r, step, marks)
+                        find_changing(r)
+                    if info[i, STATE] == RUNNING and plan[memory.CONTACT_ON] != 0:
+                        if any_lane(
+                            load(m, k, plan[memory.MONITOR] + memory.MOVED) > launch.distance * launch.distance
+                        ):
+                            renew_list(r, launch.radius)
+                    if info[i, STATE] == RUNNING:
+                        step_robot(r, log)
+                        info[i, STEP] = step + 1
+                        if ti.static(log.kept):
+                            if step + 1 == launch.until:
+                                keep(r, step + 1, log)
+                        if any_lane(load(m, k, plan[memory.MONITOR] + memory.DIVERGED) > 0.5):
+                            marks.lanes[i, 0, marking.STATE] = marking.DIVERGED
+                            marks.lanes[i, 0, marking.STEP] = step + 1
+                            info[i, STATE] = FINISHED
+
+    i32, scalar, table = ti.i32, real.scalar, ints(2)
+    flat = real.scalars(1)
+    return kernel_of(
+        run,
+        Launch(i32, i32, i32, i32, i32, scalar, scalar),
+        Memories(real.memory, flat, flat, real.scalars(2)),
+        shared_types(real, fluid, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity")),
+        shared_types(real, fluid, ("link", "rest")),
+        lane_types(real),
+        Pairs(ints(3), ints(3), real.memory, real.scalars(2), real.memory, table, table, table),
+        mark_types(real),
+        Record(True, i32, real.memory, None, flat, None, i32, ints(3), table) if recording else Record(),
+    )

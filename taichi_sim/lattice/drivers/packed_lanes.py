@@ -1,0 +1,231 @@
+"""Voxels in vector lanes, as kernels see them: where lanes find what they need of neighbours, and how they get it."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, variables
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.lattice.drivers.packs import ALIGNED, GATHER, NEXT
+from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.columns import Shared, in_variables
+from taichi_sim.lattice.stages.link import link_axes
+from taichi_sim.runtime import element, emit, ti
+
+FORCE_WIDTH = 14  # of a link pack: F, M, G, N, and its shares in the strains of the voxels at both ends
+SHARES = 12
+
+
+class Lanes(NamedTuple):
+    """Where lanes find what they need, the same for all robots; see ``packs``. A place is a slot of a scalar.
+
+    Attributes:
+        width: lanes of a pack.
+        plus, plus_lane: kind and target of where a link pack finds the voxels at its "+" ends, and lane numbers; see
+            ``packs.Reach``.
+        minus, minus_lane: likewise where a pack finds the links on its "-" sides along an axis.
+        there, outer: 1 where a link pack has a link, by link pack, and where a pack has a surface voxel, by pack.
+        gauged: whether voxels at the ends of a link pack have gauges of strain.
+        shape: what the table of voxels says of those of a pack, see ``columns``.
+        to, source, group: rows of what is spread: slot in the vector memory; slot and group in the scalars, by lane.
+        surface: place in VOXEL, group's place in CONSTANT, place in CONTACT of each surface voxel, and twice nobody.
+        voxel, link: place of each voxel in VOXEL, and of each link in LINK.
+        square_corner, square_pressure: places of the corners of squares in VOXEL, and slots of their pressures, by
+            pack of squares, corner and lane.
+        corner: places in PRESSED of the forces on a pack's voxels, rows of lanes.
+        square_there: 1 where a pack of squares has one.
+    """
+
+    width: Any
+    plus: Any
+    plus_lane: Any
+    minus: Any
+    minus_lane: Any
+    there: Any
+    outer: Any
+    gauged: Any
+    shape: Any
+    to: Any
+    source: Any
+    group: Any
+    surface: Any
+    voxel: Any
+    link: Any
+    square_corner: Any
+    square_pressure: Any
+    corner: Any
+    square_there: Any
+
+
+def lane_types(real: Real) -> Lanes:
+    """Types of ``Lanes`` in kernels."""
+    flat = ints(1)
+    tables = (flat,) * 4
+    return Lanes(
+        real.width, *tables, *(real.memory,) * 2, flat, real.memory, *(flat,) * 3, ints(2), *(flat,) * 5, real.memory
+    )
+
+
+class Robot(NamedTuple):
+    """One robot in a kernel: its number, first slots in both memories, these, what stages get, and who may touch whom.
+
+    Attributes:
+        i, k, h: number; first slot in the vector memory, and among the scalars.
+        m, ms, g, g2: see ``Memories``.
+        t, tg: what stages of voxels and links are given, and stages of groups.
+        p, pairs: see ``Lanes`` and ``Pairs``.
+    """
+
+    i: Any
+    k: Any
+    h: Any
+    m: Any
+    ms: Any
+    g: Any
+    g2: Any
+    t: Any
+    tg: Any
+    p: Any
+    pairs: Any
+
+
+@primitive
+def with_lanes(shared: Shared, lanes: Lanes, scalars: Any) -> Shared:
+    """What stages are given of robots whose voxels lie in lanes; ``scalars`` are of the memory that links read."""
+    t = in_variables(shared)._replace(shape=lanes.shape, packed=True, lanes=lanes)
+    return t._replace(transverse=lambda m, k, l: transverse(m, scalars, k, l, t, lanes))
+
+
+@primitive
+def vector(values: Sequence[Any]) -> Any:
+    """A native vector of so many scalars."""
+    return emit(ti.lang.matrix.make_matrix([emit(value) for value in values]))
+
+
+@primitive
+def taken_up(v: Any, last: Any, width: int) -> Any:
+    """Every lane takes the value of the next, the last one a given value."""
+    return vector([*(element(emit(v), i) for i in range(1, width)), last])
+
+
+@primitive
+def taken_down(v: Any, first: Any, width: int) -> Any:
+    """Every lane takes the value of the one before, the first one a given value."""
+    return vector([first, *(element(emit(v), i) for i in range(width - 1))])
+
+
+@primitive
+def of_groups(groups: Shared, t: Shared) -> Shared:
+    """What stages of groups are given: tables of their own, and the world of the others."""
+    return groups._replace(time_step=t.time_step, edge=t.edge, gravity=t.gravity)
+
+
+@primitive
+def gather_all(ms: Any, places: Any, slots: Any, width: int, first: Any = 0) -> tuple[Any, ...]:
+    """Reals from slots after the place of each lane, ``width`` scalars each; ``first`` is added to places."""
+    return tuple(vector([load(ms, place, emit(first + slot * width)) for place in places]) for slot in slots)
+
+
+@primitive
+def places_of(first: Any, lanes: Any, row: Any, slots: int, width: int) -> list[Any]:
+    """Places of a row of lane numbers in a section of so many slots a pack."""
+    found = []
+    for i in range(width):
+        lane = emit(load(lanes, emit(row * width), i))
+        found.append(emit(first * width + lane // width * (slots * width) + lane % width))
+    return found
+
+
+@ti.func
+def plus_all(
+    m: ti.template(),
+    ms: ti.template(),
+    first,
+    slots: ti.template(),
+    components: ti.template(),
+    own: ti.template(),
+    l,
+    p: ti.template(),
+):
+    """Some components of what lies in a section, ``slots`` a pack, of the voxels at the "+" ends of a link pack.
+
+    ``own`` are those of the voxels at the "-" ends.
+    """
+    w = ti.static(p.width)
+    found = ti.static(variables(own))
+    how = p.plus[2 * l]
+    if how == ALIGNED:
+        assign_all(found, load_all(m, first + p.plus[2 * l + 1] * slots, components))
+    elif how == NEXT:
+        lane = p.plus[2 * l + 1]
+        place = first * w + lane // w * (slots * w) + lane % w
+        for i in ti.static(range(len(own))):
+            last = ms[place + components[i] * w]
+            assign_all(found[i : i + 1], (taken_up(own[i], last, w),))
+    else:
+        places = ti.static(places_of(first, p.plus_lane, l, slots, w))
+        assign_all(found, gather_all(ms, places, components, w))
+    return ti.static(tuple(found))
+
+
+@ti.func
+def minus_all(
+    m: ti.template(),
+    ms: ti.template(),
+    first,
+    slots: ti.template(),
+    components: ti.template(),
+    zero,
+    v,
+    axis: ti.template(),
+    t: ti.template(),
+    p: ti.template(),
+):
+    """Some components of what lies in a section, ``slots`` a link pack, of the links on a pack's "-" sides; or zero."""
+    w = ti.static(p.width)
+    found = ti.static(variables([zero for _ in components]))
+    e = v * 3 + axis
+    how = p.minus[2 * e]
+    if how == ALIGNED:
+        assign_all(found, load_all(m, first + p.minus[2 * e + 1] * slots, components))
+    elif how == NEXT:
+        own = first + t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + 1] * slots
+        lane = p.minus[2 * e + 1]
+        place = first * w + lane // w * (slots * w) + lane % w
+        for i in ti.static(range(len(components))):
+            odd = ms[place + components[i] * w]
+            assign_all(found[i : i + 1], (taken_down(load(m, own, components[i]), odd, w),))
+    elif how == GATHER:
+        places = ti.static(places_of(first, p.minus_lane, e, slots, w))
+        assign_all(found, gather_all(ms, places, components, w))
+    return ti.static(tuple(found))
+
+
+@ti.func
+def pose_slots(pack, l, t: ti.template()):
+    """Slots of position and orientation behind a first one, components along a link pack's axis first."""
+    a, b, c = link_axes(l, t)
+    return pack + a, pack + b, pack + c, pack + 3, pack + 4 + a, pack + 4 + b, pack + 4 + c
+
+
+@ti.func
+def own_pack(l, t: ti.template()):
+    """First slot in VOXEL of the pack at the "-" ends of a link pack."""
+    return t.link[l * columns.LINK_COLUMNS + columns.LINK_MINUS]
+
+
+@ti.func
+def transverse(m: ti.template(), ms: ti.template(), k, l, t: ti.template(), p: ti.template()):
+    """The two transverse strains of the voxels at either end of a link pack, all of which have gauges."""
+    _, b, c = link_axes(l, t)
+    first = k + t.plan[memory.STRAIN]
+    pack = own_pack(l, t) // memory.VOXEL_WIDTH * memory.STRAIN_WIDTH
+    own = load_all(m, first, (pack + 3 + b, pack + 3 + c))
+    beyond = plus_all(m, ms, first, memory.STRAIN_WIDTH, (3 + b, 3 + c), own, l, p)
+    return own + beyond
+
+
+@ti.func
+def spread(ms: ti.template(), g: ti.template(), k, h, n, p: ti.template()):
+    """Bring row n of what the program did to groups into the lanes of the packs that have them."""
+    for j in ti.static(range(p.width)):
+        ms[(k + p.to[n]) * p.width + j] = g[h + p.source[n * p.width + j]]

@@ -1,0 +1,462 @@
+"""The reverse of the packed driver: robot by robot, from the last recorded step back to the first.
+
+A step is undone in the opposite order: packs of voxels with their gauges; links, which leave the cotangents of the
+poses at their "+" ends in memory; these are fetched as forces are on the way there; then squares, contacts, and what
+follows from the channels. Cotangents change in place from those of the state after the step to those before it.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from taichi_sim.autodiff.lanes import (
+    Real,
+    accumulate_all,
+    consecutive,
+    ints,
+    load,
+    load_all,
+    store_all,
+)
+from taichi_sim.autodiff.tracing import Condition, primitive, pull_back, select
+from taichi_sim.lattice import materials
+from taichi_sim.lattice.drivers import marks as marking
+from taichi_sim.lattice.drivers.marks import mark_types
+from taichi_sim.lattice.drivers.packed_contact import Record
+from taichi_sim.lattice.drivers.packed_kernel import square_inputs
+from taichi_sim.lattice.drivers.packed_lanes import (
+    gather_all,
+    lane_types,
+    minus_all,
+    of_groups,
+    own_pack,
+    plus_all,
+    pose_slots,
+    spread,
+    vector,
+    with_lanes,
+)
+from taichi_sim.lattice.laws import contact, enclosure
+from taichi_sim.lattice.laws import link as laws
+from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.columns import shared_types
+from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
+from taichi_sim.lattice.stages.link import (
+    axial_slots,
+    beam_slot,
+    bending_slots,
+    end_slots,
+    link_axes,
+    link_cotangents,
+    past_slot,
+    recorded_strains,
+    rest_slot,
+)
+from taichi_sim.lattice.stages.undo import Undo
+from taichi_sim.lattice.stages.voxel import share_slots
+from taichi_sim.lattice.stages.voxel_adjoint import strain_cotangents, voxel_adjoint
+from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
+
+BACK_WIDTH = 10  # of a link pack: cotangents of the poses at its "+" ends, and of their transverse strains
+STRAINS = 7
+
+
+class Launch(NamedTuple):
+    """How many robots there are, slots of each in both memories, and the steps to go back from and to."""
+
+    robots: Any
+    slots: Any
+    group_slots: Any
+    high: Any
+    low: Any
+
+
+class Back(NamedTuple):
+    """One robot on the way back.
+
+    Attributes:
+        u, ug: memories of the step that is undone, of voxels and of groups; keys of the robot.
+        memories: see ``Memories``.
+        rs: recorded states as scalars.
+        i, t, tg, p: as in ``packed_lanes.Robot``.
+    """
+
+    u: Any
+    ug: Any
+    memories: Any
+    rs: Any
+    i: Any
+    t: Any
+    tg: Any
+    p: Any
+
+
+class Memories(NamedTuple):
+    """Parameters, cotangents, what links leave and seeds of gauges, as reals and as scalars; groups as scalars."""
+
+    m: Any
+    ms: Any
+    a: Any
+    a_scalar: Any
+    back: Any
+    back_scalar: Any
+    gauge: Any
+    gauge_scalar: Any
+    g: Any
+    g2: Any
+    ag: Any
+    ag2: Any
+    upcoming: Any
+
+
+@ti.func
+def undo_gauges(b: ti.template(), v):
+    """Leave the cotangents of a pack's strains, each as the share of one link, for its links."""
+    u, memories, i, t = ti.static((b.u, b.memories, b.i, b.t))
+    for axis in ti.static(range(3)):
+        memories.gauge[(i * t.plan[memory.VOXELS] + v) * 3 + axis] = 0.0 * load(u.m, u.k, t.plan[memory.CONSTANT])
+    if t.voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
+        seeds = strain_cotangents(u, v, t)
+        for axis in ti.static(range(3)):
+            paired = t.shape[v * columns.SHAPE_COLUMNS + columns.PAIRED + axis] > 0.5
+            half = select(paired, 0.5 * seeds[axis], seeds[axis])
+            memories.gauge[(i * t.plan[memory.VOXELS] + v) * 3 + axis] = half
+
+
+@ti.func
+def undo_shares(b: ti.template(), l):
+    """Reverse the shares of a link pack in the strains of the voxels at both ends."""
+    u, memories, i, t, p = ti.static((b.u, b.memories, b.i, b.t, b.p))
+    first = i * t.plan[memory.VOXELS] * 3
+    pack = own_pack(l, t) // memory.VOXEL_WIDTH * 3
+    axis, _, _ = link_axes(l, t)
+    own = load_all(memories.gauge, first, (pack + axis,))
+    beyond = plus_all(memories.gauge, memories.gauge_scalar, first, 3, (axis,), own, l, p)
+    extension = past_slot(l, t)
+    for side in ti.static(range(2)):
+        seed = select(p.there[l] > 0.5, (own if ti.static(side == 1) else beyond)[0], 0.0 * own[0])
+        inputs = (load(u.record, u.r, u.new + extension),) + load_all(u.m, u.k, share_slots(l, side, t))
+        found = ti.static(pull_back(laws.shared_strain, inputs, (), (seed,)))
+        accumulate_all(u.a, u.k, (extension,) + share_slots(l, side, t), found)
+
+
+@primitive
+def where_there(there: Any, values: Any) -> tuple[Any, ...]:
+    """Values in lanes that have a link, else zero."""
+    return tuple(emit(select(there > 0.5, value, 0.0 * value)) for value in values)
+
+
+@ti.func
+def undo_links(b: ti.template(), l):
+    """Reverse a link pack; the cotangents of what lies at its "+" ends are left in ``back``."""
+    u, memories, rs, i, t, p = ti.static((b.u, b.memories, b.rs, b.i, b.t, b.p))
+    if p.gauged[l] != 0:
+        undo_shares(b, l)
+    there = p.there[l]
+    pack = own_pack(l, t)
+    before = u.r + u.old + t.plan[memory.VOXEL]
+    own = load_all(u.record, before, pose_slots(pack, l, t))
+    x, y, z, qw, qa, qb, qc = plus_all(u.record, rs, before, memory.VOXEL_WIDTH, pose_slots(0, l, t), own, l, p)
+    length = load(u.m, u.k, rest_slot(l, t))
+    x, y, z = select(there > 0.5, x, own[0] + length), select(there > 0.5, y, own[1]), select(there > 0.5, z, own[2])
+    force = u.k + t.plan[memory.FORCE]
+    axes = link_axes(l, t)
+    gained = load_all(u.a, force, end_slots(pack // memory.VOXEL_WIDTH * 6, axes))
+    lost = plus_all(u.a, memories.a_scalar, force, 6, end_slots(0, axes), gained, l, p)
+    poses = own + (x, y, z, qw, qa, qb, qc)
+    found = link_cotangents(u, l, poses, where_there(there, gained), where_there(there, lost), there, t)
+    accumulate_all(u.a, u.k, pose_slots(t.plan[memory.VOXEL] + pack, l, t), found[:7])
+    left = (i * (t.plan[memory.LINKS] + 1) + l) * BACK_WIDTH
+    store_all(memories.back, left, pose_slots(0, l, t), where_there(there, found[7:14]))
+    store_all(u.a, u.k, consecutive(past_slot(l, t), 6), found[14:20])
+    rest, beam = rest_slot(l, t), beam_slot(l, t)
+    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), where_there(there, found[20:29]))
+    if t.plan[memory.POISSON_ON] != 0:
+        strains = recorded_strains(u, l, t)
+        shares = ti.static(pull_back(laws.cross_section, strains, (), where_there(there, found[29:])))
+        at = t.plan[memory.STRAIN] + pack // memory.VOXEL_WIDTH * memory.STRAIN_WIDTH + 3
+        accumulate_all(u.a, u.k, (at + axes[1], at + axes[2]), shares[:2])
+        zero = 0.0 * length
+        slots = (STRAINS + axes[0], STRAINS + axes[1], STRAINS + axes[2])
+        store_all(memories.back, left, slots, (zero, shares[2], shares[3]))
+
+
+@ti.func
+def fetch_back(b: ti.template(), v):
+    """Add to the cotangents of a pack's poses and strains what the links on its "-" sides left."""
+    u, memories, i, t, p = ti.static((b.u, b.memories, b.i, b.t, b.p))
+    zero = 0.0 * load(u.m, u.k, t.plan[memory.CONSTANT])
+    first = i * (t.plan[memory.LINKS] + 1) * BACK_WIDTH
+    for axis in ti.static(range(3)):
+        found = minus_all(
+            memories.back, memories.back_scalar, first, BACK_WIDTH, (0, 1, 2, 3, 4, 5, 6), zero, v, axis, t, p
+        )
+        accumulate_all(u.a, u.k, consecutive(t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH, 7), found)
+        if t.plan[memory.POISSON_ON] != 0:
+            strains = minus_all(memories.back, memories.back_scalar, first, BACK_WIDTH, (7, 8, 9), zero, v, axis, t, p)
+            at = t.plan[memory.STRAIN] + v * memory.STRAIN_WIDTH + 3
+            accumulate_all(u.a, u.k, consecutive(at, 3), strains)
+
+
+@primitive
+def scatter_all(ms: Any, places: Any, slots: Any, values: Any, width: int) -> None:
+    """Add reals to slots after the place of each lane, lane by lane."""
+    for j, place in enumerate(places):
+        for slot, value in zip(slots, values, strict=True):
+            target = load(ms, place, slot * width)
+            target._assign(target + element(value, j))
+
+
+@ti.func
+def undo_squares(b: ti.template(), q):
+    """Reverse the pressure on a pack of squares."""
+    u, ug, memories, rs, t, p = ti.static((b.u, b.ug, b.memories, b.rs, b.t, b.p))
+    inputs = square_inputs(rs, u.r + u.old + t.plan[memory.VOXEL], memories.g, ug.k, q, p)
+    seeds = ti.static(square_seeds(memories.a_scalar, u.k + t.plan[memory.FORCE], q, p))
+    found = ti.static(pull_back(enclosure.pressed_square, inputs, (), seeds))
+    give_squares(memories, u.k + t.plan[memory.VOXEL], ug.k, q, found, p)
+
+
+@primitive
+def square_rows(index: Any, q: Any, corner: int, width: int) -> list[Any]:
+    """A row of the index of corners of a pack of squares."""
+    row = emit((q * columns.SQUARE_COLUMNS + corner) * width)
+    return [emit(load(index, row, j)) for j in range(width)]
+
+
+@primitive
+def square_seeds(a_scalar: Any, first: Any, q: Any, p: Any) -> tuple[Any, ...]:
+    """Cotangents of the forces on the corners of a pack of squares; squares that fill up the last pack have none."""
+    found: tuple[Any, ...] = ()
+    w = p.width
+    for corner in range(columns.SQUARE_COLUMNS):
+        places = [emit(first * w + force_place(at, w)) for at in square_rows(p.square_corner, q, corner, w)]
+        given = gather_all(a_scalar, places, range(3), w)
+        found += tuple(emit(value * load(p.square_there, q, 0)) for value in given)
+    return found
+
+
+def force_place(place: Any, width: int) -> Any:
+    """Place in FORCE, 6 slots a pack, of a voxel whose place in VOXEL is given."""
+    return place // (memory.VOXEL_WIDTH * width) * (6 * width) + place % width
+
+
+@primitive
+def give_squares(memories: Any, first: Any, h: Any, q: Any, found: Any, p: Any) -> None:
+    """Add the cotangents of the corners' positions and pressures."""
+    w = p.width
+    for corner in range(columns.SQUARE_COLUMNS):
+        places = [emit(first * w + at) for at in square_rows(p.square_corner, q, corner, w)]
+        scatter_all(memories.a_scalar, places, range(3), found[3 * corner : 3 * corner + 3], w)
+        slots = [emit(h + at) for at in square_rows(p.square_pressure, q, corner, w)]
+        scatter_all(memories.ag, slots, (0,), found[12 + corner : 13 + corner], 1)
+
+
+@ti.func
+def undo_contacts(b: ti.template(), first, end, contacts: ti.template()):
+    """Reverse a pack of contacts, entries of the record from ``first`` to ``end`` at most."""
+    u, ug, memories, rs, i, t, tg, p = ti.static((b.u, b.ug, b.memories, b.rs, b.i, b.t, b.tg, b.p))
+    w = ti.static(p.width)
+    one = ti.static(contact_rows(contacts, i, 0, first, end, t, p))
+    two = ti.static(contact_rows(contacts, i, 1, first, end, t, p))
+    touching = contact_mask(contacts, first, end, t, p)
+    motion = ti.static((0, 1, 2, memory.MOMENTUM, memory.MOMENTUM + 1, memory.MOMENTUM + 2))
+    before = (u.r + u.old + t.plan[memory.VOXEL]) * w
+    mass, stiff, damp = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
+    size = ug.k + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
+    constant = ug.k + tg.plan[memory.CONSTANT]
+    x = gather_all(rs, one[0], motion, w, before)
+    y = gather_all(rs, two[0], motion, w, before)
+    sizes = gather_all(memories.g, one[1], (0,), 1, size) + gather_all(memories.g, two[1], (0,), 1, size)
+    c1 = gather_all(memories.g, one[1], (mass, stiff, damp), 1, constant)
+    c2 = gather_all(memories.g, two[1], (mass, stiff, damp), 1, constant)
+    inputs = x + y + sizes + (c1[0], c2[0], c1[1], c2[1], c1[2], c2[2])
+    forces = (u.k + t.plan[memory.FORCE]) * w
+    f1 = gather_all(memories.a_scalar, one[2], (0, 1, 2), w, forces)
+    f2 = gather_all(memories.a_scalar, two[2], (0, 1, 2), w, forces)
+    seeds = (f2[0] - f1[0], f2[1] - f1[1], f2[2] - f1[2])
+    found = ti.static(pull_back(contact.pair_force, inputs, (Condition(touching > 0.5),), seeds))
+    after = (u.k + t.plan[memory.VOXEL]) * w
+    scatter_all(memories.a_scalar, shifted(one[0], after), motion, found[:6], w)
+    scatter_all(memories.a_scalar, shifted(two[0], after), motion, found[6:12], w)
+    scatter_all(memories.ag, shifted(one[1], size), (0,), found[12:13], 1)
+    scatter_all(memories.ag, shifted(two[1], size), (0,), found[13:14], 1)
+    scatter_all(memories.ag, shifted(one[1], constant), (mass, stiff, damp), (found[14], found[16], found[18]), 1)
+    scatter_all(memories.ag, shifted(two[1], constant), (mass, stiff, damp), (found[15], found[17], found[19]), 1)
+
+
+@primitive
+def shifted(places: Any, first: Any) -> list[Any]:
+    """Places behind a first one."""
+    return [emit(first + place) for place in places]
+
+
+@primitive
+def contact_rows(contacts: Any, i: Any, end_of: int, first: Any, end: Any, t: Any, p: Any) -> tuple[list[Any], ...]:
+    """Places in VOXEL, of the group, and in FORCE of one end of each contact of a pack; past the end, of nobody."""
+    rows: tuple[list[Any], ...] = ([], [], [])
+    nobody = emit(element(t.plan, memory.SURFACE) + end_of)
+    for j in range(p.width):
+        entry = emit(ti.min(first + j, end - 1))
+        s = emit(ti.select(first + j < end, element(contacts, i, entry, end_of), nobody))
+        place = emit(element(p.surface, s, 0))
+        for row, value in zip(rows, (place, element(p.surface, s, 1), force_place(place, p.width)), strict=True):
+            row.append(emit(value))
+    return rows
+
+
+@primitive
+def contact_mask(contacts: Any, first: Any, end: Any, t: Any, p: Any) -> Any:
+    """1 in lanes that have a contact."""
+    kind = load(t.shape, 0, 0)
+    one = emit(0.0 * element(emit(kind), 0) + 1.0)
+    return vector([emit(ti.select(first + j < end, one, 0.0 * one)) for j in range(p.width)])
+
+
+@ti.func
+def collect(b: ti.template(), n):
+    """Give the groups the cotangents of what row n spread to lanes, and take them there."""
+    u, ug, memories, p = ti.static((b.u, b.ug, b.memories, b.p))
+    for j in ti.static(range(p.width)):
+        place = (u.k + p.to[n]) * p.width + j
+        memories.ag[ug.k + p.source[n * p.width + j]] += memories.a_scalar[place]
+        memories.a_scalar[place] = 0.0
+
+
+@ti.func
+def undo_step(b: ti.template(), n, log: ti.template()):
+    """Reverse step n of the record."""
+    u, ug, memories, i, t, tg, p = ti.static((b.u, b.ug, b.memories, b.i, b.t, b.tg, b.p))
+    recall_groups(ug.m, ug.k, ug.record, ug.r, ug.new, tg)
+    for r in range(p.to.shape[0]):
+        spread(memories.ms, memories.g, u.k, ug.k, r, p)
+    for v in range(t.plan[memory.VOXELS]):
+        undo_gauges(b, v)
+        voxel_adjoint(u, v, t)
+    for l in range(t.plan[memory.LINKS]):
+        undo_links(b, l)
+    for v in range(t.plan[memory.VOXELS]):
+        fetch_back(b, v)
+    for q in range(t.plan[memory.SQUARES]):
+        undo_squares(b, q)
+    first, end = log.start[i, n], log.start[i, n + 1]
+    for q in range((end - first + p.width - 1) // p.width):
+        undo_contacts(b, first + q * p.width, end, log.contacts)
+    for r in range(p.to.shape[0]):
+        collect(b, r)
+    group_adjoint(ug, tg)
+
+
+@ti.func
+def meet_back(b: ti.template(), step, marks: ti.template()):
+    """On the way back: a robot whose run ends here begins; events take their cotangents, recordings give theirs.
+
+    ``u`` and ``ug`` hold scalars. Returns the step before this one at which the robot has something to do again.
+    """
+    u, ug, i, t, tg, p = ti.static((b.u, b.ug, b.i, b.t, b.tg, b.p))
+    upcoming = marking.NO_MARK
+    w = ti.static(p.width)
+    voxels = (u.k + t.plan[memory.VOXEL]) * w
+    robot = marks.lanes[i, 0, marking.ROBOT]
+    if marks.lanes[i, 0, marking.STATE] == marking.WAITING:
+        if marks.lanes[i, 0, marking.LENGTH] == step:
+            marks.lanes[i, 0, marking.STATE] = marking.ACTIVE
+            for v in range(tg.plan[memory.VOXELS]):
+                for c in range(memory.STICKS):
+                    u.a[voxels + p.voxel[v] + c * w] = marks.finals[robot, v, c]
+        else:
+            upcoming = marks.lanes[i, 0, marking.LENGTH]
+    if marks.lanes[i, 0, marking.STATE] == marking.ACTIVE:
+        e = marks.lanes[i, 0, marking.EVENT]
+        if step == 0:
+            marking.recall_start(ug, 0, marks.lanes[i, 0, marking.FIRST_EVENT], e, tg, marks)
+        due = 1
+        while due == 1:
+            due = 0
+            if e > marks.lanes[i, 0, marking.FIRST_EVENT]:
+                if marks.event[e - 1, 0] >= step:
+                    e -= 1
+                    due = 1
+                    if marks.event[e, 0] == step:
+                        if marks.event[e, 1] >= 0:
+                            marking.take_event(ug, 0, e, tg, marks)
+                        else:
+                            receive(b, robot, 0 - marks.event[e, 1] - 1, step, marks)
+                else:
+                    upcoming = marks.event[e - 1, 0]
+        marks.lanes[i, 0, marking.EVENT] = e
+    return upcoming
+
+
+@ti.func
+def receive(b: ti.template(), robot, snapshot, step, marks: ti.template()):
+    """Add the cotangents of a recorded pose, of the strains of its links and of its rest sizes."""
+    u, ug, rs, t, tg, p = ti.static((b.u, b.ug, b.rs, b.t, b.tg, b.p))
+    w = ti.static(p.width)
+    for v in range(tg.plan[memory.VOXELS]):
+        for c in range(7):
+            place = (u.k + t.plan[memory.VOXEL] + c) * w + p.voxel[v]
+            u.a[place] += marks.poses[robot, snapshot, v, c]
+    if step > 0:  # what links remember at the start of a run is given
+        for l in range(tg.plan[memory.LINKS]):
+            rest = ug.k + rest_slot(l, tg) + 1
+            seed = marks.strains[robot, snapshot, l]
+            u.a[(u.k + t.plan[memory.LINK]) * w + p.link[l]] += seed * ug.m[rest, 0]
+            ug.a[rest, 0] += seed * rs[(u.r + u.new + t.plan[memory.LINK]) * w + p.link[l]]
+    marking.receive_sizes(ug, 0, robot, snapshot, step, tg, marks)
+
+
+@lru_cache
+def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
+    """The kernel for one kind of real, on the ground or in a fluid."""
+
+    @ti.func
+    def undo(
+        launch: ti.template(),
+        memories: ti.template(),
+        given: ti.template(),
+        groups: ti.template(),
+        p: ti.template(),
+        log: ti.template(),
+        marks: ti.template(),
+    ):
+        for n in range(GRAIN * launch.robots):
+            if n % GRAIN == 0:
+                t = ti.static(with_lanes(given, p, log.scalar_states))
+                tg = ti.static(of_groups(groups, t))
+                i = n // GRAIN
+                k, h = i * launch.slots, i * launch.group_slots
+                r = i * log.room * t.plan[memory.STATE_SLOTS]
+                channels = tg.plan[memory.GROUPS] * columns.CHANNELS_PER_GROUP
+                rg = i * log.room * channels - tg.plan[memory.CHANNEL]
+                for back in range(launch.high - launch.low + 1):
+                    step = launch.high - back
+                    row = step - log.first
+                    here = row * t.plan[memory.STATE_SLOTS]
+                    after = here + t.plan[memory.STATE_SLOTS]
+                    if back > 0:
+                        u = ti.static(Undo(memories.m, k, log.states, r, memories.a, here, after))
+                        ug = ti.static(
+                            Undo(memories.g, h, log.groups, rg, memories.ag, row * channels, (row + 1) * channels)
+                        )
+                        undo_step(ti.static(Back(u, ug, memories, log.scalar_states, i, t, tg, p)), row, log)
+                    if step == memories.upcoming[i]:
+                        recall_groups(memories.g, h, log.groups, rg, row * channels, tg)
+                        scalars = ti.static(Undo(memories.ms, k, None, r, memories.a_scalar, here, here))
+                        column = ti.static(
+                            Undo(memories.g2, h, log.group_column, rg, memories.ag2, row * channels, row * channels)
+                        )
+                        b = ti.static(Back(scalars, column, memories, log.scalar_states, i, t, tg, p))
+                        memories.upcoming[i] = meet_back(b, step, marks)
+
+    i32, flat, table = ti.i32, real.scalars(1), real.scalars(2)
+    both = (real.memory, flat)
+    return kernel_of(
+        undo,
+        Launch(i32, i32, i32, i32, i32),
+        Memories(*both, *both, *both, *both, flat, table, flat, table, ints(1)),
+        shared_types(real, fluid, ("link", "voxel", "start", "time_step", "edge", "gravity")),
+        shared_types(real, fluid, ("link", "rest")),
+        lane_types(real),
+        Record(True, i32, real.memory, flat, flat, table, i32, ints(3), ints(2)),
+        mark_types(real, back=True),
+    )

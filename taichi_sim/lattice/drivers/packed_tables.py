@@ -1,0 +1,266 @@
+"""The tables of a body for the packed driver: classes of lanes, places of neighbours, and what is spread to whom."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from taichi_sim.autodiff.lanes import Real
+from taichi_sim.lattice.drivers.packed_lanes import FORCE_WIDTH, Lanes
+from taichi_sim.lattice.drivers.packs import Packs, Reach, lay_out
+from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
+from taichi_sim.lattice.program import QUANTITY_COUNT
+from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages.tables import Tables
+from taichi_sim.runtime import aligned
+
+FAR = 1e6  # m: where those are who belong to nobody
+
+
+class PackedTables:
+    """Tables of a topology whose voxels lie in packs.
+
+    Packs whose lanes have equal groups are one *class*: what the stages read of a group, they find once a class, in the
+    sections CONSTANT, CURRENT and CHANNEL of the vector memory; BEAM and REST have classes of link packs likewise.
+
+    Attributes:
+        layout, scalars: the vector memory, and that of groups, of which the sections of groups are used.
+        backward: the vector memory on the way back, where every voxel has its own cotangents of forces.
+        packs: where voxels and links lie.
+        voxel, link: tables of packs and link packs, with the columns of those of voxels and links.
+        classes, beams, rests: group, slot of the beam and slot of the rest length in each lane of a class, -1 without.
+        lanes: what kernels get.
+    """
+
+    def __init__(self, tables: Tables, places: np.ndarray, real: Real) -> None:
+        """Lay out a body; ``places`` are those of its voxels on the lattice, engine order, shape (V, 3)."""
+        self.tables, self.real = tables, real
+        self.packs: Packs = lay_out(tables, places, real.width)
+        self.scalars = tables.layout(forces=(1, 1))
+        packs, given = self.packs, tables.voxel.reshape(-1, columns.VOXEL_COLUMNS)
+        links = tables.link.reshape(-1, columns.LINK_COLUMNS)
+        group = np.where(packs.voxel >= 0, tables.group[packs.voxel], -1)
+        beam = np.where(packs.link >= 0, links[packs.link, columns.LINK_BEAM], -1)
+        rest = np.where(packs.link >= 0, links[packs.link, columns.LINK_REST], -1)
+        rest = np.where(rest >= 0, rest, rest.max(axis=1, keepdims=True))  # no length is zero
+        (self.classes, class_of), (self.beams, beam_of), (self.rests, rest_of) = map(_classes, (group, beam, rest))
+        self.has_gauge = given[:, columns.GAUGE] >= 0
+        gauges = int(self._any(self.has_gauge).sum())
+        squares = -(-tables.squares // real.width)
+        counts = {
+            memory.VOXEL: len(packs.voxel) + 1,  # the last one is nobody's
+            memory.LINK: len(packs.link),
+            memory.STRAIN: gauges,
+            memory.CHANNEL: len(self.classes) * QUANTITY_COUNT,
+            memory.LISTED: len(packs.voxel),
+            memory.CURRENT: len(self.classes),
+            memory.CONSTANT: len(self.classes),
+            memory.BEAM: len(self.beams),
+            memory.REST: len(self.rests),
+            memory.CONTACT: len(packs.voxel),
+            memory.PRESSED: squares + 1 if squares else 0,  # the last one gives no force, as the last link pack
+        }
+        rows = [(counts.get(section, count), width) for section, (count, width) in enumerate(self.scalars.rows)]
+        forwards, backwards = (len(packs.link) + 1, FORCE_WIDTH), (len(packs.voxel) + 1, 6)
+        ahead, behind = rows[: memory.FORCE], rows[memory.FORCE + 1 :]
+        self.layout = memory.Memory.of([*ahead, forwards, *behind])
+        self.backward = memory.Memory.of([*ahead, backwards, *behind])
+        self.squares = squares
+        self.voxel = self._voxel_table(given, class_of)
+        self.link = self._link_table(links, beam_of, rest_of)
+        self.lanes = self._lanes(given)
+
+    def plan(self, layout: memory.Memory, switches: tuple[bool, bool]) -> np.ndarray:
+        """The plan of the vector memory, or of one laid out alike."""
+        plan = self.tables.plan(layout, *switches)
+        plan[memory.VOXELS], plan[memory.LINKS] = len(self.packs.voxel), len(self.packs.link)
+        plan[memory.SQUARES] = self.squares
+        return plan
+
+    def _any(self, of_voxels: np.ndarray) -> np.ndarray:
+        """Whether it holds for any voxel of a pack, shape (P,)."""
+        found: np.ndarray = (of_voxels[self.packs.voxel] & (self.packs.voxel >= 0)).any(axis=1)
+        return found
+
+    def _voxel_table(self, given: np.ndarray, class_of: np.ndarray) -> np.ndarray:
+        packs = self.packs
+        table = np.full((len(packs.voxel), columns.VOXEL_COLUMNS), -1, np.int32)
+        table[:, columns.GROUP] = class_of * CONSTANT_COLUMNS
+        table[:, columns.CHANNELS] = class_of * columns.CHANNELS_PER_GROUP
+        for column in (columns.FIXED, columns.WET, columns.FEELS_PRESSURE):
+            lanes = np.where(packs.voxel >= 0, given[packs.voxel, column], 0)
+            table[:, column] = np.bitwise_or.reduce(lanes, axis=1)
+        gauged = self._any(self.has_gauge)
+        table[gauged, columns.GAUGE] = np.arange(gauged.sum()) * memory.STRAIN_WIDTH
+        pack, axis = packs.link_pack.T
+        ends = np.searchsorted(pack, np.arange(len(packs.voxel) + 1))
+        table[:, columns.FIRST_LINK], table[:, columns.END_LINK] = ends[:-1], ends[1:]
+        table[pack, columns.SIDE_LINK + 2 * axis + 1] = np.arange(len(pack))
+        return table.ravel()
+
+    def _link_table(self, links: np.ndarray, beam_of: np.ndarray, rest_of: np.ndarray) -> np.ndarray:
+        packs = self.packs
+        if not len(packs.link):
+            return np.zeros(columns.LINK_COLUMNS, np.int32)
+        first = packs.link[np.arange(len(packs.link)), (packs.link >= 0).argmax(axis=1)]
+        table = links[first].copy()
+        table[:, columns.LINK_MINUS] = packs.link_pack[:, 0] * memory.VOXEL_WIDTH
+        table[:, columns.LINK_BEAM], table[:, columns.LINK_REST] = beam_of * BEAM_COLUMNS, rest_of * memory.REST_WIDTH
+        alike = np.where(packs.link >= 0, links[packs.link, columns.LINK_SYMMETRIC], 1)
+        table[:, columns.LINK_SYMMETRIC] = alike.all(axis=1)
+        return table.astype(np.int32).ravel()
+
+    def _lanes(self, given: np.ndarray) -> Lanes:
+        packs, tables, width = self.packs, self.tables, self.real.width
+        at_gauge = self.has_gauge[tables.link_ends].any(axis=1)
+        nobody = len(packs.voxel) * width + np.arange(2)
+        of = np.concatenate([packs.voxel_place[tables.surface_voxels], nobody])
+        group = np.append(tables.group[tables.surface_voxels], [0, 0])
+        surface = np.column_stack([self.place(of, memory.VOXEL_WIDTH), group * CONSTANT_COLUMNS, self.place(of, 3)])
+        square_corner, square_pressure = self._squares()
+        return Lanes(
+            width,
+            *self._reach(packs.plus, 0),
+            *self._reach(packs.minus, len(packs.link) * width),
+            there=self._reals(packs.link >= 0),
+            outer=self._reals(np.isin(packs.voxel, tables.surface_voxels)),
+            gauged=_ints((at_gauge[packs.link] & (packs.link >= 0)).any(axis=1)),
+            shape=self._shape(given),
+            **self._spread(),
+            surface=np.ascontiguousarray(surface, np.int32),
+            voxel=_ints(self.place(packs.voxel_place, memory.VOXEL_WIDTH)),
+            link=_ints(self.place(packs.link_place, memory.LINK_WIDTH)),
+            square_corner=square_corner,
+            square_pressure=square_pressure,
+            corner=self._corners(given),
+            square_there=self._reals((np.arange(self.squares * width) < tables.squares).reshape(-1, width)),
+        )
+
+    def place(self, lane: np.ndarray, slots: int) -> np.ndarray:
+        """Places of lane numbers in a section of so many slots a pack."""
+        width = self.real.width
+        return lane // width * (slots * width) + lane % width
+
+    def _reals(self, rows: np.ndarray) -> np.ndarray:
+        """Rows of lanes as kernels take them, never empty."""
+        array = aligned((max(len(rows), 1), self.real.width), self.real.numpy)
+        array[: len(rows)] = rows
+        return array
+
+    def _reach(self, reach: Reach, nothing: int) -> tuple[np.ndarray, np.ndarray]:
+        """Kinds with targets, and lane numbers, as kernels take them; ``nothing`` is that of who has no neighbour."""
+        target, lanes = (np.where(a >= 0, a, nothing) for a in (reach.target, reach.element))
+        return _ints(np.column_stack([reach.kind, target])), _ints(lanes)
+
+    def _shape(self, given: np.ndarray) -> np.ndarray:
+        """The rows of the table of voxels as reals, see ``columns``."""
+        packs = self.packs
+        sides = (given[:, columns.SIDE_LINK : columns.SIDE_LINK + 6] >= 0).reshape(-1, 3, 2).sum(axis=2)
+        wet = given[:, columns.WET][:, None] >> np.array([0, 2, 4]) & 3
+        held = given[:, columns.FIXED][:, None] >> np.arange(6) & 1
+        single, braced = (sides == 1) & (held[:, :3] == 0), (sides == 1) & (held[:, :3] != 0)
+        normals = given[:, columns.NORMAL : columns.NORMAL + 3]
+        parts = (0.5 * sides, normals, wet, held, self.tables.start, sides == 2, (sides == 2) | braced, single)
+        rows = np.concatenate([np.asarray(part, float) for part in parts], axis=1)
+        lanes = np.where((packs.voxel >= 0)[..., None], rows[packs.voxel], 0.0)
+        return self._reals(np.swapaxes(lanes, 1, 2).reshape(-1, self.real.width))
+
+    def _spread(self) -> dict[str, np.ndarray]:
+        """Rows of what each class takes of its lanes' groups in every step; lanes of nobody take the first group's."""
+        at, of = self.layout.starts, self.scalars.starts
+        frictions = (columns.STATIC_FRICTION, columns.KINETIC_FRICTION)
+        channels = (*frictions, columns.PRESSURE, *columns.MOMENT, *columns.TRANSLATION, *columns.ROTATION)
+        if self.tables.fluid:
+            channels += columns.RESISTANCE
+        if self.tables.poisson:  # which axes are in tension
+            channels += tuple(channel for pair in columns.PULLING for channel in pair)
+        rows: list[tuple[int, np.ndarray, np.ndarray]] = []
+        for c, lanes in enumerate(np.maximum(self.classes, 0)):
+            for q in range(memory.CURRENT_WIDTH):
+                width = memory.CURRENT_WIDTH
+                rows.append((at[memory.CURRENT] + c * width + q, of[memory.CURRENT] + lanes * width + q, lanes))
+            for q in channels:
+                slot, width = q + memory.VALUE, columns.CHANNELS_PER_GROUP
+                rows.append((at[memory.CHANNEL] + c * width + slot, of[memory.CHANNEL] + lanes * width + slot, lanes))
+        for c, lanes in enumerate(self.rests):
+            ends = self.tables.rest[lanes // memory.REST_WIDTH]
+            # A row for either group: the length changes with both.
+            for q, end in product(range(memory.REST_WIDTH), (columns.REST_MINUS, columns.REST_PLUS)):
+                to = at[memory.REST] + c * memory.REST_WIDTH + q
+                rows.append((to, of[memory.REST] + lanes + q, ends[:, end]))
+        to, source, group = zip(*rows, strict=True)
+        return {"to": _ints(np.array(to)), "source": _ints(np.array(source)), "group": _ints(np.array(group))}
+
+    def _squares(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where packs of squares find their corners, and the pressures there."""
+        tables, width = self.tables, self.real.width
+        square = tables.square.reshape(-1, columns.SQUARE_COLUMNS)
+        padded = np.concatenate([square, np.repeat(square[:1], -len(square) % width, axis=0)])
+        corners = np.swapaxes(padded.reshape(-1, width, columns.SQUARE_COLUMNS), 1, 2)
+        slot = columns.PRESSURE + memory.VALUE + self.scalars.starts[memory.CHANNEL]
+        pressures = tables.group[corners] * columns.CHANNELS_PER_GROUP + slot
+        return _ints(self.place(self.packs.voxel_place[corners], memory.VOXEL_WIDTH)), _ints(pressures)
+
+    def _corners(self, given: np.ndarray) -> np.ndarray:
+        """Places of the forces of squares on the voxels of each pack, in rows that the table of packs counts."""
+        tables, width = self.tables, self.real.width
+        rows: list[np.ndarray] = []
+        nothing = self.squares * memory.PRESSED_WIDTH * width
+        table = self.voxel.reshape(-1, columns.VOXEL_COLUMNS)
+        for v, lanes in enumerate(self.packs.voxel):
+            table[v, columns.FIRST_CORNER] = len(rows)
+            first, end = (np.where(lanes >= 0, given[lanes, c], 0) for c in (columns.FIRST_CORNER, columns.END_CORNER))
+            for r in range(int((end - first).max()) if tables.squares else 0):
+                slot = tables.corner[np.minimum(first + r, len(tables.corner) - 1)]
+                square, part = slot // memory.PRESSED_WIDTH, slot % memory.PRESSED_WIDTH
+                place = (square // width * memory.PRESSED_WIDTH + part) * width + square % width
+                rows.append(np.where(first + r < end, place, nothing))
+            table[v, columns.END_CORNER] = len(rows)
+        return _ints(rows)
+
+    def put_nobody(self, section: np.ndarray) -> None:
+        """Put the lanes without a voxel where nothing happens; a pack of them far from each other."""
+        section[:, :, [2, 3, memory.STICKS]] = 1.0
+        section[:, -1, 0] = FAR * (1 + np.arange(self.real.width))
+
+    def write(self, view: np.ndarray, section: int, values: np.ndarray) -> None:
+        """Set a section (B, items, components, lanes) from values of shape (B, items, components)."""
+        if section == memory.STRAIN:
+            view[...] = 0.0
+        elif section in (memory.VOXEL, memory.LINK):
+            packs = self.packs.voxel if section == memory.VOXEL else self.packs.link
+            row, lane = np.nonzero(packs >= 0)
+            view[:, row, :, lane] = np.swapaxes(values[:, packs[row, lane]], 0, 1)
+            if section == memory.LINK:
+                row, lane = np.nonzero(packs < 0)
+                view[:, row, :, lane] = 0.0
+                view[:, row, memory.REGIME, lane] = 1.0
+        else:
+            items = self.classes if section == memory.CONSTANT else self.beams // BEAM_COLUMNS
+            lanes = np.where(items[None, :, :, None] >= 0, values[:, np.maximum(items, 0)], 0.0)
+            view[:, : len(items)] = np.swapaxes(lanes, 2, 3)
+
+    def add(self, view: np.ndarray, section: int, found: np.ndarray) -> None:
+        """Add what the classes of a section (B, items, components, lanes) have to its items (B, items, components)."""
+        items = self.classes if section == memory.CONSTANT else self.beams // BEAM_COLUMNS
+        for number, lanes in enumerate(items):
+            for lane in np.flatnonzero(lanes >= 0):
+                found[:, lanes[lane]] += view[:, number, :, lane]
+
+    def read(self, view: np.ndarray, section: int) -> np.ndarray:
+        """Values of the voxels or links of a section (B, items, components, lanes), shape (B, items, components)."""
+        place = self.packs.voxel_place if section == memory.VOXEL else self.packs.link_place
+        row, lane = np.divmod(place, self.real.width)
+        return np.swapaxes(view[:, row, :, lane], 0, 1).copy()
+
+
+def _classes(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Different rows, and which of them each row is."""
+    found, number = np.unique(rows, axis=0, return_inverse=True)
+    return found, number.reshape(-1)
+
+
+def _ints(values: Any) -> np.ndarray:
+    """Whole numbers as kernels take them, flat and never empty."""
+    flat = np.ascontiguousarray(np.asarray(values).ravel(), np.int32)
+    return flat if len(flat) else np.zeros(1, np.int32)

@@ -1,0 +1,173 @@
+"""How the voxels of one body lie in native vectors, and where each lane finds its neighbours.
+
+A *pack* is a vector whose lanes are voxels of one body, a *link pack* the links of a pack's voxels to their "+" sides
+along one axis, in the same lanes. What a lane needs of a neighbour lies, for the whole pack,
+
+    ALIGNED  in the same lane of another pack: plain loads
+    NEXT     in the next lane of the same pack (of the "-" side: in the one before), but for the last (first) lane,
+             which has its neighbour elsewhere, or nowhere: a permutation and one load
+    GATHER   anywhere: one load per lane
+
+so any body runs, and a regular one runs almost without gathers. Packs are cut from runs of voxels along an axis.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_sim.lattice.stages import columns
+from taichi_sim.lattice.stages.tables import Tables
+
+NOTHING, ALIGNED, NEXT, GATHER = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Where packs find what they need of neighbours, one row for each pack that asks.
+
+    Attributes:
+        kind: ``NOTHING`` to ``GATHER``, shape (N,).
+        target: pack in which the neighbours lie (ALIGNED), or lane number of the odd one out (NEXT), -1 without; shape
+            (N,).
+        element: lane number, pack * width + lane, of the neighbour of each lane; -1 without, shape (N, width).
+    """
+
+    kind: np.ndarray
+    target: np.ndarray
+    element: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Packs:
+    """The voxels and links of a body in packs.
+
+    Attributes:
+        width: lanes of a pack.
+        voxel: voxel in each lane, engine order, -1 for nobody, shape (P, width).
+        link: link in each lane of a link pack, -1 without, shape (Q, width).
+        link_pack: pack at the "-" ends of a link pack, and its axis, shape (Q, 2).
+        voxel_place, link_place: lane number of each voxel and link, shapes (V,), (L,).
+        plus: of each link pack, where the voxels at its "+" ends lie.
+        minus: of each pack and axis, where the links of its voxels' "-" sides lie: lane numbers of links.
+    """
+
+    width: int
+    voxel: np.ndarray
+    link: np.ndarray
+    link_pack: np.ndarray
+    voxel_place: np.ndarray
+    link_place: np.ndarray
+    plus: Reach
+    minus: Reach
+
+
+def lay_out(tables: Tables, places: np.ndarray, width: int) -> Packs:
+    """Put the voxels of a body, at whole-numbered places of shape (V, 3) in engine order, into packs."""
+    runs = cut_runs(places, width)
+    voxel = np.full((len(runs), width), -1)
+    for row, run in zip(voxel, runs, strict=True):
+        row[: len(run)] = run
+    voxel_place = _places(voxel, len(places))
+    by_side = _side_links(tables)  # (V, 3, 2): link on the "-" and "+" side
+    links = np.where((voxel >= 0)[:, None], np.moveaxis(by_side[voxel, :, 1], 2, 1), -1)  # (P, 3, width)
+    pack, axis = np.nonzero((links >= 0).any(axis=2))
+    link = links[pack, axis]
+    link_place = _places(link, len(tables.link_ends))
+    beyond = np.where(link >= 0, voxel_place[tables.link_ends[link, 1]], -1)
+    before = np.where((voxel >= 0)[:, None], np.moveaxis(by_side[voxel, :, 0], 2, 1), -1)  # (P, 3, width)
+    giver = np.append(link_place, -1)[before].reshape(-1, width)
+    own = np.full((len(voxel), 3), -1)
+    own[pack, axis] = np.arange(len(pack))
+    everywhere = np.arange(voxel.size).reshape(voxel.shape)
+    plus = _reach(beyond, everywhere[pack], 1, everywhere)
+    minus = _reach(
+        giver, _lanes(own.reshape(-1), width), -1, np.where(link >= 0, _lanes(np.arange(len(link)), width), -1)
+    )
+    return Packs(width, voxel, link, np.column_stack([pack, axis]), voxel_place, link_place, plus, minus)
+
+
+def cut_runs(places: np.ndarray, width: int) -> list[np.ndarray]:
+    """Packs of voxels: the fullest runs along an axis first, cut at common places; the rest as it comes."""
+    left, packs = np.ones(len(places), bool), []
+    for least in (width, 3 * width // 4, width // 2, width // 4):
+        while len(
+            runs := max((_runs(places, left, a, o, width, least) for a in range(3) for o in range(width)), key=_size)
+        ):
+            packs += runs
+            left[np.concatenate(runs)] = False
+    rest = np.flatnonzero(left)
+    return packs + [rest[i : i + width] for i in range(0, len(rest), width)]
+
+
+def _size(runs: list[np.ndarray]) -> int:
+    return sum(map(len, runs))
+
+
+def _runs(places: np.ndarray, left: np.ndarray, axis: int, offset: int, width: int, least: int) -> list[np.ndarray]:
+    """Cells of ``width`` places along an axis that hold at least so many of the voxels that are left."""
+    voxels = np.flatnonzero(left)
+    cell = (places[voxels, axis] - offset) // width
+    across = np.delete(places[voxels], axis, axis=1)
+    _, which, count = np.unique(np.column_stack([across, cell]), axis=0, return_inverse=True, return_counts=True)
+    which = which.reshape(-1)
+    order = np.lexsort((places[voxels, axis], which))
+    order = order[count[which[order]] >= least]
+    if not len(order):
+        return []
+    return np.split(voxels[order], np.flatnonzero(np.diff(which[order])) + 1)
+
+
+def _places(packs: np.ndarray, count: int) -> np.ndarray:
+    place = np.full(count, -1)
+    row, lane = np.nonzero(packs >= 0)
+    place[packs[row, lane]] = row * packs.shape[1] + lane
+    return place
+
+
+def _lanes(pack: np.ndarray, width: int) -> np.ndarray:
+    """Lane numbers of the lanes of packs, -1 for pack -1; shape (N, width)."""
+    return np.where(pack[:, None] >= 0, pack[:, None] * width + np.arange(width), -1)
+
+
+def _side_links(tables: Tables) -> np.ndarray:
+    """Link on the "-" and on the "+" side of each voxel along each axis, -1 without, shape (V, 3, 2)."""
+    table = tables.voxel.reshape(-1, columns.VOXEL_COLUMNS)
+    return table[:, columns.SIDE_LINK : columns.SIDE_LINK + 6].reshape(-1, 3, 2).astype(int)
+
+
+def _reach(wanted: np.ndarray, own: np.ndarray, step: int, valid: np.ndarray) -> Reach:
+    """How rows of lanes get at lane numbers ``wanted`` (-1: nothing).
+
+    Args:
+        wanted: shape (N, width).
+        own: lane numbers of the row's own pack of what is wanted (-1 without), shape (N, width).
+        step: 1 if the neighbours of a run lie in the next lane, -1 if in the one before.
+        valid: lane numbers that hold something, else -1, by pack: what an aligned load must not find where nothing is
+            wanted, if a lane without a neighbour must find nothing there.
+    """
+    count, width = wanted.shape
+    kind, target = np.full(count, NOTHING), np.zeros(count, int)
+    lane = np.arange(width)
+    for i, row in enumerate(wanted):
+        there = row >= 0
+        if not there.any():
+            continue
+        kind[i] = GATHER
+        first = row[there][0] // width
+        inner = slice(None, -1) if step > 0 else slice(1, None)
+        odd = -1 if step > 0 else 0
+        shifted = np.roll(own[i], -step)
+        if (row[there] == first * width + lane[there]).all() and _lacks(valid[first], there, step):
+            kind[i], target[i] = ALIGNED, first
+        elif (
+            own[i].max() >= 0
+            and (row[inner][there[inner]] == shifted[inner][there[inner]]).all()
+            and _lacks(np.roll(np.where(own[i] >= 0, valid.reshape(-1)[own[i]], -1), -step)[inner], there[inner], step)
+        ):
+            kind[i], target[i] = NEXT, row[odd]
+    return Reach(kind, target, wanted)
+
+
+def _lacks(found: np.ndarray, there: np.ndarray, step: int) -> bool:
+    """Whether nothing is found where nothing is wanted; of "+" sides it does not matter."""
+    return step > 0 or bool((found[~there] < 0).all())
