@@ -40,7 +40,7 @@ def test_a_session_may_hold_its_commands():
 
 def test_what_a_session_is_given_is_checked():
     session = quadruped.engine(quadruped.LEGGED, precision="f32", threads=1).session()
-    with pytest.raises(ValueError, match=r"^commands: shape \(8,\) is not allowed; give finite numbers, \(1, 8\)$"):
+    with pytest.raises(ValueError, match=r"^commands: shape \(8,\) is not allowed; give \(1, 8\)$"):
         session.advance(np.zeros(8))
     with pytest.raises(ValueError, match=r"^commands: .* give finite numbers"):
         session.advance(np.full((1, 8), np.nan))
