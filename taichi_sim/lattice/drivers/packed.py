@@ -26,6 +26,7 @@ STEPS_PER_REVERSE = 250
 # A robot in packs takes about this part of the time of one in scalars (measured on a CPU with AVX-512).
 ROBOT_COST = {"f32": 0.2, "f64": 0.3}
 PAIRS_PER_VOXEL = 8  # room for listed pairs at first; it grows when needed
+LASTING = ("listed", "near", "seen", "sizes", "drift", "touched", "changing", "info")  # of pairs, from step to step
 
 
 def few(batch: int, compute: Compute) -> bool:
@@ -191,10 +192,13 @@ class PackedDriver(Driver):
         self.memory = self.zeros(self.layout.slots)
         self.groups = aligned((batch, self.scalars.slots), self.real.numpy)
         packs, dtype = len(packed.packs.voxel), self.real.numpy
+        place = self.real.array((batch * -(-max(len(tables.surface_voxels), 1) // self.real.width) * 3,))
         self.pairs = Pairs(
             listed=np.zeros((batch, 0, 2), np.int32),
             near=np.zeros((batch, 8, 0), np.int32),
             seen=aligned((batch * packs * 3, self.real.width), dtype),
+            place=place,
+            place_scalar=place.reshape(-1),
             sizes=np.zeros((batch, len(tables.group_region)), dtype),
             drift=aligned((batch, self.real.width), dtype),
             touched=np.zeros((batch, packs), np.int32),
@@ -256,14 +260,14 @@ class PackedDriver(Driver):
 
     def save(self) -> Checkpoint:
         """Copies of all that lasts from run to run."""
-        pairs = self.pairs
-        return self.memory.copy(), self.groups.copy(), *(a.copy() for a in pairs)
+        return self.memory.copy(), self.groups.copy(), *(getattr(self.pairs, name).copy() for name in LASTING)
 
     def restore(self, saved: Checkpoint) -> None:
         """Go back to what was saved."""
         slots, groups, *pairs = saved
         self.memory[...], self.groups[...] = slots, groups
-        self.pairs = Pairs(*(aligned_copy(a) for a in pairs))
+        copies = {name: aligned_copy(a) for name, a in zip(LASTING, pairs, strict=True)}
+        self.pairs = self.pairs._replace(**copies)
 
     @property
     def rebuilds(self) -> int:

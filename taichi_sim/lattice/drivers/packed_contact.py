@@ -17,7 +17,9 @@ INFO_COLUMNS = 10
 RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
 
 SHORT = 0.1  # voxel edges that a voxel may move, and sizes may grow, before the short list is made again
-SLACK = 4.0  # times that much is between what touches and what the short list has; 2 + 2 * 0.625 would do
+# Times that much is between what touches and what the short list has: both voxels move, and their reach, 0.625 edges of
+# either, grows.
+SLACK = 2.0 + 2.0 * 0.625 + 0.05
 
 
 class Pairs(NamedTuple):
@@ -28,6 +30,8 @@ class Pairs(NamedTuple):
         near: the short list: places of both in VOXEL, of their groups, and in CONTACT; their numbers, shape
             (B, 8, pairs + width).
         seen: positions at which the short list was made, by pack.
+        place, place_scalar: positions of surface voxels in their order, x, y and z by vector, while pairs are listed; and
+            as scalars.
         sizes: mean sizes of groups at that time, shape (B, G).
         drift: the largest squared distance from ``seen``, by robot.
         touched: whether a pack has a contact force, shape (B, P).
@@ -38,6 +42,8 @@ class Pairs(NamedTuple):
     listed: Any
     near: Any
     seen: Any
+    place: Any
+    place_scalar: Any
     sizes: Any
     drift: Any
     touched: Any
@@ -71,22 +77,33 @@ class Record(NamedTuple):
 
 @ti.func
 def list_pairs(r: ti.template(), radius_squared):
-    """List the pairs of surface voxels that are near; returns 0 if there is no room."""
+    """List the pairs of surface voxels that are near, in ascending order; returns 0 if there is no room."""
     i, k, ms, t, p, pairs = ti.static((r.i, r.k, r.ms, r.t, r.p, r.pairs))
     count = 0
     w = ti.static(p.width)
     o = (k + t.plan[memory.VOXEL]) * w
-    for s in range(t.plan[memory.SURFACE]):
-        a = p.surface[s, 0] + o
-        x, y, z = ms[a], ms[a + w], ms[a + 2 * w]
-        for q in range(s + 1, t.plan[memory.SURFACE]):
-            b = p.surface[q, 0] + o
-            dx, dy, dz = ms[b] - x, ms[b + w] - y, ms[b + 2 * w] - z
-            if dx * dx + dy * dy + dz * dz <= radius_squared:
-                if t.excluded[s, q // 32] & (1 << (q % 32)) == 0:
-                    if count < pairs.listed.shape[1]:
-                        pairs.listed[i, count, 0], pairs.listed[i, count, 1] = s, q
-                    count += 1
+    surface = t.plan[memory.SURFACE]
+    rows = (surface + w - 1) // w
+    first = i * rows * 3
+    for s in range(surface):
+        at = (first + s // w * 3) * w + s % w
+        for c in ti.static(range(3)):
+            pairs.place_scalar[at + c * w] = ms[p.surface[s, 0] + o + c * w]
+    for s in range(surface):
+        at = (first + s // w * 3) * w + s % w
+        x, y, z = pairs.place_scalar[at], pairs.place_scalar[at + w], pairs.place_scalar[at + 2 * w]
+        for row in range((s + 1) // w, rows):
+            dx, dy, dz = load_all(pairs.place, first + 3 * row, (0, 1, 2))
+            dx, dy, dz = dx - x, dy - y, dz - z
+            within = ti.select(dx * dx + dy * dy + dz * dz <= radius_squared, 1, 0)
+            if within.max() != 0:
+                for j in ti.static(range(w)):
+                    q = row * w + j
+                    if within[j] != 0 and q > s and q < surface:
+                        if t.excluded[s, q // 32] & (1 << (q % 32)) == 0:
+                            if count < pairs.listed.shape[1]:
+                                pairs.listed[i, count, 0], pairs.listed[i, count, 1] = s, q
+                            count += 1
     fits = 0
     if count <= pairs.listed.shape[1]:
         fits = 1

@@ -57,7 +57,6 @@ from taichi_sim.lattice.drivers.packed_lanes import (
 )
 from taichi_sim.lattice.laws import enclosure
 from taichi_sim.lattice.laws import link as laws
-from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import shared_types
 from taichi_sim.lattice.stages.groups import group_stage
@@ -144,14 +143,14 @@ def square_inputs(ms: Any, first: Any, g: Any, h: Any, q: Any, p: Lanes) -> tupl
 @ti.func
 def spread_news(r: ti.template()):
     """Spread what changes from step to step, or everything after events."""
-    i, k, h, ms, g, p, pairs = ti.static((r.i, r.k, r.h, r.ms, r.g, r.p, r.pairs))
+    i, k, h, m, g, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.p, r.pairs))
     if pairs.info[i, FRESH] == 1:
         pairs.info[i, FRESH] = 0
         for n in range(p.to.shape[0]):
-            spread(ms, g, k, h, n, p)
+            spread(m, g, k, h, n, p)
     else:
         for n in range(pairs.info[i, CHANGING]):
-            spread(ms, g, k, h, pairs.changing[i, n], p)
+            spread(m, g, k, h, pairs.changing[i, n], p)
 
 
 @ti.func
@@ -163,7 +162,7 @@ def find_changing(r: ti.template()):
         changes = 0
         for j in range(p.width):
             channels = h + tg.plan[memory.CHANNEL] + p.group[n * p.width + j] * columns.CHANNELS_PER_GROUP
-            for q in range(QUANTITY_COUNT):
+            for q in range(p.follows[2 * n], p.follows[2 * n + 1]):
                 if g[channels + q * memory.CHANNEL_WIDTH + memory.RATE] != 0.0:
                     changes = 1
         if changes == 1:
@@ -356,7 +355,7 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         shared_types(real, fluid, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity")),
         shared_types(real, fluid, ("link", "rest")),
         lane_types(real),
-        Pairs(ints(3), ints(3), real.memory, real.scalars(2), real.memory, table, table, table),
+        Pairs(ints(3), ints(3), *(real.memory,) * 2, flat, real.scalars(2), real.memory, table, table, table),
         mark_types(real),
         Record(True, i32, real.memory, None, flat, None, i32, ints(3), table) if recording else Record(),
     )

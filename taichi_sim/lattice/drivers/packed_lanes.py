@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, variables
+from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, store, variables
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers.packs import ALIGNED, GATHER, NEXT
 from taichi_sim.lattice.stages import columns, memory
@@ -27,6 +27,7 @@ class Lanes(NamedTuple):
         gauged: whether voxels at the ends of a link pack have gauges of strain.
         shape: what the table of voxels says of those of a pack, see ``columns``.
         to, source, group: rows of what is spread: slot in the vector memory; slot and group in the scalars, by lane.
+        follows: quantities that such a row follows from, the first and the one after the last.
         surface: place in VOXEL, group's place in CONSTANT, place in CONTACT of each surface voxel, and twice nobody.
         voxel, link: place of each voxel in VOXEL, and of each link in LINK.
         square_corner, square_pressure: places of the corners of squares in VOXEL, and slots of their pressures, by
@@ -47,6 +48,7 @@ class Lanes(NamedTuple):
     to: Any
     source: Any
     group: Any
+    follows: Any
     surface: Any
     voxel: Any
     link: Any
@@ -61,7 +63,7 @@ def lane_types(real: Real) -> Lanes:
     flat = ints(1)
     tables = (flat,) * 4
     return Lanes(
-        real.width, *tables, *(real.memory,) * 2, flat, real.memory, *(flat,) * 3, ints(2), *(flat,) * 5, real.memory
+        real.width, *tables, *(real.memory,) * 2, flat, real.memory, *(flat,) * 4, ints(2), *(flat,) * 5, real.memory
     )
 
 
@@ -224,8 +226,9 @@ def transverse(m: ti.template(), ms: ti.template(), k, l, t: ti.template(), p: t
     return own + beyond
 
 
-@ti.func
-def spread(ms: ti.template(), g: ti.template(), k, h, n, p: ti.template()):
+@primitive
+def spread(m: Any, g: Any, k: Any, h: Any, n: Any, p: Lanes) -> None:
     """Bring row n of what the program did to groups into the lanes of the packs that have them."""
-    for j in ti.static(range(p.width)):
-        ms[(k + p.to[n]) * p.width + j] = g[h + p.source[n * p.width + j]]
+    first = emit(n * p.width)
+    places = [emit(h + load(p.source, first, j)) for j in range(p.width)]
+    store(m, k, emit(element(p.to, n)), vector([load(g, place, 0) for place in places]))

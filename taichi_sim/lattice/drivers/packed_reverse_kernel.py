@@ -328,7 +328,7 @@ def undo_step(b: ti.template(), n, log: ti.template()):
     u, ug, memories, i, t, tg, p = ti.static((b.u, b.ug, b.memories, b.i, b.t, b.tg, b.p))
     recall_groups(ug.m, ug.k, ug.record, ug.r, ug.new, tg)
     for r in range(p.to.shape[0]):
-        spread(memories.ms, memories.g, u.k, ug.k, r, p)
+        spread(memories.m, memories.g, u.k, ug.k, r, p)
     for v in range(t.plan[memory.VOXELS]):
         undo_gauges(b, v)
         voxel_adjoint(u, v, t)

@@ -9,12 +9,15 @@ from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers.packed_lanes import FORCE_WIDTH, Lanes
 from taichi_sim.lattice.drivers.packs import Packs, Reach, lay_out
 from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
-from taichi_sim.lattice.program import QUANTITY_COUNT
+from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.tables import Tables
 from taichi_sim.runtime import aligned
 
 FAR = 1e6  # m: where those are who belong to nobody
+# Quantities that sizes follow from, and forces and damping: the first, and the one after the last.
+SIZING = (Quantity.SCALE, Quantity.TEMPERATURE + 1)
+LOADING = (Quantity.GLOBAL_DAMPING, Quantity.MOMENT)
 
 
 class PackedTables:
@@ -174,22 +177,25 @@ class PackedTables:
             channels += columns.RESISTANCE
         if self.tables.poisson:  # which axes are in tension
             channels += tuple(channel for pair in columns.PULLING for channel in pair)
-        rows: list[tuple[int, np.ndarray, np.ndarray]] = []
+        rows: list[tuple[int, np.ndarray, np.ndarray, tuple[int, int]]] = []
+        width = memory.CURRENT_WIDTH
         for c, lanes in enumerate(np.maximum(self.classes, 0)):
-            for q in range(memory.CURRENT_WIDTH):
-                width = memory.CURRENT_WIDTH
-                rows.append((at[memory.CURRENT] + c * width + q, of[memory.CURRENT] + lanes * width + q, lanes))
+            for q in range(width):
+                follows = SIZING if q <= memory.MEAN_SIZE else LOADING
+                rows.append((at[memory.CURRENT] + c * width + q, of[memory.CURRENT] + lanes * width + q, lanes, follows))
             for q in channels:
-                slot, width = q + memory.VALUE, columns.CHANNELS_PER_GROUP
-                rows.append((at[memory.CHANNEL] + c * width + slot, of[memory.CHANNEL] + lanes * width + slot, lanes))
+                slot, quantity = q + memory.VALUE, q // memory.CHANNEL_WIDTH
+                to = at[memory.CHANNEL] + c * columns.CHANNELS_PER_GROUP + slot
+                source = of[memory.CHANNEL] + lanes * columns.CHANNELS_PER_GROUP + slot
+                rows.append((to, source, lanes, (quantity, quantity + 1)))
         for c, lanes in enumerate(self.rests):
             ends = self.tables.rest[lanes // memory.REST_WIDTH]
             # A row for either group: the length changes with both.
             for q, end in product(range(memory.REST_WIDTH), (columns.REST_MINUS, columns.REST_PLUS)):
                 to = at[memory.REST] + c * memory.REST_WIDTH + q
-                rows.append((to, of[memory.REST] + lanes + q, ends[:, end]))
-        to, source, group = zip(*rows, strict=True)
-        return {"to": _ints(np.array(to)), "source": _ints(np.array(source)), "group": _ints(np.array(group))}
+                rows.append((to, of[memory.REST] + lanes + q, ends[:, end], SIZING))
+        names = ("to", "source", "group", "follows")
+        return {name: _ints(np.array(values)) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
 
     def _squares(self) -> tuple[np.ndarray, np.ndarray]:
         """Where packs of squares find their corners, and the pressures there."""
