@@ -74,6 +74,21 @@ def rotate_back(w, x, y, z, fx, fy, fz):
 
 
 @law
+def multiply_turn(w, y, z, bw, bx, by, bz):
+    """Quaternion product a b of a = (w, 0, y, z), which turns about an axis across x."""
+    return w * bw - y * by - z * bz, w * bx + y * bz - z * by, w * by + y * bw + z * bx, w * bz - y * bx + z * bw
+
+
+@law
+def turn_back(w, y, z, fx, fy, fz):
+    """:func:`rotate_back` of a quaternion (w, 0, y, z)."""
+    tx = 2.0 * (y * fz - z * fy)
+    ty = 2.0 * (z * fx)
+    tz = 0.0 - 2.0 * (y * fx)
+    return fx - w * tx + (y * tz - z * ty), fy - w * ty + z * tx, fz - w * tz - y * tx
+
+
+@law
 def matrix(w, x, y, z):
     """Rotation matrix of a unit quaternion, row by row: body frame to world frame."""
     x2, y2, z2 = x + x, y + y, z + z

@@ -6,15 +6,15 @@ across its axis, so turning the voxel frame onto the link frame is a cyclic exch
 Source: Hiller & Lipson 2014 (section "Beam model"), with the angle regimes and the damping of Voxelyze.
 """
 
-from taichi_sim.autodiff.lanes import absolute, larger
+from taichi_sim.autodiff.lanes import absolute, any_lane, larger
 from taichi_sim.autodiff.rotations import (
     apply,
     cross,
     matrix,
-    multiply,
     multiply_conjugate,
-    rotate_back,
+    multiply_turn,
     rotation_vector_factor,
+    turn_back,
 )
 from taichi_sim.autodiff.tracing import law, select, sqrt
 from taichi_sim.runtime import ti
@@ -26,6 +26,7 @@ LARGE, SMALL, NEW = 0.0, 1.0, 2.0
 TURN_ENTER, TURN_LEAVE = 0.05, 0.06
 EXTENSION_ENTER, EXTENSION_LEAVE = 0.5, 0.6
 STRAIGHT = 1.732e-2  # slopes below this use the first-order rotation onto the axis
+NEARLY_STRAIGHT = 1.74e-2  # above it by more than rounding
 
 DIVERGED_STRAIN = 100.0
 
@@ -45,21 +46,25 @@ def becomes_small(x, y, z, rest):
 
 
 @law
-def turn_onto_axis(x, y, z, length):
-    """Quaternion (w, 0, y, z) that turns the offset (x, y, z) onto +x."""
+def turn_onto_axis(x, y, z, length, small):
+    """Quaternion (w, 0, y, z) that turns the offset (x, y, z) onto +x; none where angles are small (``small`` is 1)."""
     inverse = 1.0 / length
     w = sqrt(larger(0.5 * (1.0 + x * inverse), 1e-12))
     k = 0.5 * inverse / w
-    slope_y = y / x
-    slope_z = z / x
-    straight = (absolute(slope_y) < STRAIGHT) & (absolute(slope_z) < STRAIGHT)
-    sy = 0.5 * slope_z
-    sz = -0.5 * slope_y
-    return (
-        select(straight, 1.0 - 0.5 * (sy * sy + sz * sz), w),
-        select(straight, sy, z * k),
-        select(straight, sz, 0.0 - y * k),
-    )
+    by = z * k
+    bz = 0.0 - y * k
+    limit = NEARLY_STRAIGHT * absolute(x)
+    if any_lane((small < 0.5) & (absolute(y) < limit) & (absolute(z) < limit)):  # stretched far: rare
+        slope_y = y / x
+        slope_z = z / x
+        straight = (absolute(slope_y) < STRAIGHT) & (absolute(slope_z) < STRAIGHT)
+        sy = 0.5 * slope_z
+        sz = -0.5 * slope_y
+        w = select(straight, 1.0 - 0.5 * (sy * sy + sz * sz), w)
+        by = select(straight, sy, by)
+        bz = select(straight, sz, bz)
+    is_small = small > 0.5
+    return select(is_small, 1.0, w), select(is_small, 0.0, by), select(is_small, 0.0, bz)
 
 
 @law
@@ -147,11 +152,8 @@ def turned_strains(x, y, z, qw, qx, qy, qz, rest, before):
     small = select(before > 0.5, stays, enters)
     is_small = small > 0.5
     length = sqrt(x * x + y * y + z * z)
-    w, by, bz = turn_onto_axis(x, y, z, length)
-    w = select(is_small, 1.0, w)
-    by = select(is_small, 0.0, by)
-    bz = select(is_small, 0.0, bz)
-    qw, qx, qy, qz = multiply(w, 0.0 * w, by, bz, qw, qx, qy, qz)
+    w, by, bz = turn_onto_axis(x, y, z, length, small)
+    qw, qx, qy, qz = multiply_turn(w, by, bz, qw, qx, qy, qz)
     k1 = rotation_vector_factor(w)
     k2 = rotation_vector_factor(qw)
     dx = select(is_small, x, length) - rest
@@ -211,18 +213,23 @@ def straight_forces(edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4,
 
 @law
 def turned_forces(
-    edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4, d5, h0, h1, h2, h3, h4, h5, small, w, by, bz
+    edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4, d5, h0, h1, h2, h3, h4, h5, small, w, by, bz, alike
 ):
     """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel.
 
-    ``small`` and what follows it are of :func:`turned_strains`, the others as in :func:`straight_forces`.
+    ``small`` and what follows it are of :func:`turned_strains`, the others as in :func:`straight_forces`; if both ends
+    are known to be damped ``alike`` (1), G is F.
     """
     strains = beside_or_turned(small > 0.5, d1, d2) + (d4, d5)
     halves = beside_or_turned(small > 0.5, h1, h2) + (h4, h5)
     ends = end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, True)
-    zero = 0.0 * w
-    force, moment = rotate_back(w, zero, by, bz, *ends[:3]), rotate_back(w, zero, by, bz, *ends[3:6])
-    return force + moment + rotate_back(w, zero, by, bz, *ends[6:9]) + rotate_back(w, zero, by, bz, *ends[9:])
+    fx, fy, fz = turn_back(w, by, bz, *ends[:3])
+    mx, my, mz = turn_back(w, by, bz, *ends[3:6])
+    gx, gy, gz = fx, fy, fz
+    if alike == 0:
+        gx, gy, gz = turn_back(w, by, bz, *ends[6:9])
+    nx, ny, nz = turn_back(w, by, bz, *ends[9:])
+    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
 @law

@@ -164,7 +164,9 @@ def bend(m: ti.template(), k, l, x, y, z, qw, qx, qy, qz, t: ti.template()):
         store(m, k, past + memory.REGIME, d[6])
         pull = axial_force(m, k, l, rest, beam, d[0], t)
         bending = load_all(m, k, bending_slots(beam))
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.turned_forces(t.edge, *bending, pull, *d[1:6], *h, *d[6:])
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.turned_forces(
+            t.edge, *bending, pull, *d[1:6], *h, *d[6:], t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC]
+        )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
 
@@ -205,7 +207,7 @@ def whole_link(*given: Any) -> Any:
     regime: tuple[Any, ...] = ()
     if turned:
         *strains, small, w, by, bz = laws.turned_strains(*relative, rest, before)
-        half, regime = laws.memory_weight(before, small), (small, w, by, bz)
+        half, regime = laws.memory_weight(before, small), (small, w, by, bz, 0)
     else:
         strains = laws.straight_strains(*relative, rest)
     d0, *others = strains
