@@ -93,7 +93,7 @@ def link_pack(r: ti.template(), l):
     first = k + t.plan[memory.VOXEL]
     own = load_all(m, first, pose_slots(own_pack(l, t), l, t))
     beyond = plus_all(m, ms, first, memory.VOXEL_WIDTH, pose_slots(0, l, t), own, l, p)
-    ends = link_forces(m, k, l, own, beyond, p.there[l], t)
+    ends = link_forces(m, k, l, own, beyond, t)
     a, b, c = link_axes(l, t)
     place = t.plan[memory.FORCE] + l * FORCE_WIDTH
     for i in ti.static(range(0, 12, 3)):
@@ -262,19 +262,24 @@ def step_robot(r: ti.template(), log: ti.template()):
         collide(r, log)
     for q in range(t.plan[memory.SQUARES]):
         press(r, q)
-    for l in range(t.plan[memory.LINKS]):
-        link_pack(r, l)
     zero = 0.0 * load(m, k, t.plan[memory.CONSTANT])
     moved, drifted = zero, zero
-    for v in range(t.plan[memory.VOXELS]):
-        x, y, z = step_voxel(r, v, zero)
-        if t.plan[memory.CONTACT_ON] != 0:
-            lx, ly, lz = load_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3))
-            dx, dy, dz = x - lx, y - ly, z - lz
-            moved = larger(select(p.outer[v] > 0.5, dx * dx + dy * dy + dz * dz, zero), moved)
-            first = (i * t.plan[memory.VOXELS] + v) * 3
-            dx, dy, dz = x - pairs.seen[first], y - pairs.seen[first + 1], z - pairs.seen[first + 2]
-            drifted = larger(dx * dx + dy * dy + dz * dz, drifted)
+    begun = 0
+    for n in range(t.plan[memory.VOXELS]):
+        row = n * columns.VOXEL_COLUMNS
+        for l in range(t.voxel[row + columns.FIRST_LINK], t.voxel[row + columns.END_LINK]):
+            link_pack(r, l)
+        for place in range(begun, p.ready_end[n]):
+            v = p.ready[place]
+            x, y, z = step_voxel(r, v, zero)
+            if t.plan[memory.CONTACT_ON] != 0:
+                lx, ly, lz = load_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3))
+                dx, dy, dz = x - lx, y - ly, z - lz
+                moved = larger(select(p.outer[v] > 0.5, dx * dx + dy * dy + dz * dz, zero), moved)
+                first = (i * t.plan[memory.VOXELS] + v) * 3
+                dx, dy, dz = x - pairs.seen[first], y - pairs.seen[first + 1], z - pairs.seen[first + 2]
+                drifted = larger(dx * dx + dy * dy + dz * dz, drifted)
+        begun = p.ready_end[n]
     store_all(m, k, (t.plan[memory.MONITOR] + memory.MOVED,), (moved,))
     pairs.drift[i] = drifted
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, store, variables
-from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.lattice.drivers.packs import ALIGNED, GATHER, NEXT
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Shared, in_variables
@@ -24,6 +24,7 @@ class Lanes(NamedTuple):
             ``packs.Reach``.
         minus, minus_lane: likewise where a pack finds the links on its "-" sides along an axis.
         there, outer: 1 where a link pack has a link, by link pack, and where a pack has a surface voxel, by pack.
+        full: whether a link pack has a link in every lane.
         gauged: whether voxels at the ends of a link pack have gauges of strain.
         shape: what the table of voxels says of those of a pack, see ``columns``.
         to, source, group: rows of what is spread: slot in the vector memory; slot and group in the scalars, by lane.
@@ -34,6 +35,8 @@ class Lanes(NamedTuple):
             pack of squares, corner and lane.
         corner: places in PRESSED of the forces on a pack's voxels, rows of lanes.
         square_there: 1 where a pack of squares has one.
+        ready: packs in the order in which all links at their voxels are done, when links are taken pack by pack.
+        ready_end: how many of them are ready after a pack's links.
     """
 
     width: Any
@@ -43,6 +46,7 @@ class Lanes(NamedTuple):
     minus_lane: Any
     there: Any
     outer: Any
+    full: Any
     gauged: Any
     shape: Any
     to: Any
@@ -56,6 +60,8 @@ class Lanes(NamedTuple):
     square_pressure: Any
     corner: Any
     square_there: Any
+    ready: Any
+    ready_end: Any
 
 
 def lane_types(real: Real) -> Lanes:
@@ -63,7 +69,18 @@ def lane_types(real: Real) -> Lanes:
     flat = ints(1)
     tables = (flat,) * 4
     return Lanes(
-        real.width, *tables, *(real.memory,) * 2, flat, real.memory, *(flat,) * 4, ints(2), *(flat,) * 5, real.memory
+        real.width,
+        *tables,
+        *(real.memory,) * 2,
+        flat,
+        flat,
+        real.memory,
+        *(flat,) * 4,
+        ints(2),
+        *(flat,) * 5,
+        real.memory,
+        flat,
+        flat,
     )
 
 
@@ -106,13 +123,20 @@ def vector(values: Sequence[Any]) -> Any:
 @primitive
 def taken_up(v: Any, last: Any, width: int) -> Any:
     """Every lane takes the value of the next, the last one a given value."""
-    return vector([*(element(emit(v), i) for i in range(1, width)), last])
+    taken = [element(v, min(i + 1, width - 1)) for i in range(width)]
+    return with_lane(vector(taken), width - 1, last, width)
 
 
 @primitive
 def taken_down(v: Any, first: Any, width: int) -> Any:
     """Every lane takes the value of the one before, the first one a given value."""
-    return vector([first, *(element(emit(v), i) for i in range(width - 1))])
+    return with_lane(vector([element(v, max(i - 1, 0)) for i in range(width)]), 0, first, width)
+
+
+@primitive
+def with_lane(v: Any, lane: int, value: Any, width: int) -> Any:
+    """A vector with another value in one lane; selected, as machines move whole vectors sooner than single lanes."""
+    return emit(select(vector([float(i == lane) for i in range(width)]) > 0.5, value, v))
 
 
 @primitive
@@ -128,12 +152,19 @@ def gather_all(ms: Any, places: Any, slots: Any, width: int, first: Any = 0) -> 
 
 
 @primitive
+def lane_place(lane: Any, slots: Any, width: int) -> Any:
+    """Place of a lane number in a section of so many slots a pack; the width is a power of two."""
+    shift = width.bit_length() - 1
+    return emit((lane >> shift) * (slots * width) + (lane & (width - 1)))
+
+
+@primitive
 def places_of(first: Any, lanes: Any, row: Any, slots: int, width: int) -> list[Any]:
     """Places of a row of lane numbers in a section of so many slots a pack."""
     found = []
     for i in range(width):
         lane = emit(load(lanes, emit(row * width), i))
-        found.append(emit(first * width + lane // width * (slots * width) + lane % width))
+        found.append(emit(first * width + lane_place(lane, slots, width)))
     return found
 
 
@@ -159,7 +190,7 @@ def plus_all(
         assign_all(found, load_all(m, first + p.plus[2 * l + 1] * slots, components))
     elif how == NEXT:
         lane = p.plus[2 * l + 1]
-        place = first * w + lane // w * (slots * w) + lane % w
+        place = first * w + lane_place(lane, slots, w)
         for i in ti.static(range(len(own))):
             last = ms[place + components[i] * w]
             assign_all(found[i : i + 1], (taken_up(own[i], last, w),))
@@ -192,7 +223,7 @@ def minus_all(
     elif how == NEXT:
         own = first + t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + 1] * slots
         lane = p.minus[2 * e + 1]
-        place = first * w + lane // w * (slots * w) + lane % w
+        place = first * w + lane_place(lane, slots, w)
         for i in ti.static(range(len(components))):
             odd = ms[place + components[i] * w]
             assign_all(found[i : i + 1], (taken_down(load(m, own, components[i]), odd, w),))

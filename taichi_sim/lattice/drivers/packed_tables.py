@@ -127,6 +127,7 @@ class PackedTables:
             *self._reach(packs.minus, len(packs.link) * width),
             there=self._reals(packs.link >= 0),
             outer=self._reals(np.isin(packs.voxel, tables.surface_voxels)),
+            full=_ints((packs.link >= 0).all(axis=1)),
             gauged=_ints((at_gauge[packs.link] & (packs.link >= 0)).any(axis=1)),
             shape=self._shape(given),
             **self._spread(),
@@ -137,6 +138,8 @@ class PackedTables:
             square_pressure=square_pressure,
             corner=self._corners(given),
             square_there=self._reals((np.arange(self.squares * width) < tables.squares).reshape(-1, width)),
+            ready=_ints(np.argsort(packs.last, kind="stable")),
+            ready_end=_ints(np.cumsum(np.bincount(packs.last, minlength=len(packs.voxel)))),
         )
 
     def place(self, lane: np.ndarray, slots: int) -> np.ndarray:
@@ -182,7 +185,9 @@ class PackedTables:
         for c, lanes in enumerate(np.maximum(self.classes, 0)):
             for q in range(width):
                 follows = SIZING if q <= memory.MEAN_SIZE else LOADING
-                rows.append((at[memory.CURRENT] + c * width + q, of[memory.CURRENT] + lanes * width + q, lanes, follows))
+                rows.append(
+                    (at[memory.CURRENT] + c * width + q, of[memory.CURRENT] + lanes * width + q, lanes, follows)
+                )
             for q in channels:
                 slot, quantity = q + memory.VALUE, q // memory.CHANNEL_WIDTH
                 to = at[memory.CHANNEL] + c * columns.CHANNELS_PER_GROUP + slot

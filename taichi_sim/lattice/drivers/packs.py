@@ -49,6 +49,7 @@ class Packs:
         voxel_place, link_place: lane number of each voxel and link, shapes (V,), (L,).
         plus: of each link pack, where the voxels at its "+" ends lie.
         minus: of each pack and axis, where the links of its voxels' "-" sides lie: lane numbers of links.
+        last: of each pack, the last of the packs whose links end or begin at its voxels, shape (P,).
     """
 
     width: int
@@ -59,6 +60,7 @@ class Packs:
     link_place: np.ndarray
     plus: Reach
     minus: Reach
+    last: np.ndarray
 
 
 def lay_out(tables: Tables, places: np.ndarray, width: int) -> Packs:
@@ -83,11 +85,13 @@ def lay_out(tables: Tables, places: np.ndarray, width: int) -> Packs:
     minus = _reach(
         giver, _lanes(own.reshape(-1), width), -1, np.where(link >= 0, _lanes(np.arange(len(link)), width), -1)
     )
-    return Packs(width, voxel, link, np.column_stack([pack, axis]), voxel_place, link_place, plus, minus)
+    owner = np.where(giver >= 0, pack[giver // width], -1) if len(pack) else giver
+    last = np.maximum(np.arange(len(voxel)), owner.reshape(len(voxel), -1).max(axis=1))
+    return Packs(width, voxel, link, np.column_stack([pack, axis]), voxel_place, link_place, plus, minus, last)
 
 
 def cut_runs(places: np.ndarray, width: int) -> list[np.ndarray]:
-    """Packs of voxels: the fullest runs along an axis first, cut at common places; the rest as it comes."""
+    """Packs of voxels: the fullest runs along an axis, cut at common places, then the rest; in the order of voxels."""
     left, packs = np.ones(len(places), bool), []
     for least in (width, 3 * width // 4, width // 2, width // 4):
         while len(
@@ -96,7 +100,8 @@ def cut_runs(places: np.ndarray, width: int) -> list[np.ndarray]:
             packs += runs
             left[np.concatenate(runs)] = False
     rest = np.flatnonzero(left)
-    return packs + [rest[i : i + width] for i in range(0, len(rest), width)]
+    packs += [rest[i : i + width] for i in range(0, len(rest), width)]
+    return sorted(packs, key=lambda pack: int(pack.min()))
 
 
 def _size(runs: list[np.ndarray]) -> int:

@@ -68,7 +68,7 @@ def turn_onto_axis(x, y, z, length, small):
 
 
 @law
-def end_forces(edge, stiff, minus, plus, pull, twist, turning, hx, strains, halves, bent: ti.template()):
+def end_forces(edge, stiff, minus, plus, pull, twist, turning, hx, strains, halves, alike, bent: ti.template()):
     """Force F and moment M on the "-" end; force G and moment N that the "+" end gives up; link frame.
 
     The stiffnesses of a square beam of length and width h are b1 = k, b2 = k h/2, b3 = k h^2/6 with k = E h, and the
@@ -82,6 +82,7 @@ def end_forces(edge, stiff, minus, plus, pull, twist, turning, hx, strains, halv
         hx: half the change of the extension.
         strains, halves: offset across the axis and rotations of both ends, (dy, dz, t1y, t1z, t2y, t2z); half their
             changes.
+        alike: 1 if both ends are known to be damped alike, so that G is F; else 0.
         bent: whether the "-" end turns; else t1 is not read.
     """
     ey, ez, ay, az, by, bz = shear_and_bending(edge, *strains, bent)
@@ -90,11 +91,19 @@ def end_forces(edge, stiff, minus, plus, pull, twist, turning, hx, strains, halv
     half_plus = 0.5 * plus
     ey = stiff * ey
     ez = stiff * ez
-    force = pull + minus * hx, ey + minus * vy, ez + minus * vz
+    fx = pull + minus * hx
+    fy = ey + minus * vy
+    fz = ez + minus * vz
     moment = twist + minus * turning, 0.0 - (stiff * ay + half_minus * cy), stiff * az + half_minus * cz
-    given_force = pull + plus * hx, ey + plus * vy, ez + plus * vz
     given_moment = twist + plus * turning, stiff * by + half_plus * ry, stiff * bz + half_plus * rz
-    return force + moment + given_force + given_moment
+    gx = fx
+    gy = fy
+    gz = fz
+    if alike == 0:
+        gx = pull + plus * hx
+        gy = ey + plus * vy
+        gz = ez + plus * vz
+    return (fx, fy, fz) + moment + (gx, gy, gz) + given_moment
 
 
 @law
@@ -197,7 +206,7 @@ def memory_weight(before, small):
 
 
 @law
-def straight_forces(edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4, d5, h0, h1, h2, h3, h4, h5):
+def straight_forces(edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4, d5, h0, h1, h2, h3, h4, h5, alike):
     """:func:`end_forces` of a link that is and was in the small-angle regime.
 
     Args:
@@ -206,9 +215,10 @@ def straight_forces(edge, stiff, minus, plus, twist, root, pull, d1, d2, d3, d4,
         pull: axial force [N].
         d1, d2, d3, d4, d5: offset across the axis and rotation.
         h0, h1, h2, h3, h4, h5: half their changes, those of the extension first.
+        alike: see :func:`end_forces`.
     """
     strains, halves = (d1, d2, 0.0, 0.0, d4, d5), (h1, h2, 0.0, 0.0, h4, h5)
-    return end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, False)
+    return end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, alike, False)
 
 
 @law
@@ -217,12 +227,11 @@ def turned_forces(
 ):
     """:func:`end_forces` of a link of any regime, turned from its axis into the frame of the "-" voxel.
 
-    ``small`` and what follows it are of :func:`turned_strains`, the others as in :func:`straight_forces`; if both ends
-    are known to be damped ``alike`` (1), G is F.
+    ``small``, w, by and bz are of :func:`turned_strains`, the others as in :func:`straight_forces`.
     """
     strains = beside_or_turned(small > 0.5, d1, d2) + (d4, d5)
     halves = beside_or_turned(small > 0.5, h1, h2) + (h4, h5)
-    ends = end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, True)
+    ends = end_forces(edge, stiff, minus, plus, pull, twist * d3, 0.5 * root * h3, h0, strains, halves, alike, True)
     fx, fy, fz = turn_back(w, by, bz, *ends[:3])
     mx, my, mz = turn_back(w, by, bz, *ends[3:6])
     gx, gy, gz = fx, fy, fz

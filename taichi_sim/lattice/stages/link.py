@@ -118,17 +118,18 @@ def link_stage(m: ti.template(), k, l, t: ti.template()):
     World frame, components along the link's axis first.
     """
     poses = load_all(m, k, pose_slots(l, t))
-    return link_forces(m, k, l, poses[:7], poses[7:], 1, t)
+    return link_forces(m, k, l, poses[:7], poses[7:], t)
 
 
 @ti.func
-def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.template(), there, t: ti.template()):
-    """:func:`link_stage` of voxels of these poses; in lanes that are not ``there`` the link is straight and at rest."""
+def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.template(), t: ti.template()):
+    """:func:`link_stage` of voxels of these poses; in lanes without a link it is straight and at rest."""
     x, y, z, qw, qx, qy, qz = laws.relative_pose(*first, *second)
-    if ti.static(not isinstance(there, int)):
-        length = load(m, k, rest_slot(l, t))
-        x, y, z = select(there > 0.5, x, length), select(there > 0.5, y, 0.0), select(there > 0.5, z, 0.0)
-        qw = select(there > 0.5, qw, 1.0)
+    if ti.static(t.packed):
+        if t.lanes.full[l] == 0:
+            there = load(t.lanes.there, l, 0)
+            x = select(there > 0.5, x, load(m, k, rest_slot(l, t)))
+            y, z, qw = select(there > 0.5, y, 0.0), select(there > 0.5, z, 0.0), select(there > 0.5, qw, 1.0)
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(m, k, l, x, y, z, qw, qx, qy, qz, t)
     xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(*first[3:])
     fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
@@ -151,13 +152,14 @@ def bend(m: ti.template(), k, l, x, y, z, qw, qx, qy, qz, t: ti.template()):
     """The beam to a voxel at (x, y, z) with orientation q, all in the frame of the "-" voxel: (F, M, G, N)."""
     past, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
     length, before = load_all(m, k, (rest, past + memory.REGIME))
+    alike = t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC]
     fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = x, x, x, x, x, x, x, x, x, x, x, x
     if all_lanes(is_straight(before, x, y, z, length)):  # most links of a healthy robot
         d = laws.straight_strains(x, y, z, qw, qx, qy, qz, length)
         h = remember(m, k, past, 0.5, d)
         pull = axial_force(m, k, l, rest, beam, d[0], t)
         bending = load_all(m, k, bending_slots(beam))
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.straight_forces(t.edge, *bending, pull, *d[1:], *h)
+        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.straight_forces(t.edge, *bending, pull, *d[1:], *h, alike)
     else:
         d = laws.turned_strains(x, y, z, qw, qx, qy, qz, length, before)
         h = remember(m, k, past, laws.memory_weight(before, d[6]), d[:6])
@@ -165,7 +167,7 @@ def bend(m: ti.template(), k, l, x, y, z, qw, qx, qy, qz, t: ti.template()):
         pull = axial_force(m, k, l, rest, beam, d[0], t)
         bending = load_all(m, k, bending_slots(beam))
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.turned_forces(
-            t.edge, *bending, pull, *d[1:6], *h, *d[6:], t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC]
+            t.edge, *bending, pull, *d[1:6], *h, *d[6:], alike
         )
     return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
 
@@ -205,16 +207,17 @@ def whole_link(*given: Any) -> Any:
     relative = laws.relative_pose(*pose)
     half: Any = 0.5
     regime: tuple[Any, ...] = ()
+    alike = 0  # sums of G's cotangents and F's have the order of links of any kind
     if turned:
         *strains, small, w, by, bz = laws.turned_strains(*relative, rest, before)
-        half, regime = laws.memory_weight(before, small), (small, w, by, bz, 0)
+        half, regime = laws.memory_weight(before, small), (small, w, by, bz)
     else:
         strains = laws.straight_strains(*relative, rest)
     d0, *others = strains
     changes = laws.half_changes(half, *strains, *past)
     pull = laws.squeezed_force(laws.axial_force(laws.strain(d0, inverse), axial), transverse, squeeze, area)
     law = laws.turned_forces if turned else laws.straight_forces
-    ends = law(edge, *bending, pull, *others, *changes, *regime)
+    ends = law(edge, *bending, pull, *others, *changes, *regime, alike)
     turn = matrix(*pose[3:7])
     ends = [component for i in range(0, 12, 3) for component in apply(*turn, *ends[i : i + 3])]
     if fluid:
