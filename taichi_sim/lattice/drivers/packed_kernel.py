@@ -316,7 +316,7 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         log: ti.template(),
     ):
         m, ms, g, g2 = ti.static(memories)
-        info, plan = ti.static((pairs.info, given.plan))
+        info = ti.static(pairs.info)
         for n in range(GRAIN * launch.robots):
             if n % GRAIN == 0:
                 t = ti.static(with_lanes(given, p, ms))
@@ -335,9 +335,9 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                     if step == info[i, NEXT_MARK]:
                         handle_marks(r, step, marks)
                         find_changing(r)
-                    if info[i, STATE] == RUNNING and plan[memory.CONTACT_ON] != 0:
+                    if info[i, STATE] == RUNNING and t.plan[memory.CONTACT_ON] != 0:
                         if any_lane(
-                            load(m, k, plan[memory.MONITOR] + memory.MOVED) > launch.distance * launch.distance
+                            load(m, k, t.plan[memory.MONITOR] + memory.MOVED) > launch.distance * launch.distance
                         ):
                             renew_list(r, launch.radius)
                     if info[i, STATE] == RUNNING:
@@ -346,7 +346,7 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                         if ti.static(log.kept):
                             if step + 1 == launch.until:
                                 keep(r, step + 1, log)
-                        if any_lane(load(m, k, plan[memory.MONITOR] + memory.DIVERGED) > 0.5):
+                        if any_lane(load(m, k, t.plan[memory.MONITOR] + memory.DIVERGED) > 0.5):
                             marks.lanes[i, 0, marking.STATE] = marking.DIVERGED
                             marks.lanes[i, 0, marking.STEP] = step + 1
                             info[i, STATE] = FINISHED

@@ -7,7 +7,7 @@ from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, st
 from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.lattice.drivers.packs import ALIGNED, GATHER, NEXT
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import Shared, in_variables
+from taichi_sim.lattice.stages.columns import Shared, in_variables, plan_in_variables
 from taichi_sim.lattice.stages.link import link_axes
 from taichi_sim.runtime import element, emit, ti
 
@@ -142,7 +142,8 @@ def with_lane(v: Any, lane: int, value: Any, width: int) -> Any:
 @primitive
 def of_groups(groups: Shared, t: Shared) -> Shared:
     """What stages of groups are given: tables of their own, and the world of the others."""
-    return groups._replace(time_step=t.time_step, edge=t.edge, gravity=t.gravity)
+    plan = plan_in_variables(groups.plan)
+    return groups._replace(plan=plan, time_step=t.time_step, edge=t.edge, gravity=t.gravity)
 
 
 @primitive

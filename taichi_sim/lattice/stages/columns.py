@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 from taichi_sim.autodiff.lanes import Real, ints
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
-from taichi_sim.lattice.stages.memory import CHANNEL_WIDTH
-from taichi_sim.runtime import emit
+from taichi_sim.lattice.stages.memory import CHANNEL_WIDTH, PLAN_LENGTH
+from taichi_sim.runtime import element, emit
 
 # Columns of the table of links: slots of the two voxels in VOXEL, of the beam in BEAM and of the rest length in REST;
 # the components along and across the link's axis; whether both ends are damped alike; numbers of the two voxels.
@@ -98,5 +98,12 @@ def shared_types(real: Real, fluid: bool = False, reads: Sequence[str] = Shared.
 
 @primitive
 def in_variables(shared: Shared) -> Shared:
-    """Its numbers as variables of a kernel: what a kernel is given is read again after every store."""
-    return shared._replace(**{name: emit(getattr(shared, name)) for name in ("time_step", "edge", "gravity")})
+    """Its numbers and its plan as variables of a kernel: what a kernel is given is read again after every store."""
+    numbers = {name: emit(getattr(shared, name)) for name in ("time_step", "edge", "gravity")}
+    return shared._replace(plan=plan_in_variables(shared.plan), **numbers)
+
+
+@primitive
+def plan_in_variables(plan: Any) -> list[Any]:
+    """The numbers of a plan as variables of a kernel."""
+    return [emit(element(plan, i)) for i in range(PLAN_LENGTH)]

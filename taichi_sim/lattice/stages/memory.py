@@ -45,6 +45,7 @@ SIZE, MEAN_SIZE, PUSH, DRAG, ANGULAR_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
 VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS = range(SECTION_COUNT, SECTION_COUNT + 7)
 RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON, FLUID_ON, SQUARES = range(SECTION_COUNT + 7, SECTION_COUNT + 13)
+PLAN_LENGTH = SECTION_COUNT + 13
 
 
 @dataclass(frozen=True)
