@@ -25,7 +25,7 @@ STEPS_PER_LAUNCH, LEAST_STEPS = 1000, 50
 STEPS_PER_REVERSE = 250
 # A robot in packs takes about this part of the time of one in scalars (measured on a CPU with AVX-512).
 ROBOT_COST = {"f32": 0.2, "f64": 0.3}
-PAIRS_PER_VOXEL = 8  # room for listed pairs at first; it grows when needed
+PAIRS_PER_VOXEL = 4  # room for listed pairs at first; it grows when needed
 LASTING = ("listed", "near", "seen", "sizes", "drift", "touched", "changing", "info")  # of pairs, from step to step
 
 
@@ -112,7 +112,7 @@ class PackedRun(Run):
             self._launch(last, record)
             full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
             if full.any():
-                driver.reserve(2 * driver.pairs.listed.shape[1])
+                driver.reserve(2 * driver.pairs.listed.shape[2])
                 info = driver.pairs.info
                 info[full, contacts.STATE] = contacts.RUNNING
             if tick:
@@ -194,8 +194,8 @@ class PackedDriver(Driver):
         packs, dtype = len(packed.packs.voxel), self.real.numpy
         place = self.real.array((batch * -(-max(len(tables.surface_voxels), 1) // self.real.width) * 3,))
         self.pairs = Pairs(
-            listed=np.zeros((batch, 0, 2), np.int32),
-            near=np.zeros((batch, 8, 0), np.int32),
+            listed=np.zeros((batch, contacts.PAIR_COLUMNS, 0), np.int32),
+            near=np.zeros((batch, contacts.PAIR_COLUMNS, 0), np.int32),
             seen=aligned((batch * packs * 3, self.real.width), dtype),
             place=place,
             place_scalar=place.reshape(-1),
@@ -226,9 +226,11 @@ class PackedDriver(Driver):
 
     def reserve(self, pairs: int) -> None:
         """Make room for so many listed pairs a robot, keeping the present ones; short lists are made anew."""
-        listed = np.zeros((self.batch, pairs, 2), np.int32)
-        listed[:, : self.pairs.listed.shape[1]] = self.pairs.listed
-        near = np.zeros((self.batch, 8, pairs + self.real.width), np.int32)
+        columns, kept = contacts.PAIR_COLUMNS, self.pairs.listed.shape[2]
+        # In packs; those that are not full end with pairs of the first voxel with itself, which do not count.
+        listed = np.zeros((self.batch, columns, -(-pairs // self.real.width) * self.real.width), np.int32)
+        listed[:, :, :kept] = self.pairs.listed
+        near = np.zeros((self.batch, columns, pairs + self.real.width), np.int32)
         self.pairs = self.pairs._replace(listed=listed, near=near)
         self.pairs.drift[...] = np.inf
 

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, store_all
+from taichi_sim.autodiff.lanes import all_lanes, any_lane, consecutive, load, load_all, store_all
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.drivers.marks import current_size
@@ -22,16 +22,20 @@ SHORT = 0.1  # voxel edges that a voxel may move, and sizes may grow, before the
 SLACK = 2.0 + 2.0 * 0.625 + 0.05
 
 
+PAIR_COLUMNS = 8
+NOT_THERE = 1e30  # m
+
+
 class Pairs(NamedTuple):
     """Who may touch whom, robot by robot, and whose contact forces are to be taken.
 
     Attributes:
-        listed: pairs of surface voxels of the neighbour list, shape (B, pairs, 2).
-        near: the short list: places of both in VOXEL, of their groups, and in CONTACT; their numbers, shape
-            (B, 8, pairs + width).
+        listed: pairs of surface voxels of the neighbour list: places of both in VOXEL, of their groups, and in CONTACT;
+            their numbers, shape (B, 8, pairs).
+        near: the short list, likewise, shape (B, 8, pairs + width).
         seen: positions at which the short list was made, by pack.
-        place, place_scalar: positions of surface voxels in their order, x, y and z by vector, while pairs are listed; and
-            as scalars.
+        place, place_scalar: positions of surface voxels in their order, x, y and z by vector, while pairs are listed;
+            and as scalars.
         sizes: mean sizes of groups at that time, shape (B, G).
         drift: the largest squared distance from ``seen``, by robot.
         touched: whether a pack has a contact force, shape (B, P).
@@ -85,31 +89,41 @@ def list_pairs(r: ti.template(), radius_squared):
     surface = t.plan[memory.SURFACE]
     rows = (surface + w - 1) // w
     first = i * rows * 3
-    for s in range(surface):
+    for s in range(rows * w):
         at = (first + s // w * 3) * w + s % w
         for c in ti.static(range(3)):
-            pairs.place_scalar[at + c * w] = ms[p.surface[s, 0] + o + c * w]
+            pairs.place_scalar[at + c * w] = ms[p.surface[s, 0] + o + c * w] if s < surface else NOT_THERE
     for s in range(surface):
         at = (first + s // w * 3) * w + s % w
         x, y, z = pairs.place_scalar[at], pairs.place_scalar[at + w], pairs.place_scalar[at + 2 * w]
         for row in range((s + 1) // w, rows):
             dx, dy, dz = load_all(pairs.place, first + 3 * row, (0, 1, 2))
             dx, dy, dz = dx - x, dy - y, dz - z
-            within = ti.select(dx * dx + dy * dy + dz * dz <= radius_squared, 1, 0)
-            if within.max() != 0:
-                for j in ti.static(range(w)):
-                    q = row * w + j
-                    if within[j] != 0 and q > s and q < surface:
-                        if t.excluded[s, q // 32] & (1 << (q % 32)) == 0:
-                            if count < pairs.listed.shape[1]:
-                                pairs.listed[i, count, 0], pairs.listed[i, count, 1] = s, q
+            within = dx * dx + dy * dy + dz * dz <= radius_squared
+            if any_lane(within):
+                q = row * w
+                bits = lane_bits(within, w) & ~(t.excluded[s, q // 32] >> (q % 32))
+                if q <= s:
+                    bits = bits & ~((2 << (s - q)) - 1)
+                if bits != 0:
+                    for j in ti.static(range(w)):
+                        if bits & (1 << j) != 0:
+                            if count < pairs.listed.shape[2]:
+                                enter(i, pairs.listed, count, s, q + j, p)
                             count += 1
     fits = 0
-    if count <= pairs.listed.shape[1]:
+    if count <= pairs.listed.shape[2]:
         fits = 1
         pairs.info[i, LISTED] = count
         pairs.info[i, REBUILDS] += 1
     return fits
+
+
+@ti.func
+def lane_bits(condition, width: ti.template()):
+    """A whole number with a bit for each lane in which a condition holds."""
+    bits = ti.Vector([1 << j for j in ti.static(range(width))])
+    return ti.select(condition, bits, 0).sum()
 
 
 @ti.func
@@ -136,22 +150,23 @@ def mean_size(c, tg: ti.template()):
 @ti.func
 def shorten(r: ti.template(), margin):
     """Make the short list: listed pairs that could touch before a voxel has moved, and sizes grown, by the margin."""
-    i, k, h, m, ms, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.ms, r.g, r.t, r.tg, r.p, r.pairs))
+    i, k, h, m, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.t, r.tg, r.p, r.pairs))
     count = 0
     w = ti.static(p.width)
-    o = (k + t.plan[memory.VOXEL]) * w
-    size = h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
-    for n in range(pairs.info[i, LISTED]):
-        s1, s2 = pairs.listed[i, n, 0], pairs.listed[i, n, 1]
-        a, b = o + p.surface[s1, 0], o + p.surface[s2, 0]
-        dx, dy, dz = ms[b] - ms[a], ms[b + w] - ms[a + w], ms[b + 2 * w] - ms[a + 2 * w]
-        limit = contact.reach(g[size + p.surface[s1, 1]], g[size + p.surface[s2, 1]]) + SLACK * margin
-        if not dx * dx + dy * dy + dz * dz >= limit * limit:
-            enter(r, count, s1, s2)
-            count += 1
+    for n in range((pairs.info[i, LISTED] + w - 1) // w):
+        dx, dy, dz, limit = offsets(r, pairs.listed, n * w)
+        limit = limit + SLACK * margin
+        far = dx * dx + dy * dy + dz * dz >= limit * limit
+        if not all_lanes(far):
+            near = ti.select(far, 0, 1)
+            for j in ti.static(range(w)):
+                if near[j] != 0 and n * w + j < pairs.info[i, LISTED]:
+                    for c in ti.static(range(PAIR_COLUMNS)):
+                        pairs.near[i, c, count] = pairs.listed[i, c, n * w + j]
+                    count += 1
     pairs.info[i, NEAR] = count
     for _ in range((w - count % w) % w):  # two who are never near fill up the last pack
-        enter(r, count, t.plan[memory.SURFACE], t.plan[memory.SURFACE] + 1)
+        enter(i, pairs.near, count, t.plan[memory.SURFACE], t.plan[memory.SURFACE] + 1, p)
         count += 1
     for v in range(t.plan[memory.VOXELS]):
         first = (i * t.plan[memory.VOXELS] + v) * 3
@@ -162,12 +177,25 @@ def shorten(r: ti.template(), margin):
 
 
 @ti.func
-def enter(r: ti.template(), n, s1, s2):
-    """Enter a pair of surface voxels into the short list."""
-    i, p, pairs = ti.static((r.i, r.p, r.pairs))
+def enter(i, pairs: ti.template(), n, s1, s2, p: ti.template()):
+    """Enter a pair of surface voxels into a list."""
     for c in ti.static(range(3)):
-        pairs.near[i, 2 * c, n], pairs.near[i, 2 * c + 1, n] = p.surface[s1, c], p.surface[s2, c]
-    pairs.near[i, 6, n], pairs.near[i, 7, n] = s1, s2
+        pairs[i, 2 * c, n], pairs[i, 2 * c + 1, n] = p.surface[s1, c], p.surface[s2, c]
+    pairs[i, 6, n], pairs[i, 7, n] = s1, s2
+
+
+@ti.func
+def offsets(r: ti.template(), pairs: ti.template(), n):
+    """Offsets between the voxels of a pack of pairs, from the n-th of a list on, and the distances where they touch."""
+    i, k, h, ms, g, t, tg, w = ti.static((r.i, r.k, r.h, r.ms, r.g, r.t, r.tg, r.p.width))
+    first = (k + t.plan[memory.VOXEL]) * w
+    one, two = ti.static(column(first, pairs, i, 0, n, w), column(first, pairs, i, 1, n, w))
+    x1, y1, z1 = gather_all(ms, one, (0, 1, 2), w)
+    x2, y2, z2 = gather_all(ms, two, (0, 1, 2), w)
+    size = h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
+    groups = ti.static(column(size, pairs, i, 2, n, w), column(size, pairs, i, 3, n, w))
+    limit = contact.reach(gather_all(g, groups[0], (0,), 1)[0], gather_all(g, groups[1], (0,), 1)[0])
+    return x2 - x1, y2 - y1, z2 - z1, limit
 
 
 @ti.func
@@ -183,25 +211,20 @@ def collide(r: ti.template(), log: ti.template()):
     if any_lane(pairs.drift[i] > margin * margin) or grown == 1:
         shorten(r, margin)
     sums = (k + t.plan[memory.CONTACT]) * w
-    size = h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
     for n in range((pairs.info[i, NEAR] + w - 1) // w):
-        o = (k + t.plan[memory.VOXEL]) * w
-        one = ti.static(near_places(o, pairs.near, i, 0, n * w, w))
-        two = ti.static(near_places(o, pairs.near, i, 1, n * w, w))
-        x1, y1, z1 = gather_all(ms, one, (0, 1, 2), w)
-        x2, y2, z2 = gather_all(ms, two, (0, 1, 2), w)
-        group1 = ti.static(near_places(0, pairs.near, i, 2, n * w, w))
-        group2 = ti.static(near_places(0, pairs.near, i, 3, n * w, w))
-        limit = contact.reach(gather_all(g, group1, (0,), 1, size)[0], gather_all(g, group2, (0,), 1, size)[0])
-        dx, dy, dz = x2 - x1, y2 - y1, z2 - z1
+        dx, dy, dz, limit = offsets(r, pairs.near, n * w)
         near = dx * dx + dy * dy + dz * dz < limit * limit
         if any_lane(near):
             push = memory.MOMENTUM
+            first, constant = (k + t.plan[memory.VOXEL]) * w, h + tg.plan[memory.CONSTANT]
+            one, two = ti.static(column(first, pairs.near, i, 0, n * w, w), column(first, pairs.near, i, 1, n * w, w))
+            group1 = ti.static(column(constant, pairs.near, i, 2, n * w, w))
+            group2 = ti.static(column(constant, pairs.near, i, 3, n * w, w))
             px, py, pz = gather_all(ms, one, (push, push + 1, push + 2), w)
             qx, qy, qz = gather_all(ms, two, (push, push + 1, push + 2), w)
             constants = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
-            w1, k1, c1 = gather_all(g, group1, constants, 1, h + tg.plan[memory.CONSTANT])
-            w2, k2, c2 = gather_all(g, group2, constants, 1, h + tg.plan[memory.CONSTANT])
+            w1, k1, c1 = gather_all(g, group1, constants, 1)
+            w2, k2, c2 = gather_all(g, group2, constants, 1)
             f = contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
             touch = ti.select(near, 1, 0)
             for j in ti.static(range(w)):
@@ -221,6 +244,6 @@ def collide(r: ti.template(), log: ti.template()):
 
 
 @primitive
-def near_places(first: Any, near: Any, i: Any, column: int, n: Any, width: int) -> list[Any]:
-    """Places in a column of the short list, from its entry n on."""
-    return [emit(first + element(near, i, column, emit(n + j))) for j in range(width)]
+def column(first: Any, pairs: Any, i: Any, number: int, n: Any, width: int) -> list[Any]:
+    """Places behind a first one, of a column of a list of pairs, from its entry n on."""
+    return [emit(first + element(pairs, i, number, emit(n + j))) for j in range(width)]

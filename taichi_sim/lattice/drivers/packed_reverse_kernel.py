@@ -456,7 +456,7 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
         Memories(*both, *both, *both, *both, flat, table, flat, table, ints(1)),
         shared_types(real, fluid, ("link", "voxel", "start", "time_step", "edge", "gravity")),
         shared_types(real, fluid, ("link", "rest")),
-        lane_types(real),
+        lane_types(real)._replace(full=None, group=None, follows=None, ready=None, ready_end=None, outer=None),
         Record(True, i32, real.memory, flat, flat, table, i32, ints(3), ints(2)),
         mark_types(real, back=True),
     )
