@@ -13,6 +13,7 @@ from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Dri
 from taichi_sim.lattice.drivers.fused import BLOCK_COST
 from taichi_sim.lattice.drivers.marks import Recordings
 from taichi_sim.lattice.drivers.packed_contact import Pairs, Record
+from taichi_sim.lattice.drivers.packed_lanes import SPREAD_ROW
 from taichi_sim.lattice.drivers.packed_reverse_kernel import BACK_WIDTH
 from taichi_sim.lattice.drivers.packed_tables import PackedTables
 from taichi_sim.lattice.laws import contact
@@ -202,7 +203,7 @@ class PackedDriver(Driver):
             sizes=np.zeros((batch, len(tables.group_region)), dtype),
             drift=aligned((batch, self.real.width), dtype),
             touched=np.zeros((batch, packs), np.int32),
-            changing=np.zeros((batch, len(packed.lanes.to)), np.int32),
+            changing=np.zeros((batch, len(packed.lanes.spreads) // SPREAD_ROW), np.int32),
             info=np.zeros((batch, contacts.INFO_COLUMNS), np.int32),
         )
         self.reserve(PAIRS_PER_VOXEL * max(len(tables.surface_voxels), 1))

@@ -40,8 +40,17 @@ from taichi_sim.lattice.drivers.packed_contact import (
     renew_list,
 )
 from taichi_sim.lattice.drivers.packed_lanes import (
+    END_QUANTITY,
+    FIRST_QUANTITY,
     FORCE_WIDTH,
+    FULL,
+    GAUGED,
+    LINK_ROW,
+    PACK_ROW,
+    READY,
+    READY_END,
     SHARES,
+    SPREAD_ROW,
     Lanes,
     Robot,
     gather_all,
@@ -93,12 +102,12 @@ def link_pack(r: ti.template(), l):
     first = k + t.plan[memory.VOXEL]
     own = load_all(m, first, pose_slots(own_pack(l, t), l, t))
     beyond = plus_all(m, ms, first, memory.VOXEL_WIDTH, pose_slots(0, l, t), own, l, p)
-    ends = link_forces(m, k, l, own, beyond, t)
+    ends = link_forces(m, k, l, own, beyond, p.links[l * LINK_ROW + FULL], t)
     a, b, c = link_axes(l, t)
     place = t.plan[memory.FORCE] + l * FORCE_WIDTH
     for i in ti.static(range(0, 12, 3)):
         store_all(m, k, (place + i + a, place + i + b, place + i + c), ends[i : i + 3])
-    if p.gauged[l] != 0:
+    if p.links[l * LINK_ROW + GAUGED] != 0:
         extension = load(m, k, past_slot(l, t))
         for side in ti.static(range(2)):
             share = laws.shared_strain(extension, *load_all(m, k, share_slots(l, 1 - side, t)))
@@ -146,7 +155,7 @@ def spread_news(r: ti.template()):
     i, k, h, m, g, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.p, r.pairs))
     if pairs.info[i, FRESH] == 1:
         pairs.info[i, FRESH] = 0
-        for n in range(p.to.shape[0]):
+        for n in range(p.spreads.shape[0] // SPREAD_ROW):
             spread(m, g, k, h, n, p)
     else:
         for n in range(pairs.info[i, CHANGING]):
@@ -158,11 +167,11 @@ def find_changing(r: ti.template()):
     """Note the rows of groups that have a channel which changes from step to step."""
     i, h, g, tg, p, pairs = ti.static((r.i, r.h, r.g, r.tg, r.p, r.pairs))
     count = 0
-    for n in range(p.to.shape[0]):
+    for n in range(p.spreads.shape[0] // SPREAD_ROW):
         changes = 0
         for j in range(p.width):
             channels = h + tg.plan[memory.CHANNEL] + p.group[n * p.width + j] * columns.CHANNELS_PER_GROUP
-            for q in range(p.follows[2 * n], p.follows[2 * n + 1]):
+            for q in range(p.spreads[n * SPREAD_ROW + FIRST_QUANTITY], p.spreads[n * SPREAD_ROW + END_QUANTITY]):
                 if g[channels + q * memory.CHANNEL_WIDTH + memory.RATE] != 0.0:
                     changes = 1
         if changes == 1:
@@ -269,8 +278,9 @@ def step_robot(r: ti.template(), log: ti.template()):
         row = n * columns.VOXEL_COLUMNS
         for l in range(t.voxel[row + columns.FIRST_LINK], t.voxel[row + columns.END_LINK]):
             link_pack(r, l)
-        for place in range(begun, p.ready_end[n]):
-            v = p.ready[place]
+        end = p.packs[n * PACK_ROW + READY_END]
+        for place in range(begun, end):
+            v = p.packs[place * PACK_ROW + READY]
             x, y, z = step_voxel(r, v, zero)
             if t.plan[memory.CONTACT_ON] != 0:
                 lx, ly, lz = load_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3))
@@ -279,7 +289,7 @@ def step_robot(r: ti.template(), log: ti.template()):
                 first = (i * t.plan[memory.VOXELS] + v) * 3
                 dx, dy, dz = x - pairs.seen[first], y - pairs.seen[first + 1], z - pairs.seen[first + 2]
                 drifted = larger(dx * dx + dy * dy + dz * dz, drifted)
-        begun = p.ready_end[n]
+        begun = end
     store_all(m, k, (t.plan[memory.MONITOR] + memory.MOVED,), (moved,))
     pairs.drift[i] = drifted
 

@@ -14,45 +14,47 @@ from taichi_sim.runtime import element, emit, ti
 FORCE_WIDTH = 14  # of a link pack: F, M, G, N, and its shares in the strains of the voxels at both ends
 SHARES = 12
 
+# Columns of the rows of link packs: how and where they find the voxels at their "+" ends (see ``packs.Reach``), whether
+# there is a link in every lane, whether a voxel at an end has a gauge of strain.
+KIND, TARGET, FULL, GAUGED, LINK_ROW = range(5)
+# Columns of the rows of packs: how and where they find the links on their "-" sides, by axis; a pack that is ready when
+# so many packs are, counted in this order; how many are after the links of the row's pack.
+READY, READY_END, PACK_ROW = 6, 7, 8
+# Columns of the rows of what is spread: slot in the vector memory; the quantities that it follows from, the first and
+# the one after the last.
+TO, FIRST_QUANTITY, END_QUANTITY, SPREAD_ROW = range(4)
+
 
 class Lanes(NamedTuple):
     """Where lanes find what they need, the same for all robots; see ``packs``. A place is a slot of a scalar.
 
     Attributes:
         width: lanes of a pack.
-        plus, plus_lane: kind and target of where a link pack finds the voxels at its "+" ends, and lane numbers; see
-            ``packs.Reach``.
-        minus, minus_lane: likewise where a pack finds the links on its "-" sides along an axis.
+        links, packs, spreads: rows of link packs, packs and what is spread, with the columns above.
+        plus: lane numbers of the voxels at the "+" ends of link packs.
+        minus: lane numbers of the links on the "-" sides of packs, by axis.
         there, outer: 1 where a link pack has a link, by link pack, and where a pack has a surface voxel, by pack.
-        full: whether a link pack has a link in every lane.
-        gauged: whether voxels at the ends of a link pack have gauges of strain.
         shape: what the table of voxels says of those of a pack, see ``columns``.
-        to, source, group: rows of what is spread: slot in the vector memory; slot and group in the scalars, by lane.
-        follows: quantities that such a row follows from, the first and the one after the last.
+        source, group: slot and group in the scalars of what is spread, by row and lane.
         surface: place in VOXEL, group's place in CONSTANT, place in CONTACT of each surface voxel, and twice nobody.
         voxel, link: place of each voxel in VOXEL, and of each link in LINK.
         square_corner, square_pressure: places of the corners of squares in VOXEL, and slots of their pressures, by
             pack of squares, corner and lane.
         corner: places in PRESSED of the forces on a pack's voxels, rows of lanes.
         square_there: 1 where a pack of squares has one.
-        ready: packs in the order in which all links at their voxels are done, when links are taken pack by pack.
-        ready_end: how many of them are ready after a pack's links.
     """
 
     width: Any
+    links: Any
+    packs: Any
+    spreads: Any
     plus: Any
-    plus_lane: Any
     minus: Any
-    minus_lane: Any
     there: Any
     outer: Any
-    full: Any
-    gauged: Any
     shape: Any
-    to: Any
     source: Any
     group: Any
-    follows: Any
     surface: Any
     voxel: Any
     link: Any
@@ -60,28 +62,13 @@ class Lanes(NamedTuple):
     square_pressure: Any
     corner: Any
     square_there: Any
-    ready: Any
-    ready_end: Any
 
 
 def lane_types(real: Real) -> Lanes:
     """Types of ``Lanes`` in kernels."""
-    flat = ints(1)
-    tables = (flat,) * 4
-    return Lanes(
-        real.width,
-        *tables,
-        *(real.memory,) * 2,
-        flat,
-        flat,
-        real.memory,
-        *(flat,) * 4,
-        ints(2),
-        *(flat,) * 5,
-        real.memory,
-        flat,
-        flat,
-    )
+    flat, real_array = ints(1), real.memory
+    rows, shapes = (flat,) * 5, (real_array,) * 3
+    return Lanes(real.width, *rows, *shapes, flat, flat, ints(2), *(flat,) * 5, real_array)
 
 
 class Robot(NamedTuple):
@@ -186,17 +173,17 @@ def plus_all(
     """
     w = ti.static(p.width)
     found = ti.static(variables(own))
-    how = p.plus[2 * l]
+    how = p.links[l * LINK_ROW + KIND]
+    target = p.links[l * LINK_ROW + TARGET]
     if how == ALIGNED:
-        assign_all(found, load_all(m, first + p.plus[2 * l + 1] * slots, components))
+        assign_all(found, load_all(m, first + target * slots, components))
     elif how == NEXT:
-        lane = p.plus[2 * l + 1]
-        place = first * w + lane_place(lane, slots, w)
+        place = first * w + lane_place(target, slots, w)
         for i in ti.static(range(len(own))):
             last = ms[place + components[i] * w]
             assign_all(found[i : i + 1], (taken_up(own[i], last, w),))
     else:
-        places = ti.static(places_of(first, p.plus_lane, l, slots, w))
+        places = ti.static(places_of(first, p.plus, l, slots, w))
         assign_all(found, gather_all(ms, places, components, w))
     return ti.static(tuple(found))
 
@@ -217,19 +204,18 @@ def minus_all(
     """Some components of what lies in a section, ``slots`` a link pack, of the links on a pack's "-" sides; or zero."""
     w = ti.static(p.width)
     found = ti.static(variables([zero for _ in components]))
-    e = v * 3 + axis
-    how = p.minus[2 * e]
+    how = p.packs[v * PACK_ROW + 2 * axis + KIND]
+    target = p.packs[v * PACK_ROW + 2 * axis + TARGET]
     if how == ALIGNED:
-        assign_all(found, load_all(m, first + p.minus[2 * e + 1] * slots, components))
+        assign_all(found, load_all(m, first + target * slots, components))
     elif how == NEXT:
         own = first + t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + 1] * slots
-        lane = p.minus[2 * e + 1]
-        place = first * w + lane_place(lane, slots, w)
+        place = first * w + lane_place(target, slots, w)
         for i in ti.static(range(len(components))):
             odd = ms[place + components[i] * w]
             assign_all(found[i : i + 1], (taken_down(load(m, own, components[i]), odd, w),))
     elif how == GATHER:
-        places = ti.static(places_of(first, p.minus_lane, e, slots, w))
+        places = ti.static(places_of(first, p.minus, v * 3 + axis, slots, w))
         assign_all(found, gather_all(ms, places, components, w))
     return ti.static(tuple(found))
 
@@ -263,4 +249,4 @@ def spread(m: Any, g: Any, k: Any, h: Any, n: Any, p: Lanes) -> None:
     """Bring row n of what the program did to groups into the lanes of the packs that have them."""
     first = emit(n * p.width)
     places = [emit(h + load(p.source, first, j)) for j in range(p.width)]
-    store(m, k, emit(element(p.to, n)), vector([load(g, place, 0) for place in places]))
+    store(m, k, emit(element(p.spreads, emit(n * SPREAD_ROW + TO))), vector([load(g, place, 0) for place in places]))

@@ -24,6 +24,10 @@ from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.drivers.packed_contact import Record
 from taichi_sim.lattice.drivers.packed_kernel import square_inputs
 from taichi_sim.lattice.drivers.packed_lanes import (
+    GAUGED,
+    LINK_ROW,
+    SPREAD_ROW,
+    TO,
     gather_all,
     lane_types,
     minus_all,
@@ -149,7 +153,7 @@ def where_there(there: Any, values: Any) -> tuple[Any, ...]:
 def undo_links(b: ti.template(), l):
     """Reverse a link pack; the cotangents of what lies at its "+" ends are left in ``back``."""
     u, memories, rs, i, t, p = ti.static((b.u, b.memories, b.rs, b.i, b.t, b.p))
-    if p.gauged[l] != 0:
+    if p.links[l * LINK_ROW + GAUGED] != 0:
         undo_shares(b, l)
     there = p.there[l]
     pack = own_pack(l, t)
@@ -317,7 +321,7 @@ def collect(b: ti.template(), n):
     """Give the groups the cotangents of what row n spread to lanes, and take them there."""
     u, ug, memories, p = ti.static((b.u, b.ug, b.memories, b.p))
     for j in ti.static(range(p.width)):
-        place = (u.k + p.to[n]) * p.width + j
+        place = (u.k + p.spreads[n * SPREAD_ROW + TO]) * p.width + j
         memories.ag[ug.k + p.source[n * p.width + j]] += memories.a_scalar[place]
         memories.a_scalar[place] = 0.0
 
@@ -327,7 +331,7 @@ def undo_step(b: ti.template(), n, log: ti.template()):
     """Reverse step n of the record."""
     u, ug, memories, i, t, tg, p = ti.static((b.u, b.ug, b.memories, b.i, b.t, b.tg, b.p))
     recall_groups(ug.m, ug.k, ug.record, ug.r, ug.new, tg)
-    for r in range(p.to.shape[0]):
+    for r in range(p.spreads.shape[0] // SPREAD_ROW):
         spread(memories.m, memories.g, u.k, ug.k, r, p)
     for v in range(t.plan[memory.VOXELS]):
         undo_gauges(b, v)
@@ -341,7 +345,7 @@ def undo_step(b: ti.template(), n, log: ti.template()):
     first, end = log.start[i, n], log.start[i, n + 1]
     for q in range((end - first + p.width - 1) // p.width):
         undo_contacts(b, first + q * p.width, end, log.contacts)
-    for r in range(p.to.shape[0]):
+    for r in range(p.spreads.shape[0] // SPREAD_ROW):
         collect(b, r)
     group_adjoint(ug, tg)
 
@@ -456,7 +460,7 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
         Memories(*both, *both, *both, *both, flat, table, flat, table, ints(1)),
         shared_types(real, fluid, ("link", "voxel", "start", "time_step", "edge", "gravity")),
         shared_types(real, fluid, ("link", "rest")),
-        lane_types(real)._replace(full=None, group=None, follows=None, ready=None, ready_end=None, outer=None),
+        lane_types(real)._replace(group=None, outer=None),
         Record(True, i32, real.memory, flat, flat, table, i32, ints(3), ints(2)),
         mark_types(real, back=True),
     )

@@ -121,14 +121,19 @@ class PackedTables:
         group = np.append(tables.group[tables.surface_voxels], [0, 0])
         surface = np.column_stack([self.place(of, memory.VOXEL_WIDTH), group * CONSTANT_COLUMNS, self.place(of, 3)])
         square_corner, square_pressure = self._squares()
+        full, gauged = (packs.link >= 0).all(axis=1), (at_gauge[packs.link] & (packs.link >= 0)).any(axis=1)
+        ready = np.argsort(packs.last, kind="stable")
+        ready_end = np.cumsum(np.bincount(packs.last, minlength=len(packs.voxel)))
+        nothing = len(packs.link) * width
+        minus = np.column_stack(self._reach(packs.minus, nothing))
         return Lanes(
             width,
-            *self._reach(packs.plus, 0),
-            *self._reach(packs.minus, len(packs.link) * width),
+            links=_ints(np.column_stack([*self._reach(packs.plus, 0), full, gauged])),
+            packs=_ints(np.column_stack([minus.reshape(-1, 6), ready, ready_end])),
+            plus=_ints(np.maximum(packs.plus.element, 0)),
+            minus=_ints(np.where(packs.minus.element >= 0, packs.minus.element, nothing)),
             there=self._reals(packs.link >= 0),
             outer=self._reals(np.isin(packs.voxel, tables.surface_voxels)),
-            full=_ints((packs.link >= 0).all(axis=1)),
-            gauged=_ints((at_gauge[packs.link] & (packs.link >= 0)).any(axis=1)),
             shape=self._shape(given),
             **self._spread(),
             surface=np.ascontiguousarray(surface, np.int32),
@@ -138,8 +143,6 @@ class PackedTables:
             square_pressure=square_pressure,
             corner=self._corners(given),
             square_there=self._reals((np.arange(self.squares * width) < tables.squares).reshape(-1, width)),
-            ready=_ints(np.argsort(packs.last, kind="stable")),
-            ready_end=_ints(np.cumsum(np.bincount(packs.last, minlength=len(packs.voxel)))),
         )
 
     def place(self, lane: np.ndarray, slots: int) -> np.ndarray:
@@ -153,10 +156,10 @@ class PackedTables:
         array[: len(rows)] = rows
         return array
 
-    def _reach(self, reach: Reach, nothing: int) -> tuple[np.ndarray, np.ndarray]:
-        """Kinds with targets, and lane numbers, as kernels take them; ``nothing`` is that of who has no neighbour."""
-        target, lanes = (np.where(a >= 0, a, nothing) for a in (reach.target, reach.element))
-        return _ints(np.column_stack([reach.kind, target])), _ints(lanes)
+    @staticmethod
+    def _reach(reach: Reach, nothing: int) -> tuple[np.ndarray, np.ndarray]:
+        """Kinds and targets, as kernels take them; ``nothing`` is the lane number of who has no neighbour."""
+        return reach.kind, np.where(reach.target >= 0, reach.target, nothing)
 
     def _shape(self, given: np.ndarray) -> np.ndarray:
         """The rows of the table of voxels as reals, see ``columns``."""
@@ -199,8 +202,8 @@ class PackedTables:
             for q, end in product(range(memory.REST_WIDTH), (columns.REST_MINUS, columns.REST_PLUS)):
                 to = at[memory.REST] + c * memory.REST_WIDTH + q
                 rows.append((to, of[memory.REST] + lanes + q, ends[:, end], SIZING))
-        names = ("to", "source", "group", "follows")
-        return {name: _ints(np.array(values)) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
+        to, source, group, follows = zip(*rows, strict=True)
+        return {"spreads": _ints(np.column_stack([to, follows])), "source": _ints(source), "group": _ints(group)}
 
     def _squares(self) -> tuple[np.ndarray, np.ndarray]:
         """Where packs of squares find their corners, and the pressures there."""

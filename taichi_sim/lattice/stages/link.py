@@ -118,15 +118,15 @@ def link_stage(m: ti.template(), k, l, t: ti.template()):
     World frame, components along the link's axis first.
     """
     poses = load_all(m, k, pose_slots(l, t))
-    return link_forces(m, k, l, poses[:7], poses[7:], t)
+    return link_forces(m, k, l, poses[:7], poses[7:], 1, t)
 
 
 @ti.func
-def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.template(), t: ti.template()):
-    """:func:`link_stage` of voxels of these poses; in lanes without a link it is straight and at rest."""
+def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.template(), full, t: ti.template()):
+    """:func:`link_stage` of voxels of these poses; lanes without a link, if not ``full``, are straight and at rest."""
     x, y, z, qw, qx, qy, qz = laws.relative_pose(*first, *second)
     if ti.static(t.packed):
-        if t.lanes.full[l] == 0:
+        if full == 0:
             there = load(t.lanes.there, l, 0)
             x = select(there > 0.5, x, load(m, k, rest_slot(l, t)))
             y, z, qw = select(there > 0.5, y, 0.0), select(there > 0.5, z, 0.0), select(there > 0.5, qw, 1.0)
