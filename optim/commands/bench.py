@@ -12,6 +12,7 @@ from taichi_sim.base.compute import PRECISIONS
 WHOSE = {
     "precision": "inflatable",
     "prototype": "inflatable",
+    "against": "inflatable",
     "vehicle_prototype": "vehicle",
     "rigid_prototype": "rigid",
 }
@@ -26,6 +27,7 @@ COMMAND = Command(
         flag("quick", "shorter, less exact"),
         Option("precision", "of the inflatable robot (default: both)", choices=PRECISIONS),
         path_to("prototype", "PATH", PROTOTYPE.format("the inflatable robot")),
+        path_to("against", "TREE", "source tree of another version, whose own benchmark then runs, too"),
         path_to("vehicle_prototype", "PATH", PROTOTYPE.format("the vehicle")),
         path_to("rigid_prototype", "PATH", PROTOTYPE.format("quadrupeds")),
     ),
@@ -40,7 +42,9 @@ def run(args: argparse.Namespace) -> Report:
         name, given = option.replace("_", "-"), getattr(args, option)
         if given is not None and args.robot not in ("all", robot):
             raise ValueError(f"{name}: it is of the {robot} benchmark; leave it out with {args.robot}")
-        if isinstance(given, Path) and not given.is_file():
+        if isinstance(given, Path) and option == "against" and not (given / "optim" / "cli.py").is_file():
+            raise ValueError(f"{name}: {given} is no source tree of this lab")
+        if isinstance(given, Path) and option != "against" and not given.is_file():
             raise ValueError(f"{name}: {given} is no file")
     try:
         return Report(main(args), "")

@@ -17,36 +17,34 @@ import numpy as np
 
 from robots.bench import braitenberg as vehicle_bench
 from robots.bench import quadruped as rigid_bench
-from robots.bench.rates import best_and_median, prototype_rate
-from robots.inflatable.body import PUBLISHED
-from robots.inflatable.design import INCHING
+from robots.bench.rates import best_and_median, prototype_rate, rates_of_tree
+from robots.inflatable import INCHING, PUBLISHED, GaitSchedule, InflatableDesign
 from robots.inflatable.program import build_program
+from robots.inflatable.schedule import ROWS
 from robots.world import Terrain
 from taichi_sim import runtime
-from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.compute import available_threads
 from taichi_sim.lattice import LatticeEngine, LatticeProgram
 from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
 
 COLUMN = 11_670  # steps of a moving column of the published gaits
 GRADIENT_MEMORY = 2e9  # B
-PIECES = 4  # of a measurement
+PIECES = 8  # of a measurement
+CLIMBERS, COLUMNS, MAXIMUM_SEARCHED = 60, 8, 12e3  # of the published co-design; the core's pressure in Pa
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
 
 
 class Batch:
     """A batch of the published robot at the published inching gait, advanced piece by piece."""
 
-    def __init__(self, batch: int, precision: str, threads: int, width: int | None = None) -> None:
+    def __init__(self, batch: int, precision: str, threads: int) -> None:
         """Set up the batch and measure the time of the first step [s], compilation included."""
         self.batch, self._done = batch, 0
         self._program = build_program([INCHING] * batch, Terrain())
         runtime.start("cpu", precision, threads)
         body, time_step = PUBLISHED.body, PUBLISHED.time_step
-        self.engine = LatticeEngine(
-            body, batch, time_step=time_step, floor=True, precision=precision, threads=threads, width=width
-        )
         started = time.perf_counter()
+        self.engine = LatticeEngine(body, batch, time_step=time_step, floor=True, precision=precision, threads=threads)
         self.advance(1)
         self.first_step = time.perf_counter() - started
 
@@ -71,20 +69,23 @@ class Batch:
         return LatticeProgram(np.full(self.batch, steps), piece, np.full((self.batch, 1), steps))
 
 
-def rates(clock: Callable[[], float], batch: Batch, steps: int) -> dict[str, float]:
+def rates(clock: Callable[[], float], batch: Batch, steps: int, pieces: int = PIECES) -> dict[str, float]:
     """Measure robot-steps per second in several pieces of a run."""
     batch.advance(WARM_UP - 1)
-    return best_and_median([batch.batch * steps / _timed(clock, batch.advance, steps)[0] for _ in range(PIECES)])
+    return best_and_median([batch.batch * steps / _timed(clock, batch.advance, steps)[0] for _ in range(pieces)])
 
 
 def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:
     """Measure all rates in one precision."""
-    lanes, steps = NATIVE_WIDTH[precision], 250 if quick else 1000
+    steps = 500 if quick else 2000
     before = _prototype_rate(prototype, precision) if prototype else None
-    full = Batch(lanes, precision, 1, lanes)
-    found: dict[str, Any] = {"first_step_s": full.first_step, "kilobytes_per_robot": full.engine.bytes_per_robot / 1e3}
+    single = Batch(1, precision, 1)
+    found: dict[str, Any] = {
+        "first_step_s": single.first_step,
+        "kilobytes_per_robot": single.engine.bytes_per_robot / 1e3,
+    }
     peak = measure_peak(precision)
-    rate = found["robot_steps_per_core_second"] = rates(time.process_time, full, steps)
+    rate = found["single_robot_steps_per_second"] = rates(time.process_time, single, steps)
     voxel_steps = rate["best"] * PUBLISHED.body.voxel_count
     found["million_voxel_steps_per_core_second"] = voxel_steps / 1e6
     found["part_of_peak"] = voxel_steps * FLOPS_PER_VOXEL_STEP / peak
@@ -92,15 +93,36 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
         after = _prototype_rate(prototype, precision)
         found["prototype"] = {"before": before, "after": after}
         found["ratio_to_prototype"] = rate["median"] / ((before + after) / 2)
-    single = Batch(1, precision, 1, 1)
-    found["single_robot_steps_per_second"] = rates(time.process_time, single, 2 * steps)
-    found["gradient"] = gradient_cost(precision, 400 if quick else COLUMN)
+    found["gradient"] = gradient_cost(precision, 2000 if quick else COLUMN)
+    found["generation"] = generation(precision, 0.02 if quick else 0.04)
     if available_threads() > 1:
-        found["two_threads"] = {
-            name: _two_threads(batch, precision, width, steps)
-            for name, batch, width in ((f"{2 * lanes} robots", 2 * lanes, lanes), ("2 robots", 2, 1))
-        }
+        one, two = (rates(time.perf_counter, Batch(2, precision, threads), steps)["best"] for threads in (1, 2))
+        found["two_threads"] = two / one
     return found
+
+
+def generation(precision: str, part: float) -> dict[str, float]:
+    """Measure the robot-steps per CPU second of a generation of the published co-design, all robots unlike.
+
+    Args:
+        precision: ``"f32"`` or ``"f64"``.
+        part: of each robot's gait, from its start, that is simulated.
+    """
+    generator = np.random.default_rng(0)
+    codes = generator.integers(0, COLUMNS + 1, (CLIMBERS, 2, ROWS))
+    flat, round_ = 0.0, MAXIMUM_SEARCHED
+    designs = [
+        InflatableDesign(generator.uniform(flat, round_), generator.uniform(0, 90), GaitSchedule.from_codes(*code))
+        for code in codes
+    ]
+    program = build_program(designs, Terrain())
+    lengths = (program.lengths * part).astype(int)
+    events = program.events[program.events["step"] < lengths[program.events["robot"]]]
+    engine = LatticeEngine(PUBLISHED.body, CLIMBERS, time_step=PUBLISHED.time_step, floor=True, precision=precision)
+    begun = time.process_time()
+    steps = int(engine.run(LatticeProgram(lengths, events, lengths[:, None])).steps.sum())
+    rate = steps / (time.process_time() - begun)
+    return {"robot_steps_per_core_second": rate, "core_hours": float(program.lengths.sum()) / rate / 3600}
 
 
 def _prototype_rate(path: Path, precision: str) -> float:
@@ -110,30 +132,23 @@ def _prototype_rate(path: Path, precision: str) -> float:
 
 
 def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
-    """Measure the CPU time of gradients over ``steps`` steps, as a multiple of forward runs.
+    """Measure the CPU time of a robot's gradients over ``steps`` steps, and as a multiple of forward runs.
 
     It includes the steps that the backward pass computes again.
     """
-    found: dict[str, Any] = {"steps": steps}
-    forward = Batch(1, precision, 1, 1)
-    forward.advance(WARM_UP)
-    clock = time.process_time
-    scalar, _ = _timed(clock, forward.advance, steps)
-    for name, robots in (("one_robot", 1), ("lanes", NATIVE_WIDTH[precision])):
-        batch = Batch(robots, precision, 1, robots)
-        batch.differentiate(50)  # compiles
-        batch.advance(WARM_UP - 51)
-        gone, _ = _timed(clock, batch.advance, steps)
-        again = Batch(robots, precision, 1, robots)
-        again.advance(WARM_UP - 1)
-        seconds, memory = _timed(clock, again.differentiate, steps)
-        found[name] = {
-            "robots": robots,
-            "in_its_own_forward_runs": seconds / gone,
-            "in_scalar_forward_runs": seconds / scalar / robots,
-            "megabytes": memory / 1e6,
-        }
-    return found
+    batch = Batch(1, precision, 1)
+    batch.differentiate(50)  # compiles
+    batch.advance(WARM_UP - 51)
+    gone, _ = _timed(time.process_time, batch.advance, steps)
+    again = Batch(1, precision, 1)
+    again.advance(WARM_UP - 1)
+    seconds, memory = _timed(time.process_time, again.differentiate, steps)
+    return {
+        "steps": steps,
+        "steps_per_second": steps / seconds,
+        "in_forward_runs": seconds / gone,
+        "megabytes": memory / 1e6,
+    }
 
 
 def _timed(clock: Callable[[], float], work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
@@ -141,12 +156,6 @@ def _timed(clock: Callable[[], float], work: Callable[[int], Any], steps: int) -
     begun = clock()
     result = work(steps)
     return clock() - begun, result
-
-
-def _two_threads(batch: int, precision: str, width: int, steps: int) -> float:
-    """Measure the wall-clock speed of two threads divided by that of one."""
-    one, two = (rates(time.perf_counter, Batch(batch, precision, threads, width), steps)["best"] for threads in (1, 2))
-    return two / one
 
 
 def main(args: Namespace) -> dict[str, Any]:
@@ -159,6 +168,10 @@ def main(args: Namespace) -> dict[str, Any]:
         for precision in [args.precision] if args.precision else ["f32", "f64"]:
             figures[precision] = measure(precision, args.quick, args.prototype)
             print("\n".join(lines(figures[precision], precision)), file=out)
+            if args.against:
+                other = figures[f"{precision}_of_other"] = rates_of_tree(args.against, precision, args.quick)
+                print(f"against {args.against}:", file=out)
+                print("\n".join(against_lines(figures[precision], other, precision)), file=out)
     if args.robot in ("all", "vehicle"):
         print(f"{machine}; vehicle, all controllers of design 162", file=out)
         figures["vehicle"] = vehicle_bench.measure(args.quick, args.vehicle_prototype)
@@ -172,28 +185,42 @@ def main(args: Namespace) -> dict[str, Any]:
 
 def lines(figures: dict[str, Any], precision: str) -> list[str]:
     """Lines of a table of the rates in one precision."""
-    batch, single, gradient = (
-        figures[name] for name in ("robot_steps_per_core_second", "single_robot_steps_per_second", "gradient")
-    )
-    lanes = NATIVE_WIDTH[precision]
+    single, gradient, whole = (figures[n] for n in ("single_robot_steps_per_second", "gradient", "generation"))
     found = [
-        f"{lanes} robots, one core    {batch['median']:>8.0f} robot-steps/s (best {batch['best']:.0f})",
+        f"one robot, one core      {single['median']:>8.0f} steps/s (best {single['best']:.0f})",
         f"voxels, best piece       {figures['million_voxel_steps_per_core_second']:>8.1f} million voxel-steps/s",
         f"of the core's peak       {figures['part_of_peak']:>8.0%} ({FLOPS_PER_VOXEL_STEP} flop a voxel-step)",
-        f"one robot, one core      {single['median']:>8.0f} steps/s (best {single['best']:.0f})",
-        f"first step, compiling    {figures['first_step_s']:>8.1f} s",
+        f"gradient, one robot      {gradient['steps_per_second']:>8.0f} steps/s ({gradient['in_forward_runs']:.1f} "
+        f"forward runs; {gradient['steps']} steps, {gradient['megabytes']:.0f} MB)",
+        f"{CLIMBERS} climbers, a core      {whole['robot_steps_per_core_second']:>8.0f} robot-steps/s (a generation: "
+        f"{whole['core_hours']:.3f} core-hours)",
+        f"first step               {figures['first_step_s']:>8.1f} s",
         f"memory per robot         {figures['kilobytes_per_robot']:>8.0f} KB",
     ]
     if "ratio_to_prototype" in figures:
         found.insert(1, f"ratio to the prototype   {figures['ratio_to_prototype']:>8.2f}")
-    found += [
-        f"gradient, robots: {g['robots']:<2}     {g['in_scalar_forward_runs']:>8.2f} scalar forward runs a robot "
-        f"({g['in_its_own_forward_runs']:.1f} of its own kind; {gradient['steps']} steps, {g['megabytes']:.0f} MB)"
-        for g in (gradient["one_robot"], gradient["lanes"])
+    if "two_threads" in figures:
+        found.append(f"two threads              {figures['two_threads']:>8.2f} times one")
+    return [f"{precision}  {line}" for line in found]
+
+
+def against_lines(mine: dict[str, Any], other: dict[str, Any], precision: str) -> list[str]:
+    """Lines that compare with the figures of another version, measured in the same run."""
+    pairs = [
+        ("one robot", mine["single_robot_steps_per_second"], other["single_robot_steps_per_second"]),
+        ("a full vector of robots", mine["single_robot_steps_per_second"], other.get("robot_steps_per_core_second")),
     ]
-    found += [
-        f"two threads, {name:<12}{ratio:>8.2f} times one" for name, ratio in figures.get("two_threads", {}).items()
+    found = [
+        f"{name:<24} {a['median'] / b['median']:>8.2f} times (best {a['best'] / b['best']:.2f})"
+        for name, a, b in pairs
+        if b
     ]
+    theirs = other["gradient"]
+    if "one_robot" in theirs:  # version 1.0
+        rate = other["single_robot_steps_per_second"]["median"] / theirs["one_robot"]["in_its_own_forward_runs"]
+    else:
+        rate = theirs["steps_per_second"]
+    found.append(f"gradient, one robot      {mine['gradient']['steps_per_second'] / rate:>8.2f} times")
     return [f"{precision}  {line}" for line in found]
 
 

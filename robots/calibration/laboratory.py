@@ -64,7 +64,6 @@ class Laboratory:
             bodies,
             time_step=self.time_step,
             **terrain.medium,
-            driver="forwards",
             precision=self.precision,
             threads=self.threads,
         )

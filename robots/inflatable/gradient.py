@@ -23,11 +23,11 @@ from robots.inflatable.simulation import (
 from robots.world import Terrain, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.arrays import trace
-from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeResult
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
+from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
@@ -86,8 +86,8 @@ def differentiate(
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         counting: which part of a gait counts, and its stages.
-        memory: bound for what is kept of the way there [B]. On a CPU, robots that could not run side by side are
-            differentiated one group after the other.
+        memory: bound for what is kept of the way there [B]. On a CPU, robots are differentiated in groups of
+            ``ROBOTS_PER_THREAD`` a thread, one after the other.
         progress: called now and then with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``simulate``.
 
@@ -99,7 +99,7 @@ def differentiate(
     check_alike(designs)
     where = Compute.given(compute)
     running = runtime.start(where.device, where.precision, where.threads)
-    size = len(designs) if where.device != "cpu" else NATIVE_WIDTH[where.precision] * running.thread_count
+    size = len(designs) if where.device != "cpu" else ROBOTS_PER_THREAD * running.thread_count
     results, slopes = [], []
     for start in range(0, len(designs), size):
         group = slice(start, start + size)
@@ -139,7 +139,7 @@ def _side_by_side(
     These are the pressure, the orientation, the levels, shape (10, T), and the core pressures of columns, if any.
     """
     program = build_program(designs, terrains, actuation, None, geometry, counting)
-    engine = engine_of(len(designs), geometry, terrains[0], compute, differentiable=True)
+    engine = engine_of(len(designs), geometry, terrains[0], compute)
     tape = engine.record(program, memory=memory, progress=lambda f: progress(RECORDING * f))
     result = summarise(tape.result, program, designs, geometry, actuation, counting)
     headings = np.array([design.orientation for design in designs])

@@ -129,16 +129,13 @@ def checked_designs(
     return listed
 
 
-def engine_of(
-    batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute, differentiable: bool = False
-) -> LatticeEngine:
+def engine_of(batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute) -> LatticeEngine:
     """An engine of so many robots of a geometry, at rest."""
     return LatticeEngine(
         geometry.body,
         batch,
         time_step=geometry.time_step,
         **terrain.medium,
-        driver="auto" if differentiable else "forwards",
         compute=compute,
     )
 

@@ -12,12 +12,12 @@ from robots.frames import Frames
 from robots.robot import Progress, Trial, part_of
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import trace
-from taichi_sim.autodiff.lanes import NATIVE_WIDTH
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
 from taichi_sim.lattice.faces import half_extents
+from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
@@ -93,8 +93,8 @@ def differentiate(
 
     Args:
         robot, points, terrain, progress: as in :func:`simulate`.
-        memory: bound for what is kept of the way there [B]. On a CPU, points that could not run side by side are
-            differentiated one group after the other.
+        memory: bound for what is kept of the way there [B]. On a CPU, points are differentiated in groups of
+            ``ROBOTS_PER_THREAD`` a thread, one after the other.
         **compute: device, precision and threads, as of :class:`Compute`.
 
     Raises:
@@ -112,14 +112,14 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
     reason = np.array([robot.fault(point) for point in points])
     size = len(points)
     if trial.gradients and compute.device == "cpu":
-        size = NATIVE_WIDTH[compute.precision] * compute.thread_count
+        size = ROBOTS_PER_THREAD * compute.thread_count
     groups = [np.arange(first, min(first + size, len(points))) for first in range(0, len(points), size)]
     parts = []
     for done, group in enumerate(groups):
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
         if not len(rows):
             continue
-        batch = _Batch(robot, points[rows], terrain, compute, every, trial.gradients)
+        batch = _Batch(robot, points[rows], terrain, compute, every)
         if trial.gradients:
             found = _differentiate(batch, memory, tick or (lambda _: None))
         else:
@@ -182,7 +182,6 @@ class _Batch:
         terrain: Terrain,
         compute: Compute,
         record_every: int | None,
-        differentiable: bool,
     ) -> None:
         self.robot, self.points, self.record_every = robot, points, record_every
         self.bodies = robot.bodies(points)
@@ -204,7 +203,6 @@ class _Batch:
             len(points),
             time_step=robot.cycle.time_step,
             **terrain.medium,
-            driver="auto" if differentiable else "forwards",
             compute=compute,
         )
 

@@ -11,8 +11,7 @@ from taichi_sim import runtime
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.drivers.driver import Driver, Run
-from taichi_sim.lattice.drivers.fused import FusedDriver
-from taichi_sim.lattice.drivers.packed import PackedDriver, few
+from taichi_sim.lattice.drivers.packed import PackedDriver
 from taichi_sim.lattice.drivers.stepped import SteppedDriver
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
@@ -22,7 +21,7 @@ from taichi_sim.lattice.stages.tables import PackedProgram, build_tables, pack_p
 if TYPE_CHECKING:
     from taichi_sim.lattice.gradient import Tape
 
-DRIVERS = ("auto", "forwards", "fused", "packed", "stepped")
+DRIVERS = ("auto", "packed", "stepped")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +99,6 @@ class LatticeEngine:
         fluid: bool = False,
         gravity: float = 0.0,
         driver: str = "auto",
-        width: int | None = None,
         compute: Compute | None = None,
         **options: Unpack[ComputeOptions],
     ) -> None:
@@ -117,10 +115,8 @@ class LatticeEngine:
                 and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
                 pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
-            driver: "fused" (CPU, robots in vector lanes), "packed" (CPU, voxels of one robot in vector lanes),
-                "stepped" (a kernel per stage of a step), "auto" (fused on a CPU) or "forwards": as auto, but few robots
-                are packed. Runs do not depend on it; the last bits of gradients do.
-            width: robots per native vector of the fused driver, 1 or 16 (f32) or 8 (f64); chosen by default.
+            driver: "packed" (CPU: the voxels of a robot in vector lanes), "stepped" (a kernel per stage of a step) or
+                "auto" (packed on a CPU, else stepped). Runs do not depend on it; the last bits of gradients do.
             compute: device, precision (f64 by default) and threads.
             **options: instead of ``compute``, its fields one by one.
 
@@ -146,10 +142,10 @@ class LatticeEngine:
         precision, on_cpu = self.compute.precision, self.compute.device == "cpu"
         if driver not in DRIVERS:
             raise ValueError(f"driver: {driver!r} is unknown; choose one of {', '.join(DRIVERS)}")
-        if driver in ("fused", "packed") and not on_cpu:
+        if driver == "packed" and not on_cpu:
             raise ValueError(f"driver: {driver!r} runs on a cpu only, not on {self.compute.device!r}; use 'auto'")
         self.gravity = float(gravity)
-        threads = runtime.start(self.compute).thread_count
+        runtime.start(self.compute)
         self.order = self.body.topology.order
         self.place = np.argsort(self.order)  # of each of the body's voxels in the engine's order
         self.tables = build_tables(bodies, self.time_step, bool(fluid))
@@ -157,10 +153,8 @@ class LatticeEngine:
         self._driver: Driver
         if driver == "stepped" or not on_cpu:
             self._driver = SteppedDriver(self.tables, self.batch, precision, switches, on_cpu)
-        elif driver == "packed" or (driver == "forwards" and not width and few(self.batch, self.compute)):
-            self._driver = PackedDriver(self.tables, self.batch, precision, switches, self.body.voxels[self.order])
         else:
-            self._driver = FusedDriver(self.tables, self.batch, precision, threads, switches, width)
+            self._driver = PackedDriver(self.tables, self.batch, precision, switches, self.body.voxels[self.order])
         self._diverged = np.zeros(self.batch, bool)
         self.reset()
 

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 
 
+# So many robots a thread are worth one tape: more only share the memory that is allowed, and so compute more again.
+ROBOTS_PER_THREAD = 8
+
+
 @dataclass(frozen=True, eq=False)
 class LatticeGradient:
     """Derivatives of a cost, at the values that the run had.

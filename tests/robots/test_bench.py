@@ -20,12 +20,22 @@ def test_all_figures(tmp_path, capsys):
     """With a prototype that claims a million robot-steps per second."""
     prototype = tmp_path / "prototype.py"
     prototype.write_text("print('f32: 1000000 robot-steps per CPU second')")
-    args = Namespace(robot="inflatable", precision="f32", quick=True, prototype=prototype, json=False)
+    args = Namespace(robot="inflatable", precision="f32", quick=True, prototype=prototype, json=False, against=None)
     figures = bench.main(args)["f32"]
-    assert figures["ratio_to_prototype"] == figures["robot_steps_per_core_second"]["median"] / 1e6
+    assert figures["ratio_to_prototype"] == figures["single_robot_steps_per_second"]["median"] / 1e6
     assert 0 < figures["part_of_peak"] < 1
-    assert figures["kilobytes_per_robot"] < 800
+    assert figures["kilobytes_per_robot"] < 850
     assert "robot-steps/s" in capsys.readouterr().out
+
+
+def test_rates_are_compared_with_those_of_version_1():
+    mine = {"single_robot_steps_per_second": {"median": 30.0, "best": 40.0}, "gradient": {"steps_per_second": 8.0}}
+    gradient = {"one_robot": {"in_its_own_forward_runs": 5.0}}
+    other = {"single_robot_steps_per_second": {"median": 10.0, "best": 10.0}, "gradient": gradient}
+    assert [line.split()[3:5] for line in bench.against_lines(mine, other, "f32")] == [
+        ["3.00", "times"],
+        ["robot", "4.00"],
+    ]
 
 
 @pytest.mark.slow

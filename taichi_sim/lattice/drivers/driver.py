@@ -45,6 +45,7 @@ class Driver(ABC):
         self.robot = np.minimum(places, batch - 1)  # lanes without a robot repeat the last one
         self.has_robot = places < batch
         self.layout = tables.layout(forces)
+        self.state_slots = self.layout.state_slots
         self.plan = tables.plan(self.layout, *switches)
         self.memory = self.zeros(self.layout.slots)
         for section, values in tables.initial_sections():
@@ -174,7 +175,7 @@ class Run(ABC):
         """Steps of all robots that a record can hold."""
         layout, real = self.driver.layout, self.driver.real
         reals = self.driver.memory.size // (layout.slots * real.width)  # of a slot
-        return memory.MOST_SLOTS // (reals * layout.state_slots)
+        return memory.MOST_SLOTS // (reals * self.driver.state_slots)
 
     @property
     def reverse_bytes(self) -> int:

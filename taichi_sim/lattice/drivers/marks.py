@@ -16,7 +16,6 @@ from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.groups import size_slots
 from taichi_sim.lattice.stages.link import rest_slot
 from taichi_sim.lattice.stages.memory import AGE, BASE, CHANNEL, CHANNEL_WIDTH, RATE
-from taichi_sim.lattice.stages.neighbours import NOWHERE
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
 from taichi_sim.runtime import ti
 
@@ -24,7 +23,7 @@ from taichi_sim.runtime import ti
 EVENT, FIRST_EVENT, END_EVENT, LENGTH, STATE, STEP, ROBOT = range(7)
 LANE_COLUMNS = 7
 ACTIVE, ENDED, DIVERGED, WAITING = range(4)  # waiting, on the way back: beyond its last step
-NO_MARK = -1
+NO_MARK, NOWHERE = -1, 2**30  # steps before the first and beyond the last
 
 Recordings = tuple[np.ndarray, np.ndarray, np.ndarray]
 

@@ -5,36 +5,23 @@ from collections.abc import Callable
 import numpy as np
 
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
-from taichi_sim.base.compute import Compute
 from taichi_sim.lattice.drivers import packed_contact as contacts
 from taichi_sim.lattice.drivers import packed_kernel as kernel
 from taichi_sim.lattice.drivers import packed_reverse_kernel as backwards
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
-from taichi_sim.lattice.drivers.fused import BLOCK_COST
-from taichi_sim.lattice.drivers.marks import Recordings
+from taichi_sim.lattice.drivers.marks import NOWHERE, Recordings
 from taichi_sim.lattice.drivers.packed_contact import Pairs, Record
 from taichi_sim.lattice.drivers.packed_lanes import SPREAD_ROW
 from taichi_sim.lattice.drivers.packed_reverse_kernel import BACK_WIDTH
 from taichi_sim.lattice.drivers.packed_tables import PackedTables
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
-from taichi_sim.lattice.stages.neighbours import NOWHERE
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
 from taichi_sim.runtime import aligned
 
 STEPS_PER_LAUNCH, LEAST_STEPS = 1000, 50
 STEPS_PER_REVERSE = 250
-# A robot in packs takes about this part of the time of one in scalars (measured on a CPU with AVX-512).
-ROBOT_COST = {"f32": 0.2, "f64": 0.3}
 PAIRS_PER_VOXEL = 4  # room for listed pairs at first; it grows when needed
-LASTING = ("listed", "near", "seen", "sizes", "drift", "touched", "changing", "info")  # of pairs, from step to step
-
-
-def few(batch: int, compute: Compute) -> bool:
-    """Whether so many robots are done sooner one by one in packs than side by side in lanes."""
-    blocks, threads = -(-batch // NATIVE_WIDTH[compute.precision]), compute.thread_count
-    in_packs = -(-batch // threads) * ROBOT_COST[compute.precision]
-    return in_packs < min(-(-blocks // threads) * BLOCK_COST[compute.precision], -(-batch // threads))
 
 
 class PackedReverse(Reverse):
@@ -113,7 +100,7 @@ class PackedRun(Run):
             self._launch(last, record)
             full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
             if full.any():
-                driver.reserve(2 * driver.pairs.listed.shape[2])
+                driver.reserve(3 * driver.pairs.listed.shape[2] // 2)
                 info = driver.pairs.info
                 info[full, contacts.STATE] = contacts.RUNNING
             if tick:
@@ -148,7 +135,7 @@ class PackedRun(Run):
     def new_record(self, first: int, room: int, contacts: int) -> Record:
         """Memory for so many states from step ``first`` on, and so many contacts of each."""
         batch, real = self.driver.batch, self.driver.real
-        states = aligned((batch * room * self.driver.layout.state_slots, real.width), real.numpy)
+        states = aligned((batch * room * self.driver.state_slots, real.width), real.numpy)
         groups = np.zeros(batch * room * self.driver.channel_slots, real.numpy)
         log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)
         return Record(True, first, states, states.reshape(-1), groups, groups[:, None], room, log, start)
@@ -161,7 +148,7 @@ class PackedRun(Run):
     def state_bytes(self) -> int:
         """Bytes of a recorded step of all robots."""
         driver = self.driver
-        reals = driver.layout.state_slots * driver.real.width + driver.channel_slots
+        reals = driver.state_slots * driver.real.width + driver.channel_slots
         return driver.batch * (reals * driver.memory.itemsize + 8 * CONTACTS_PER_STEP + 4)
 
 
@@ -186,7 +173,7 @@ class PackedDriver(Driver):
         self.packed = packed = PackedTables(tables, places, self.real)
         self.blocks, self.robot = batch, np.arange(batch)[:, None]
         self.has_robot = np.ones((batch, 1), bool)
-        self.layout, self.scalars = packed.layout, packed.scalars
+        self.layout, self.scalars, self.state_slots = packed.layout, packed.scalars, packed.state_slots
         self.switches = switches
         self.plan = packed.plan(packed.layout, switches)
         self.group_plan = tables.plan(packed.scalars, *switches)
@@ -195,8 +182,8 @@ class PackedDriver(Driver):
         packs, dtype = len(packed.packs.voxel), self.real.numpy
         place = self.real.array((batch * -(-max(len(tables.surface_voxels), 1) // self.real.width) * 3,))
         self.pairs = Pairs(
-            listed=np.zeros((batch, contacts.PAIR_COLUMNS, 0), np.int32),
-            near=np.zeros((batch, contacts.PAIR_COLUMNS, 0), np.int32),
+            listed=np.zeros((batch, 2, 0), np.int32),
+            near=np.zeros((batch, contacts.NEAR_COLUMNS, 0), np.int32),
             seen=aligned((batch * packs * 3, self.real.width), dtype),
             place=place,
             place_scalar=place.reshape(-1),
@@ -227,11 +214,11 @@ class PackedDriver(Driver):
 
     def reserve(self, pairs: int) -> None:
         """Make room for so many listed pairs a robot, keeping the present ones; short lists are made anew."""
-        columns, kept = contacts.PAIR_COLUMNS, self.pairs.listed.shape[2]
+        kept = self.pairs.listed.shape[2]
         # In packs; those that are not full end with pairs of the first voxel with itself, which do not count.
-        listed = np.zeros((self.batch, columns, -(-pairs // self.real.width) * self.real.width), np.int32)
+        listed = np.zeros((self.batch, 2, -(-pairs // self.real.width) * self.real.width), np.int32)
         listed[:, :, :kept] = self.pairs.listed
-        near = np.zeros((self.batch, columns, pairs + self.real.width), np.int32)
+        near = np.zeros((self.batch, contacts.NEAR_COLUMNS, pairs + self.real.width), np.int32)
         self.pairs = self.pairs._replace(listed=listed, near=near)
         self.pairs.drift[...] = np.inf
 
@@ -262,15 +249,14 @@ class PackedDriver(Driver):
         return self.group_section(section).copy()
 
     def save(self) -> Checkpoint:
-        """Copies of all that lasts from run to run."""
-        return self.memory.copy(), self.groups.copy(), *(getattr(self.pairs, name).copy() for name in LASTING)
+        """Copies of all that lasts from run to run; pairs follow from it."""
+        return self.memory[:, : self.layout.starts[memory.FORCE]].copy(), self.groups.copy(), self.pairs.info.copy()
 
     def restore(self, saved: Checkpoint) -> None:
-        """Go back to what was saved."""
-        slots, groups, *pairs = saved
-        self.memory[...], self.groups[...] = slots, groups
-        copies = {name: aligned_copy(a) for name, a in zip(LASTING, pairs, strict=True)}
-        self.pairs = self.pairs._replace(**copies)
+        """Go back to what was saved; pairs are listed again."""
+        slots, self.groups[...], self.pairs.info[...] = saved
+        self.memory[:, : slots.shape[1]] = slots
+        self.pairs.info[:, contacts.LISTED] = contacts.UNLISTED
 
     @property
     def rebuilds(self) -> int:
@@ -281,10 +267,3 @@ class PackedDriver(Driver):
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""
         return int(sum(a.nbytes for a in (self.memory, self.groups, *self.pairs)) / self.batch)
-
-
-def aligned_copy(array: np.ndarray) -> np.ndarray:
-    """A copy on a boundary that native vectors require."""
-    copy = aligned(array.shape, array.dtype.type)
-    copy[...] = array
-    return copy

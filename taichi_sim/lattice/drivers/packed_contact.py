@@ -6,7 +6,7 @@ from taichi_sim.autodiff.lanes import all_lanes, any_lane, consecutive, load, lo
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.drivers.marks import current_size
-from taichi_sim.lattice.drivers.packed_lanes import gather_all
+from taichi_sim.lattice.drivers.packed_lanes import Lanes, gather_all
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.runtime import element, emit, ti
@@ -15,6 +15,7 @@ from taichi_sim.runtime import element, emit, ti
 STEP, NEXT_MARK, STATE, LISTED, REBUILDS, NEAR, CHANGING, FRESH, LOGGED, KEPT = range(10)
 INFO_COLUMNS = 10
 RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
+UNLISTED = -1  # instead of a number of listed pairs: they follow from where voxels were when pairs were listed
 
 SHORT = 0.1  # voxel edges that a voxel may move, and sizes may grow, before the short list is made again
 # Times that much is between what touches and what the short list has: both voxels move, and their reach, 0.625 edges of
@@ -22,7 +23,7 @@ SHORT = 0.1  # voxel edges that a voxel may move, and sizes may grow, before the
 SLACK = 2.0 + 2.0 * 0.625 + 0.05
 
 
-PAIR_COLUMNS = 8
+NEAR_COLUMNS = 6
 NOT_THERE = 1e30  # m
 
 
@@ -30,9 +31,9 @@ class Pairs(NamedTuple):
     """Who may touch whom, robot by robot, and whose contact forces are to be taken.
 
     Attributes:
-        listed: pairs of surface voxels of the neighbour list: places of both in VOXEL, of their groups, and in CONTACT;
-            their numbers, shape (B, 8, pairs).
-        near: the short list, likewise, shape (B, 8, pairs + width).
+        listed: pairs of surface voxels of the neighbour list, shape (B, 2, pairs).
+        near: the short list: numbers of both, their places in VOXEL, and those of their groups, shape
+            (B, 6, pairs + width).
         seen: positions at which the short list was made, by pack.
         place, place_scalar: positions of surface voxels in their order, x, y and z by vector, while pairs are listed;
             and as scalars.
@@ -80,19 +81,27 @@ class Record(NamedTuple):
 
 
 @ti.func
-def list_pairs(r: ti.template(), radius_squared):
-    """List the pairs of surface voxels that are near, in ascending order; returns 0 if there is no room."""
+def list_pairs(r: ti.template(), again, radius_squared):
+    """List the pairs of surface voxels that are near, or were when last listed; returns 0 if there is no room.
+
+    Pairs are in ascending order.
+    """
     i, k, ms, t, p, pairs = ti.static((r.i, r.k, r.ms, r.t, r.p, r.pairs))
     count = 0
     w = ti.static(p.width)
-    o = (k + t.plan[memory.VOXEL]) * w
     surface = t.plan[memory.SURFACE]
     rows = (surface + w - 1) // w
     first = i * rows * 3
     for s in range(rows * w):
         at = (first + s // w * 3) * w + s % w
         for c in ti.static(range(3)):
-            pairs.place_scalar[at + c * w] = ms[p.surface[s, 0] + o + c * w] if s < surface else NOT_THERE
+            pairs.place_scalar[at + c * w] = NOT_THERE
+        if s < surface:
+            place = (k + t.plan[memory.VOXEL]) * w + p.surface[s, 0]
+            if again == 1:
+                place = (k + t.plan[memory.LISTED]) * w + p.surface[s, 2]
+            for c in ti.static(range(3)):
+                pairs.place_scalar[at + c * w] = ms[place + c * w]
     for s in range(surface):
         at = (first + s // w * 3) * w + s % w
         x, y, z = pairs.place_scalar[at], pairs.place_scalar[at + w], pairs.place_scalar[at + 2 * w]
@@ -109,13 +118,13 @@ def list_pairs(r: ti.template(), radius_squared):
                     for j in ti.static(range(w)):
                         if bits & (1 << j) != 0:
                             if count < pairs.listed.shape[2]:
-                                enter(i, pairs.listed, count, s, q + j, p)
+                                pairs.listed[i, 0, count], pairs.listed[i, 1, count] = s, q + j
                             count += 1
     fits = 0
     if count <= pairs.listed.shape[2]:
         fits = 1
         pairs.info[i, LISTED] = count
-        pairs.info[i, REBUILDS] += 1
+        pairs.info[i, REBUILDS] += 1 - again
     return fits
 
 
@@ -127,18 +136,18 @@ def lane_bits(condition, width: ti.template()):
 
 
 @ti.func
-def renew_list(r: ti.template(), radius):
-    """List neighbours anew, and note where voxels are; halts the robot if there is no room."""
+def renew_list(r: ti.template(), again, radius):
+    """List neighbours anew, and note where voxels are, or list those noted; halts the robot if there is no room."""
     i, k, m, t, pairs = ti.static((r.i, r.k, r.m, r.t, r.pairs))
-    if list_pairs(r, radius * radius) == 0:
+    if list_pairs(r, again, radius * radius) == 0:
         pairs.info[i, STATE] = OUT_OF_PAIRS
-    else:
+    elif again == 0:
         for v in range(t.plan[memory.VOXELS]):
             place = load_all(m, k, consecutive(t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH, 3))
             store_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3), place)
         zero = 0.0 * load(m, k, t.plan[memory.CONSTANT])
         store_all(m, k, (t.plan[memory.MONITOR] + memory.MOVED,), (zero,))
-        pairs.drift[i] = zero + 1e30
+    pairs.drift[i] = 0.0 * load(m, k, t.plan[memory.CONSTANT]) + NOT_THERE
 
 
 @ti.func
@@ -154,19 +163,19 @@ def shorten(r: ti.template(), margin):
     count = 0
     w = ti.static(p.width)
     for n in range((pairs.info[i, LISTED] + w - 1) // w):
-        dx, dy, dz, limit = offsets(r, pairs.listed, n * w)
+        one, two = ti.static(of_surface(pairs.listed, i, 0, n * w, p), of_surface(pairs.listed, i, 1, n * w, p))
+        dx, dy, dz, limit = offsets(r, one[0], two[0], one[1], two[1])
         limit = limit + SLACK * margin
         far = dx * dx + dy * dy + dz * dz >= limit * limit
         if not all_lanes(far):
             near = ti.select(far, 0, 1)
             for j in ti.static(range(w)):
                 if near[j] != 0 and n * w + j < pairs.info[i, LISTED]:
-                    for c in ti.static(range(PAIR_COLUMNS)):
-                        pairs.near[i, c, count] = pairs.listed[i, c, n * w + j]
+                    enter(r, count, pairs.listed[i, 0, n * w + j], pairs.listed[i, 1, n * w + j])
                     count += 1
     pairs.info[i, NEAR] = count
     for _ in range((w - count % w) % w):  # two who are never near fill up the last pack
-        enter(i, pairs.near, count, t.plan[memory.SURFACE], t.plan[memory.SURFACE] + 1, p)
+        enter(r, count, t.plan[memory.SURFACE], t.plan[memory.SURFACE] + 1)
         count += 1
     for v in range(t.plan[memory.VOXELS]):
         first = (i * t.plan[memory.VOXELS] + v) * 3
@@ -177,24 +186,22 @@ def shorten(r: ti.template(), margin):
 
 
 @ti.func
-def enter(i, pairs: ti.template(), n, s1, s2, p: ti.template()):
-    """Enter a pair of surface voxels into a list."""
-    for c in ti.static(range(3)):
-        pairs[i, 2 * c, n], pairs[i, 2 * c + 1, n] = p.surface[s1, c], p.surface[s2, c]
-    pairs[i, 6, n], pairs[i, 7, n] = s1, s2
+def enter(r: ti.template(), n, s1, s2):
+    """Enter a pair of surface voxels into the short list."""
+    i, p, near = ti.static((r.i, r.p, r.pairs.near))
+    near[i, 0, n], near[i, 1, n] = s1, s2
+    for c in ti.static(range(2)):
+        near[i, 2 + 2 * c, n], near[i, 3 + 2 * c, n] = p.surface[s1, c], p.surface[s2, c]
 
 
 @ti.func
-def offsets(r: ti.template(), pairs: ti.template(), n):
-    """Offsets between the voxels of a pack of pairs, from the n-th of a list on, and the distances where they touch."""
-    i, k, h, ms, g, t, tg, w = ti.static((r.i, r.k, r.h, r.ms, r.g, r.t, r.tg, r.p.width))
-    first = (k + t.plan[memory.VOXEL]) * w
-    one, two = ti.static(column(first, pairs, i, 0, n, w), column(first, pairs, i, 1, n, w))
-    x1, y1, z1 = gather_all(ms, one, (0, 1, 2), w)
-    x2, y2, z2 = gather_all(ms, two, (0, 1, 2), w)
-    size = h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
-    groups = ti.static(column(size, pairs, i, 2, n, w), column(size, pairs, i, 3, n, w))
-    limit = contact.reach(gather_all(g, groups[0], (0,), 1)[0], gather_all(g, groups[1], (0,), 1)[0])
+def offsets(r: ti.template(), one: ti.template(), two: ti.template(), group1: ti.template(), group2: ti.template()):
+    """Offsets between the voxels of a pack of pairs, and the distances at which they touch."""
+    k, h, ms, g, t, tg, w = ti.static((r.k, r.h, r.ms, r.g, r.t, r.tg, r.p.width))
+    first, size = (k + t.plan[memory.VOXEL]) * w, h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
+    x1, y1, z1 = gather_all(ms, one, (0, 1, 2), w, first)
+    x2, y2, z2 = gather_all(ms, two, (0, 1, 2), w, first)
+    limit = contact.reach(gather_all(g, group1, (0,), 1, size)[0], gather_all(g, group2, (0,), 1, size)[0])
     return x2 - x1, y2 - y1, z2 - z1, limit
 
 
@@ -212,25 +219,24 @@ def collide(r: ti.template(), log: ti.template()):
         shorten(r, margin)
     sums = (k + t.plan[memory.CONTACT]) * w
     for n in range((pairs.info[i, NEAR] + w - 1) // w):
-        dx, dy, dz, limit = offsets(r, pairs.near, n * w)
+        one, two = ti.static(column(pairs.near, i, 2, n * w, w), column(pairs.near, i, 3, n * w, w))
+        group1, group2 = ti.static(column(pairs.near, i, 4, n * w, w), column(pairs.near, i, 5, n * w, w))
+        dx, dy, dz, limit = offsets(r, one, two, group1, group2)
         near = dx * dx + dy * dy + dz * dz < limit * limit
         if any_lane(near):
             push = memory.MOMENTUM
             first, constant = (k + t.plan[memory.VOXEL]) * w, h + tg.plan[memory.CONSTANT]
-            one, two = ti.static(column(first, pairs.near, i, 0, n * w, w), column(first, pairs.near, i, 1, n * w, w))
-            group1 = ti.static(column(constant, pairs.near, i, 2, n * w, w))
-            group2 = ti.static(column(constant, pairs.near, i, 3, n * w, w))
-            px, py, pz = gather_all(ms, one, (push, push + 1, push + 2), w)
-            qx, qy, qz = gather_all(ms, two, (push, push + 1, push + 2), w)
+            px, py, pz = gather_all(ms, one, (push, push + 1, push + 2), w, first)
+            qx, qy, qz = gather_all(ms, two, (push, push + 1, push + 2), w, first)
             constants = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
-            w1, k1, c1 = gather_all(g, group1, constants, 1)
-            w2, k2, c2 = gather_all(g, group2, constants, 1)
+            w1, k1, c1 = gather_all(g, group1, constants, 1, constant)
+            w2, k2, c2 = gather_all(g, group2, constants, 1, constant)
             f = contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
             touch = ti.select(near, 1, 0)
             for j in ti.static(range(w)):
                 if touch[j] != 0:
                     for end in ti.static(range(2)):
-                        place = pairs.near[i, 4 + end, n * w + j]
+                        place = p.surface[pairs.near[i, end, n * w + j], 2]
                         pairs.touched[i, place // (3 * w)] = 1
                         for c in ti.static(range(3)):
                             force = f[c][j] if ti.static(end == 1) else 0.0 - f[c][j]
@@ -238,12 +244,19 @@ def collide(r: ti.template(), log: ti.template()):
                     if ti.static(log.kept):
                         entry = pairs.info[i, LOGGED]
                         if entry < log.contacts.shape[1]:
-                            log.contacts[i, entry, 0] = pairs.near[i, 6, n * w + j]
-                            log.contacts[i, entry, 1] = pairs.near[i, 7, n * w + j]
+                            log.contacts[i, entry, 0] = pairs.near[i, 0, n * w + j]
+                            log.contacts[i, entry, 1] = pairs.near[i, 1, n * w + j]
                         pairs.info[i, LOGGED] = entry + 1
 
 
 @primitive
-def column(first: Any, pairs: Any, i: Any, number: int, n: Any, width: int) -> list[Any]:
-    """Places behind a first one, of a column of a list of pairs, from its entry n on."""
-    return [emit(first + element(pairs, i, number, emit(n + j))) for j in range(width)]
+def column(pairs: Any, i: Any, number: int, n: Any, width: int) -> list[Any]:
+    """A column of a list of pairs, from its entry n on."""
+    return [emit(element(pairs, i, number, emit(n + j))) for j in range(width)]
+
+
+@primitive
+def of_surface(pairs: Any, i: Any, end: int, n: Any, p: Lanes) -> tuple[list[Any], ...]:
+    """Places in VOXEL and of the groups of the voxels at one end of a list of pairs, from its entry n on."""
+    numbers = column(pairs, i, end, n, p.width)
+    return tuple([emit(element(p.surface, s, c)) for s in numbers] for c in range(2))

@@ -437,7 +437,8 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
                     row = step - log.first
                     here = row * t.plan[memory.STATE_SLOTS]
                     after = here + t.plan[memory.STATE_SLOTS]
-                    if back > 0:
+                    # A robot waits until its own last step; one that diverged has no way back.
+                    if back > 0 and marks.lanes[i, 0, marking.STATE] == marking.ACTIVE:
                         u = ti.static(Undo(memories.m, k, log.states, r, memories.a, here, after))
                         ug = ti.static(
                             Undo(memories.g, h, log.groups, rg, memories.ag, row * channels, (row + 1) * channels)

@@ -14,6 +14,7 @@ from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.tables import Tables
 from taichi_sim.runtime import aligned
 
+OF_GROUPS = (memory.CHANNEL, memory.CURRENT, memory.CONSTANT, memory.BEAM, memory.REST)
 FAR = 1e6  # m: where those are who belong to nobody
 # Quantities that sizes follow from, and forces and damping: the first, and the one after the last.
 SIZING = (Quantity.SCALE, Quantity.TEMPERATURE + 1)
@@ -39,7 +40,10 @@ class PackedTables:
         """Lay out a body; ``places`` are those of its voxels on the lattice, engine order, shape (V, 3)."""
         self.tables, self.real = tables, real
         self.packs: Packs = lay_out(tables, places, real.width)
-        self.scalars = tables.layout(forces=(1, 1))
+        whole = tables.layout(forces=(1, 1)).rows
+        self.scalars = memory.Memory.of(
+            (count if section in OF_GROUPS else 0, w) for section, (count, w) in enumerate(whole)
+        )
         packs, given = self.packs, tables.voxel.reshape(-1, columns.VOXEL_COLUMNS)
         links = tables.link.reshape(-1, columns.LINK_COLUMNS)
         group = np.where(packs.voxel >= 0, tables.group[packs.voxel], -1)
@@ -63,7 +67,7 @@ class PackedTables:
             memory.CONTACT: len(packs.voxel),
             memory.PRESSED: squares + 1 if squares else 0,  # the last one gives no force, as the last link pack
         }
-        rows = [(counts.get(section, count), width) for section, (count, width) in enumerate(self.scalars.rows)]
+        rows = [(counts.get(section, count), width) for section, (count, width) in enumerate(whole)]
         forwards, backwards = (len(packs.link) + 1, FORCE_WIDTH), (len(packs.voxel) + 1, 6)
         ahead, behind = rows[: memory.FORCE], rows[memory.FORCE + 1 :]
         self.layout = memory.Memory.of([*ahead, forwards, *behind])
@@ -76,9 +80,15 @@ class PackedTables:
     def plan(self, layout: memory.Memory, switches: tuple[bool, bool]) -> np.ndarray:
         """The plan of the vector memory, or of one laid out alike."""
         plan = self.tables.plan(layout, *switches)
+        plan[memory.STATE_SLOTS] = self.state_slots
         plan[memory.VOXELS], plan[memory.LINKS] = len(self.packs.voxel), len(self.packs.link)
         plan[memory.SQUARES] = self.squares
         return plan
+
+    @property
+    def state_slots(self) -> int:
+        """Slots of the state in the vector memory; that of the channels is among the scalars."""
+        return self.layout.starts[memory.CHANNEL]
 
     def _any(self, of_voxels: np.ndarray) -> np.ndarray:
         """Whether it holds for any voxel of a pack, shape (P,)."""

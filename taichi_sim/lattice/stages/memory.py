@@ -13,7 +13,7 @@ The sections of the state come first, so that a robot can be copied away and bac
     BEAM      9 a pair of materials: materials.beam_constants
     REST      2 a pair of groups and axis: rest length and its inverse
     CONTACT   3 a surface voxel: contact force
-    FORCE     fused driver: 6 a place in the ring of forces; stepped driver: 12 a link
+    FORCE     12 a link; packed driver: 14 a link pack
     PRESSED   12 a square of a closed surface under pressure: forces on its corners
 
 Groups are the regions of a body, split where a region mixes materials.
@@ -44,8 +44,8 @@ SIZE, MEAN_SIZE, PUSH, DRAG, ANGULAR_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: 
 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
 VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS = range(SECTION_COUNT, SECTION_COUNT + 7)
-RING_MASK, FLOOR_ON, CONTACT_ON, POISSON_ON, FLUID_ON, SQUARES = range(SECTION_COUNT + 7, SECTION_COUNT + 13)
-PLAN_LENGTH = SECTION_COUNT + 13
+FLOOR_ON, CONTACT_ON, POISSON_ON, FLUID_ON, SQUARES = range(SECTION_COUNT + 7, SECTION_COUNT + 12)
+PLAN_LENGTH = SECTION_COUNT + 12
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,6 @@ class Tables:
         poisson: whether any robot has a material with Poisson's effect.
         squares: number of squares of that surface.
         fluid: whether there is a fluid around the robots.
-        ring: power of two that no link's voxel numbers differ by more than.
     """
 
     link: np.ndarray
@@ -70,7 +69,6 @@ class Tables:
     poisson: bool
     squares: int
     fluid: bool
-    ring: int
 
     def shared(
         self, plan: np.ndarray, constants: tuple[float, float, float], dtype: type, put: Callable[[np.ndarray], Any]
@@ -108,11 +106,11 @@ class Tables:
 
     def plan(self, layout: memory.Memory, floor: bool, self_contact: bool) -> np.ndarray:
         """The integers that tell kernels where sections lie, how many items there are and what is switched on."""
-        no_pairs, ring_mask = 0, self.ring - 1
+        no_pairs = 0
         counts = [len(a) for a in (self.group, self.link_ends, self.group_region, self.rest, self.surface_voxels)]
         switches = floor, self_contact, self.poisson, self.fluid
         # In the order of their places in ``memory``.
-        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, ring_mask, *switches, self.squares]
+        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, *switches, self.squares]
         return np.array(plan, np.int32)
 
 
@@ -165,7 +163,6 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
         poisson=_has_poisson(bodies),
         squares=len(squares),
         fluid=fluid,
-        ring=1 << int(np.ptp(ends, axis=1).max(initial=0)).bit_length(),
     )
 
 

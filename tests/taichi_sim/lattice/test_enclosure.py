@@ -168,8 +168,8 @@ def test_pressure_does_not_move_a_free_body_without_symmetry():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize(("precision", "native"), [("f64", 8), ("f32", 16)])
-def test_every_driver_gives_the_same_bits(precision, native):
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_every_driver_gives_the_same_bits(precision):
     body = lopsided()
     rng = np.random.default_rng(0)
     count = body.voxel_count
@@ -179,10 +179,7 @@ def test_every_driver_gives_the_same_bits(precision, native):
         rng.normal(0, 0.1, (1, count, 3)),
         np.zeros((1, count, 3)),
     )
-    runs = [
-        inflated(body, 300, 8e3, moving, precision=precision, **options)
-        for options in ({"width": 1}, {"width": native}, {"driver": "stepped"})
-    ]
+    runs = [inflated(body, 300, 8e3, moving, precision=precision, driver=driver) for driver in ("packed", "stepped")]
     for state in runs[1:]:
         assert np.array_equal(state.positions, runs[0].positions)
         assert np.array_equal(state.velocities, runs[0].velocities)

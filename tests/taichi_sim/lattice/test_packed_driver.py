@@ -1,4 +1,4 @@
-"""The packed driver does what the fused one does: the same bits forwards, the same gradients to rounding."""
+"""The packed driver does what the stepped one does: the same bits forwards, the same gradients to rounding."""
 
 import gradient_scene as scene
 import numpy as np
@@ -37,7 +37,7 @@ def everything(made, result):
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_the_same_bits_forwards(poisson, pouch, fluid, precision):
     runs = []
-    for driver in ("fused", "packed"):
+    for driver in ("stepped", "packed"):
         made = engine(driver, poisson, pouch, fluid, precision=precision)
         runs.append(everything(made, made.run(scene.program(2))))
     assert all(np.array_equal(a, b) for a, b in zip(*runs, strict=True))
@@ -47,15 +47,15 @@ def test_the_same_bits_forwards(poisson, pouch, fluid, precision):
 def test_the_same_gradients_to_rounding(poisson, pouch, fluid):
     """Sums have another order on the way back; a record in pieces changes nothing."""
     found = []
-    for driver, room in (("fused", 1e9), ("packed", 1e9), ("packed", 5e6)):
+    for driver, room in (("stepped", 1e9), ("packed", 1e9), ("packed", 5e6)):
         made = engine(driver, poisson, pouch, fluid, batch=1)
         cost = scene.Cost(made.body, 3, True)
         gradient = cost.pull_back(made.record(scene.program(1), memory=room))
         parts = {name: getattr(gradient, name) for name in gradient.__dataclass_fields__}
         materials = parts.pop("materials")
         found.append(parts | materials)
-    fused, whole, pieces = found
-    for name, values in fused.items():
+    stepped, whole, pieces = found
+    for name, values in stepped.items():
         scale = max(np.abs(values).max(), 1e-300)
         assert np.abs(whole[name] - values).max() <= 1e-12 * scale, name
         assert np.array_equal(whole[name], pieces[name]), name
@@ -79,8 +79,8 @@ def test_a_robot_that_diverges_is_told_and_disturbs_no_other():
     builder = ProgramBuilder(2)
     builder.set(Quantity.FORCE, np.array([[1e6], [0.0]]), regions=[0], step=5)
     results = []
-    for driver in ("fused", "packed"):
+    for driver in ("stepped", "packed"):
         made = LatticeEngine(body, 2, threads=1, driver=driver)
         results.append(made.run(builder.build(100)))
-    fused, packed = results
-    assert packed.status.tolist() == fused.status.tolist() and packed.steps.tolist() == fused.steps.tolist()
+    stepped, packed = results
+    assert packed.status.tolist() == stepped.status.tolist() and packed.steps.tolist() == stepped.steps.tolist()

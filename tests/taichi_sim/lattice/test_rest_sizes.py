@@ -8,7 +8,7 @@ from taichi_sim.lattice import LatticeEngine, LatticeProgram, ProgramBuilder, Qu
 
 pytestmark = pytest.mark.kernels
 
-DRIVERS = {"fused": {}, "lanes": {"width": 8}, "stepped": {"driver": "stepped"}}
+DRIVERS = {name: {"driver": name} for name in ("packed", "stepped")}
 MARKS = np.array([[0, 1, 31, 200], [0, 60, 61, 100]])
 
 
