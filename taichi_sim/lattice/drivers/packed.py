@@ -87,7 +87,7 @@ class PackedRun(Run):
         self.shared = self.shared._replace(
             link=tables.link, voxel=tables.voxel, start=driver.tables.start.astype(dtype)
         )
-        self._states: np.ndarray | None = None
+        self._record: Record | None = None
 
     def advance(
         self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Record | None = None
@@ -133,12 +133,17 @@ class PackedRun(Run):
         self.marks.lanes[...] = lanes
 
     def new_record(self, first: int, room: int, contacts: int) -> Record:
-        """Memory for so many states from step ``first`` on, and so many contacts of each."""
+        """Memory for so many states from step ``first`` on, and so many contacts of each; used again."""
         batch, real = self.driver.batch, self.driver.real
-        states = aligned((batch * room * self.driver.state_slots, real.width), real.numpy)
-        groups = np.zeros(batch * room * self.driver.channel_slots, real.numpy)
-        log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)
-        return Record(True, first, states, states.reshape(-1), groups, groups[:, None], room, log, start)
+        kept = self._record
+        if kept is None or room > kept.start.shape[1] or contacts * kept.start.shape[1] > kept.contacts.shape[1]:
+            self._record = None  # before the larger one is made
+            states = aligned((batch * room * self.driver.state_slots, real.width), real.numpy)
+            groups = np.zeros(batch * room * self.driver.channel_slots, real.numpy)
+            log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)
+            kept = Record(True, first, states, states.reshape(-1), groups, groups[:, None], room, log, start)
+            self._record = kept
+        return kept._replace(first=first)
 
     def fits(self, record: Record) -> bool:
         """Whether all contacts found room in a record."""
@@ -249,14 +254,17 @@ class PackedDriver(Driver):
         return self.group_section(section).copy()
 
     def save(self) -> Checkpoint:
-        """Copies of all that lasts from run to run; pairs follow from it."""
-        return self.memory[:, : self.layout.starts[memory.FORCE]].copy(), self.groups.copy(), self.pairs.info.copy()
+        """Copies of all that lasts from run to run; the short lists of pairs follow from it."""
+        pairs, state = self.pairs, self.memory[:, : self.layout.starts[memory.FORCE]]
+        listed = pairs.listed[:, :, : pairs.info[:, contacts.LISTED].max()]
+        return tuple(a.copy() for a in (state, self.groups, listed, pairs.changing, pairs.info))
 
     def restore(self, saved: Checkpoint) -> None:
-        """Go back to what was saved; pairs are listed again."""
-        slots, self.groups[...], self.pairs.info[...] = saved
-        self.memory[:, : slots.shape[1]] = slots
-        self.pairs.info[:, contacts.LISTED] = contacts.UNLISTED
+        """Go back to what was saved."""
+        pairs = self.pairs
+        state, self.groups[...], listed, pairs.changing[...], pairs.info[...] = saved
+        self.memory[:, : state.shape[1]], pairs.listed[:, :, : listed.shape[2]] = state, listed
+        pairs.drift[...] = np.inf
 
     @property
     def rebuilds(self) -> int:

@@ -15,7 +15,6 @@ from taichi_sim.runtime import element, emit, ti
 STEP, NEXT_MARK, STATE, LISTED, REBUILDS, NEAR, CHANGING, FRESH, LOGGED, KEPT = range(10)
 INFO_COLUMNS = 10
 RUNNING, FINISHED, OUT_OF_PAIRS = 0, 1, 2
-UNLISTED = -1  # instead of a number of listed pairs: they follow from where voxels were when pairs were listed
 
 SHORT = 0.1  # voxel edges that a voxel may move, and sizes may grow, before the short list is made again
 # Times that much is between what touches and what the short list has: both voxels move, and their reach, 0.625 edges of
@@ -81,11 +80,8 @@ class Record(NamedTuple):
 
 
 @ti.func
-def list_pairs(r: ti.template(), again, radius_squared):
-    """List the pairs of surface voxels that are near, or were when last listed; returns 0 if there is no room.
-
-    Pairs are in ascending order.
-    """
+def list_pairs(r: ti.template(), radius_squared):
+    """List the pairs of surface voxels that are near, in ascending order; returns 0 if there is no room."""
     i, k, ms, t, p, pairs = ti.static((r.i, r.k, r.ms, r.t, r.p, r.pairs))
     count = 0
     w = ti.static(p.width)
@@ -98,8 +94,6 @@ def list_pairs(r: ti.template(), again, radius_squared):
             pairs.place_scalar[at + c * w] = NOT_THERE
         if s < surface:
             place = (k + t.plan[memory.VOXEL]) * w + p.surface[s, 0]
-            if again == 1:
-                place = (k + t.plan[memory.LISTED]) * w + p.surface[s, 2]
             for c in ti.static(range(3)):
                 pairs.place_scalar[at + c * w] = ms[place + c * w]
     for s in range(surface):
@@ -124,7 +118,7 @@ def list_pairs(r: ti.template(), again, radius_squared):
     if count <= pairs.listed.shape[2]:
         fits = 1
         pairs.info[i, LISTED] = count
-        pairs.info[i, REBUILDS] += 1 - again
+        pairs.info[i, REBUILDS] += 1
     return fits
 
 
@@ -136,18 +130,18 @@ def lane_bits(condition, width: ti.template()):
 
 
 @ti.func
-def renew_list(r: ti.template(), again, radius):
-    """List neighbours anew, and note where voxels are, or list those noted; halts the robot if there is no room."""
+def renew_list(r: ti.template(), radius):
+    """List neighbours anew, and note where voxels are; halts the robot if there is no room."""
     i, k, m, t, pairs = ti.static((r.i, r.k, r.m, r.t, r.pairs))
-    if list_pairs(r, again, radius * radius) == 0:
+    if list_pairs(r, radius * radius) == 0:
         pairs.info[i, STATE] = OUT_OF_PAIRS
-    elif again == 0:
+    else:
         for v in range(t.plan[memory.VOXELS]):
             place = load_all(m, k, consecutive(t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH, 3))
             store_all(m, k, consecutive(t.plan[memory.LISTED] + 3 * v, 3), place)
         zero = 0.0 * load(m, k, t.plan[memory.CONSTANT])
         store_all(m, k, (t.plan[memory.MONITOR] + memory.MOVED,), (zero,))
-    pairs.drift[i] = 0.0 * load(m, k, t.plan[memory.CONSTANT]) + NOT_THERE
+        pairs.drift[i] = zero + NOT_THERE
 
 
 @ti.func

@@ -29,13 +29,11 @@ from taichi_sim.lattice.drivers.packed_contact import (
     FINISHED,
     FRESH,
     KEPT,
-    LISTED,
     LOGGED,
     NEXT_MARK,
     RUNNING,
     STATE,
     STEP,
-    UNLISTED,
     Pairs,
     Record,
     collide,
@@ -309,25 +307,6 @@ def keep(r: ti.template(), step, log: ti.template()):
     log.start[i, step - log.first] = pairs.info[i, LOGGED]
 
 
-@ti.func
-def meet_neighbours(r: ti.template(), launch: ti.template()):
-    """See to it that a robot's lists are those of its present state."""
-    i, k, m, t, info = ti.static((r.i, r.k, r.m, r.t, r.pairs.info))
-    moved = load(m, k, t.plan[memory.MONITOR] + memory.MOVED)
-    again = 0
-    if info[i, LISTED] == UNLISTED:
-        again = 1
-        info[i, LISTED] = 0
-        find_changing(r)
-    if t.plan[memory.CONTACT_ON] != 0:
-        if any_lane(moved > launch.distance * launch.distance):
-            renew_list(r, 0, launch.radius)
-        elif again == 1:
-            renew_list(r, 1, launch.radius)
-        if again == 1 and info[i, STATE] != RUNNING:
-            info[i, LISTED] = UNLISTED
-
-
 @lru_cache
 def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
     """The kernel for one kind of real, on the ground or in a fluid; all else that differs is an argument.
@@ -366,8 +345,10 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                     if step == info[i, NEXT_MARK]:
                         handle_marks(r, step, marks)
                         find_changing(r)
-                    if info[i, STATE] == RUNNING:
-                        meet_neighbours(r, launch)
+                    if info[i, STATE] == RUNNING and t.plan[memory.CONTACT_ON] != 0:
+                        moved = load(m, k, t.plan[memory.MONITOR] + memory.MOVED)
+                        if any_lane(moved > launch.distance * launch.distance):
+                            renew_list(r, launch.radius)
                     if info[i, STATE] == RUNNING:
                         step_robot(r, log)
                         info[i, STEP] = step + 1

@@ -23,6 +23,9 @@ READY, READY_END, PACK_ROW = 6, 7, 8
 # Columns of the rows of what is spread: slot in the vector memory; the quantities that it follows from, the first and
 # the one after the last.
 TO, FIRST_QUANTITY, END_QUANTITY, SPREAD_ROW = range(4)
+# Columns of the rows of what is given back: slot in the vector memory; slot in the scalars of one of the groups that
+# were spread there; and the number of the mask that has 1 in the lanes of that group.
+SOURCE, MASK, GIVE_ROW = 1, 2, 3
 
 
 class Lanes(NamedTuple):
@@ -31,6 +34,7 @@ class Lanes(NamedTuple):
     Attributes:
         width: lanes of a pack.
         links, packs, spreads: rows of link packs, packs and what is spread, with the columns above.
+        gives, masks: rows of what is given back on the way back, and their masks.
         plus: lane numbers of the voxels at the "+" ends of link packs.
         minus: lane numbers of the links on the "-" sides of packs, by axis.
         there, outer: 1 where a link pack has a link, by link pack, and where a pack has a surface voxel, by pack.
@@ -62,6 +66,8 @@ class Lanes(NamedTuple):
     square_pressure: Any
     corner: Any
     square_there: Any
+    gives: Any = None
+    masks: Any = None
 
 
 def lane_types(real: Real) -> Lanes:

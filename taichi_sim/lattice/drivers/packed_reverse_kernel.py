@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from taichi_sim.autodiff.lanes import (
     Real,
     accumulate_all,
+    any_lane,
     consecutive,
     ints,
     load,
@@ -25,7 +26,10 @@ from taichi_sim.lattice.drivers.packed_contact import Record
 from taichi_sim.lattice.drivers.packed_kernel import square_inputs
 from taichi_sim.lattice.drivers.packed_lanes import (
     GAUGED,
+    GIVE_ROW,
     LINK_ROW,
+    MASK,
+    SOURCE,
     SPREAD_ROW,
     TO,
     gather_all,
@@ -167,16 +171,17 @@ def undo_links(b: ti.template(), l):
     gained = load_all(u.a, force, end_slots(pack // memory.VOXEL_WIDTH * 6, axes))
     lost = plus_all(u.a, memories.a_scalar, force, 6, end_slots(0, axes), gained, l, p)
     poses = own + (x, y, z, qw, qa, qb, qc)
-    found = link_cotangents(u, l, poses, where_there(there, gained), where_there(there, lost), there, t)
+    given = link_cotangents(u, l, poses, where_there(there, gained), where_there(there, lost), there, t)
+    found = where_there(there, given)
     accumulate_all(u.a, u.k, pose_slots(t.plan[memory.VOXEL] + pack, l, t), found[:7])
     left = (i * (t.plan[memory.LINKS] + 1) + l) * BACK_WIDTH
-    store_all(memories.back, left, pose_slots(0, l, t), where_there(there, found[7:14]))
+    store_all(memories.back, left, pose_slots(0, l, t), found[7:14])
     store_all(u.a, u.k, consecutive(past_slot(l, t), 6), found[14:20])
     rest, beam = rest_slot(l, t), beam_slot(l, t)
-    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), where_there(there, found[20:29]))
+    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), found[20:29])
     if t.plan[memory.POISSON_ON] != 0:
         strains = recorded_strains(u, l, t)
-        shares = ti.static(pull_back(laws.cross_section, strains, (), where_there(there, found[29:])))
+        shares = ti.static(pull_back(laws.cross_section, strains, (), found[29:]))
         at = t.plan[memory.STRAIN] + pack // memory.VOXEL_WIDTH * memory.STRAIN_WIDTH + 3
         accumulate_all(u.a, u.k, (at + axes[1], at + axes[2]), shares[:2])
         zero = 0.0 * length
@@ -318,12 +323,24 @@ def contact_mask(contacts: Any, first: Any, end: Any, t: Any, p: Any) -> Any:
 
 @ti.func
 def collect(b: ti.template(), n):
-    """Give the groups the cotangents of what row n spread to lanes, and take them there."""
+    """Give one group the cotangents of what a row spread to its lanes, and take them there."""
     u, ug, memories, p = ti.static((b.u, b.ug, b.memories, b.p))
-    for j in ti.static(range(p.width)):
-        place = (u.k + p.spreads[n * SPREAD_ROW + TO]) * p.width + j
-        memories.ag[ug.k + p.source[n * p.width + j]] += memories.a_scalar[place]
-        memories.a_scalar[place] = 0.0
+    slot = p.gives[n * GIVE_ROW + TO]
+    given = load(u.a, u.k, slot)
+    if any_lane(given != 0.0):
+        mask = p.masks[p.gives[n * GIVE_ROW + MASK]]
+        memories.ag[ug.k + p.gives[n * GIVE_ROW + SOURCE]] += sum_of_lanes(given * mask, p.width)
+        store_all(u.a, u.k, (slot,), (given * (1.0 - mask),))
+
+
+@primitive
+def sum_of_lanes(v: Any, width: int) -> Any:
+    """Sum of a vector's lanes, neighbours first."""
+    vector = emit(v)
+    parts = [emit(element(vector, i)) for i in range(width)]
+    while len(parts) > 1:
+        parts = [emit(a + b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
+    return parts[0]
 
 
 @ti.func
@@ -345,7 +362,7 @@ def undo_step(b: ti.template(), n, log: ti.template()):
     first, end = log.start[i, n], log.start[i, n + 1]
     for q in range((end - first + p.width - 1) // p.width):
         undo_contacts(b, first + q * p.width, end, log.contacts)
-    for r in range(p.spreads.shape[0] // SPREAD_ROW):
+    for r in range(p.gives.shape[0] // GIVE_ROW):
         collect(b, r)
     group_adjoint(ug, tg)
 
@@ -461,7 +478,7 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
         Memories(*both, *both, *both, *both, flat, table, flat, table, ints(1)),
         shared_types(real, fluid, ("link", "voxel", "start", "time_step", "edge", "gravity")),
         shared_types(real, fluid, ("link", "rest")),
-        lane_types(real)._replace(group=None, outer=None),
+        lane_types(real)._replace(group=None, outer=None, gives=ints(1), masks=real.memory),
         Record(True, i32, real.memory, flat, flat, table, i32, ints(3), ints(2)),
         mark_types(real, back=True),
     )

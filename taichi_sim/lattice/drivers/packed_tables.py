@@ -213,7 +213,18 @@ class PackedTables:
                 to = at[memory.REST] + c * memory.REST_WIDTH + q
                 rows.append((to, of[memory.REST] + lanes + q, ends[:, end], SIZING))
         to, source, group, follows = zip(*rows, strict=True)
-        return {"spreads": _ints(np.column_stack([to, follows])), "source": _ints(source), "group": _ints(group)}
+        spread = {"spreads": _ints(np.column_stack([to, follows])), "source": _ints(source), "group": _ints(group)}
+        return {**spread, **self._give_back(dict(zip(to, source, strict=True)))}
+
+    def _give_back(self, spread: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
+        """Rows by which groups get back cotangents of what was spread, by slots and the sources of their lanes."""
+        masks: dict[tuple[bool, ...], int] = {}
+        rows = []
+        for to, lanes in spread.items():
+            for source in np.unique(lanes):
+                mask = tuple((lanes == source).tolist())
+                rows.append((to, source, masks.setdefault(mask, len(masks))))
+        return {"gives": _ints(rows), "masks": self._reals(np.array(list(masks)))}
 
     def _squares(self) -> tuple[np.ndarray, np.ndarray]:
         """Where packs of squares find their corners, and the pressures there."""

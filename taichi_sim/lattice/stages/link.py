@@ -11,10 +11,10 @@ from taichi_sim.autodiff.lanes import (
     consecutive,
     load,
     load_all,
-    select_all,
     slots_at,
     store,
     store_all,
+    variables,
 )
 from taichi_sim.autodiff.rotations import apply, matrix
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
@@ -259,11 +259,12 @@ def link_cotangents(
     straight = is_straight(regime, x, y, z, constants[0])
     if ti.static(not isinstance(there, int)):
         straight = straight | (there < 0.5)
-    g = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, False), seeds))
-    if not all_lanes(straight):  # the laws agree on straight links, but their reverses add in other orders
-        turned = ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, True), seeds))
-        assign_all(g, select_all(straight, g, turned))
-    return g
+    g = ti.static(variables(inputs))
+    if all_lanes(straight):
+        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, False), seeds)))
+    else:
+        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.fluid, True), seeds)))
+    return ti.static(tuple(g))
 
 
 @primitive
