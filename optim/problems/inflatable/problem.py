@@ -170,10 +170,9 @@ class GaitProblem(GaitSettings):
 
     def _slopes(self, run: gradient.InflatableGradient, points: Floats, sharpness: float) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
-        levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
             self._control.slopes(self._genes(point), sharpness, slope)
-            for point, slope in zip(points, levels, strict=True)
+            for point, slope in zip(points, run.levels, strict=True)
         ]
         slopes = [self.shape.slopes(run, points), np.array(genes)]
         seconds = self._counted(run.result)[:, None] * self.body.time_step

@@ -32,10 +32,9 @@ from robots.inflatable.cores import (
     core_shapes,
     kilopascals,
 )
-from robots.inflatable.events import RobotEvents
 from robots.inflatable.files import load_design, save_design
 from robots.inflatable.gradient import differentiate
-from robots.inflatable.program import build_program
+from robots.inflatable.program import RobotEvents, build_program
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import gait_timeline
 from robots.view.shape import height
