@@ -12,8 +12,7 @@ from robots.calibration import Properties, load_calibration, robot_of
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS
 from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.inflatable.cores import common_pressure, kilopascals
-from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, common_pressure, kilopascals
 from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, nearest, number, positive, whole_number

@@ -19,7 +19,7 @@ from robots.inflatable.body import (
     InflatableGeometry,
     kinds_of,
 )
-from robots.inflatable.cores import Pressure, checked_pressure, each_pressure, highest_pressure
+from robots.inflatable.design import Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions

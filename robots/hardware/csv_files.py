@@ -12,8 +12,7 @@ from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.table import GaitTable, design_hash, gait_table
 from robots.hardware.timeline import section_of
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import load_design
+from robots.inflatable.design import InflatableDesign, load_design
 from robots.inflatable.schedule import GaitSchedule
 from taichi_sim.base.files import read_text, write_text
 

@@ -12,8 +12,7 @@ from robots.hardware.limits import POLICIES, RigViolation, violations
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
 from robots.hardware.timeline import TIME_STEP, State, commands_of, section_of, timeline
-from robots.inflatable.cores import common_pressure, kilopascals
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import choice, number, whole_number

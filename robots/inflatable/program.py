@@ -24,8 +24,7 @@ from robots.inflatable.body import (
     InflatableGeometry,
     skin_regions,
 )
-from robots.inflatable.cores import bladder_shares, each_pressure, highest_pressure
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, each_pressure, highest_pressure
 from robots.inflatable.timing import Column, play, stage_starts
 from robots.world import NO_WEIGHT, Terrain, Vector, one_each, weights
 from taichi_sim.autodiff.arrays import Array, value_of
@@ -167,7 +166,7 @@ class RobotEvents:
             ValueError: if several pressures are not as many as the cores.
         """
         cores: tuple[Any, ...] = each_pressure(pressure, geometry)
-        shares = zip(bladder_shares(geometry), cores, strict=True)
+        shares = zip(geometry.bladder_shares, cores, strict=True)
         felt: Any = sum(share * one for share, one in shares) if isinstance(pressure, tuple) else pressure
         return cls(builder, robot, cores, felt, weights(terrain, orientation), actuation.on(terrain), terrain)
 

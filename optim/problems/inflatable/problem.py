@@ -24,10 +24,8 @@ from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation
-from robots.inflatable.cores import each_pressure
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
-from robots.inflatable.offered import InflatableRobot, kilopascals
+from robots.inflatable.design import InflatableDesign, each_pressure, save_design
+from robots.inflatable.kind import InflatableRobot, kilopascals
 from robots.inflatable.program import Counting
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET

@@ -14,7 +14,7 @@ from optim.problems.robot import RobotDesigning
 from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
-from robots.inflatable.cores import Pressure, checked_pressure, each_pressure
+from robots.inflatable.design import Pressure, checked_pressure, each_pressure
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
 from robots.robot import World

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.space import Variable
-from robots.inflatable.cores import Pressure, checked_pressure
+from robots.inflatable.design import Pressure, checked_pressure
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:

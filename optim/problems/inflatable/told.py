@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robots.inflatable.offered import fitted
 from robots.robot import Facts
 from robots.world import Terrain
 
@@ -33,7 +32,7 @@ def facts_of(problem: "GaitProblem") -> Facts:
         ("Free", ", ".join(problem.free)),
         ("Fixed", ", ".join(held) or "nothing"),
         ("Gait", f"{problem.columns} columns, played {often}, encoded as {problem.encoding}"),
-        *([("Rig", fitted(problem.properties))] if problem.properties else []),
+        *([("Rig", problem.properties.spoken)] if problem.properties else []),
         ("Simulation", f"{problem.precision} on {problem.device}, weight of bladders {problem.weight}"),
     ]
 

@@ -25,8 +25,7 @@ from optim.runs.requests import Request, judge
 from optim.search import HillClimb
 from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.inflatable.cores import highest_pressure
-from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, highest_pressure
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

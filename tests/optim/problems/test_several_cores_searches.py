@@ -13,7 +13,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.shape import EMPTY_CORE
 from robots import inflatable
 from robots.inflatable import NAMED_GEOMETRIES
-from robots.inflatable.files import load_design
+from robots.inflatable.design import load_design
 from robots.inflatable.kind import GEOMETRIES
 from robots.world import Terrain
 

@@ -25,7 +25,7 @@ from optim.studies.beyond.gait_hunt.program import Plan
 from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
 from robots.inflatable import ACTUATION, INCHING, InflatableDesign, simulation
 from robots.inflatable import gradient as inflatable_gradient
-from robots.inflatable.files import load_design
+from robots.inflatable.design import load_design
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import cycle_starts, gait_steps
 from robots.world import Terrain

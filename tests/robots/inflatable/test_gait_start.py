@@ -11,8 +11,7 @@ from graded import tabled
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.shape import EMPTY_CORE
 from robots.inflatable import INCHING, ROLLING
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
+from robots.inflatable.design import InflatableDesign, save_design
 from robots.world import Terrain
 
 HILL = (Terrain(15.0),)

@@ -18,8 +18,7 @@ from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt.spending import cost
 from robots.inflatable import simulation
 from robots.inflatable.body import InflatableGeometry
-from robots.inflatable.cores import each_pressure
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.timing import predicted_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays, Floats
