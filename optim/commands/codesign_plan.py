@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
 from optim.commands.options import Option, count
-from optim.commands.robots import early, kind_of_run, named_by
+from optim.commands.robots import early, named_by
 from optim.problem import FILE, Objective, objectives_of, score_of
+from optim.problems import kind_of_run, problem_of_run
 from optim.problems.designer import Design, Request, designer_of, kind_of_description
+from optim.runs.config import has_run, read_config, settings_of
 from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind
 
@@ -95,8 +97,6 @@ class Plan:
 
     def config(self) -> dict[str, Any]:
         """The settings of the run."""
-        from optim.runs.config import settings_of
-
         return settings_of(self.problem, self.method, self.settings, self.generations)
 
 
@@ -107,7 +107,7 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
     if robot is None and found.task is not None:
         robot = tomllib.loads(Path(found.task).read_text(encoding="utf-8")).get("robot")
     if robot is None and "--resume" in words and found.out is not None and (Path(found.out) / "config.toml").exists():
-        return [kind_of_run(Path(found.out))]
+        return [kind_of_run(Path(found.out), read_config(Path(found.out)))]
     return [named_by(robot).kind]
 
 
@@ -117,8 +117,6 @@ def plan(args: argparse.Namespace) -> Plan:
     Raises:
         ValueError: if they do not fit.
     """
-    from optim.runs.config import has_run, read_config
-
     known = read_config(args.out) if args.resume and has_run(args.out) else None
     name = args.method or METHOD
     if known:
@@ -141,10 +139,7 @@ def plan(args: argparse.Namespace) -> Plan:
 
 def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:
     """The problem of a robot, new or of the run that continues."""
-    from optim.problems import problem_of_description
-    from optim.runs.config import problem_of
-
-    last = problem_of(args.out, known, problem_of_description) if known else None
+    last = problem_of_run(args.out, known) if known else None
     named = named_by(args.robot)
     kind = kind_of_description(known["problem"]) if known else named.kind
     if kind is None:

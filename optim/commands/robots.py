@@ -8,19 +8,13 @@ import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
+from optim.problems import kind_of_run, robot_of_run
 from optim.problems.designer import options_for
-from optim.wording import counted
+from optim.runs.config import read_config
 from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, make_robot
-from taichi_sim.base.arrays import Floats
 from taichi_sim.base.options import given
-
-if TYPE_CHECKING:
-    from optim.problem import Problem
-    from optim.runs.history import History
 
 DEFAULT = "inflatable"  # the kind, where none is named
 OptionsOf = Callable[[RobotKind], Sequence[Option]]
@@ -166,27 +160,11 @@ def named_source(text: str) -> Named:
     path = Path(text)
     found = None if (path / "config.toml").exists() else find_robot(text)  # a folder may be called as a robot is
     if found is None and path.is_dir():
-        return Named(kind_of_run(path), run=path)
+        return Named(kind_of_run(path, read_config(path)), run=path)
     if found is None:
         known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
         raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")
     return Named(*found)
-
-
-def kind_of_run(folder: Path) -> RobotKind:
-    """The kind of robot that the run in a folder designs.
-
-    Raises:
-        ValueError: if there is no run, or it designs no robot.
-    """
-    from optim.problems.designer import kind_of_description
-    from optim.runs.config import read_config
-
-    problem = read_config(folder)["problem"]
-    kind = kind_of_description(problem)
-    if kind is None:
-        raise ValueError(f"source: {folder} is a run of a {problem.get('kind')}, which is no robot")
-    return kind
 
 
 def early(words: Sequence[str], *flags: str) -> argparse.Namespace:
@@ -219,33 +197,8 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
         robot = make_robot(named.kind, named.source, options)
         robot, worlds = robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
     else:
-        from optim.problems import problem_of_description
-        from optim.problems.robot import RobotDesigning
-        from optim.runs.config import problem_of
         from optim.runs.history import read_history
 
-        history = read_history(named.run)
-        problem = problem_of(history.path, history.config, problem_of_description)
-        point = _kept_point(history, problem, member)
-        if not isinstance(problem, RobotDesigning):
-            raise ValueError(f"source: {named.run} designs no robot")
-        robot, worlds = problem.robot_of(point).changed(options), problem.tried_in
+        robot, worlds = robot_of_run(read_history(named.run), member)
+        robot = robot.changed(options)
     return robot, worlds if world is None else (world,)
-
-
-def _kept_point(history: "History", problem: "Problem", member: int | None) -> Floats:
-    """The best point of a run, as its checked log tells, or the Nth of those that the search keeps."""
-    from optim.runs.history import read_result
-
-    if member is None:
-        best = history.generations[-1].best_point if history.generations else None
-        if best is None:
-            raise ValueError(f"source: {history.path} has no best design yet")
-        return problem.space.from_dict(best)
-    result = read_result(history, problem)
-    count = 0 if result is None else len(result.points)
-    if result is None or member > count:
-        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {counted(count, 'design')}")
-    if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
-        raise ValueError(f"member: {member} of {history.path} has failed; choose another")
-    return result.points[member - 1]
