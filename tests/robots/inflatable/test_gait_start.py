@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from graded import tabled
 
+from optim.problems.inflatable.encoding import EMPTY_CORE
 from optim.problems.inflatable.problem import GaitProblem
-from optim.problems.inflatable.shape import EMPTY_CORE
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.design import InflatableDesign, save_design
 from robots.world import Terrain
