@@ -401,6 +401,10 @@ class RobotKind(ABC):
         """The robot that ``Robot.describe`` described; by default, the description is options."""
         return self.build(None, description)
 
+    def options_for(self, command: str) -> list[Option]:
+        """Those of ``options`` that a command has."""
+        return [option for option in self.options if not option.commands or command in option.commands]
+
     @property
     def world_options(self) -> tuple[Option, ...]:
         """Options that name one world, see :meth:`chosen_world`."""
@@ -410,6 +414,11 @@ class RobotKind(ABC):
         """The world that values of :attr:`world_options` name; None if none was given."""
         given = options.get(self.world_option)
         return None if given is None else self.world(given)
+
+    def world_and_others(self, values: Mapping[str, Any]) -> tuple[World | None, dict[str, Any]]:
+        """The world that values of options name, None if none of them does, and the values of the other options."""
+        places = {option.name for option in self.world_options}
+        return self.chosen_world(values), {name: value for name, value in values.items() if name not in places}
 
     def world(self, text: Any) -> World:
         """The world of a name, or of a value that ``world_type`` made.
@@ -506,6 +515,23 @@ def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) 
     if source is not None and _record_of(Path(source)).get("format") == DESIGN_FORMAT:
         return load_design(Path(source)).changed(options)
     return kind.build(source, options)
+
+
+def robot_to_try(kind: RobotKind, source: str | None, values: Mapping[str, Any]) -> tuple[Robot, tuple[World, ...]]:
+    """The robot of a source and options, with nothing free, and the worlds that it is tried in.
+
+    Args:
+        kind: of the robot.
+        source: see :func:`make_robot`.
+        values: of the kind's options; one of them may name the world.
+
+    Raises:
+        ValueError: for what is not allowed.
+    """
+    world, options = kind.world_and_others(values)
+    robot = make_robot(kind, source, options)
+    worlds = tuple(robot.worlds) if world is None else (world,)
+    return robot.design(robot.start) if robot.parameters else robot, worlds
 
 
 def load_design(path: Path) -> Robot:

@@ -12,8 +12,8 @@ from optim.commands import options
 from optim.commands.options import Option, count
 from optim.commands.robots import early, named_by
 from optim.problem import FILE, Objective, objectives_of, score_of
-from optim.problems import kind_of_run, problem_of_run
-from optim.problems.designer import Design, Request, designer_of, kind_of_description
+from optim.problems import kind_of_description, kind_of_run, problem_of_run
+from optim.problems.designer import Design, Request, designer_of
 from optim.runs.config import has_run, read_config, settings_of
 from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
-from optim.commands.robots import loaded, named_source
+from optim.commands.robots import named_source
 from optim.problems import robot_of_run
 from optim.runs.config import has_run
 from optim.runs.history import read_history
 from optim.wording import counted
-from robots.robot import Robot
+from robots.robot import Robot, robot_to_try
 
 if TYPE_CHECKING:
     from robots.hardware import GaitTable
@@ -123,4 +123,4 @@ def _robot(source: Path, member: int | None) -> tuple[Robot, int | None]:
     named = named_source(str(source))
     if member is not None:
         raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-    return loaded(named, {})[0], None
+    return robot_to_try(named.kind, named.source, {})[0], None

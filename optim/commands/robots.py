@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from optim.problems import kind_of_run, robot_of_run
-from optim.problems.designer import options_for
 from optim.runs.config import read_config
-from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, make_robot
+from optim.runs.history import read_history
+from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, robot_to_try
 from taichi_sim.base.options import given
 
 DEFAULT = "inflatable"  # the kind, where none is named
@@ -118,7 +118,7 @@ def world_and_own(command: str) -> OptionsOf:
     """The options of a kind that a command has: those of one world, and those that make its robots."""
 
     def options_of(kind: RobotKind) -> Sequence[Option]:
-        return [*kind.world_options, *options_for(kind, command)]
+        return [*kind.world_options, *kind.options_for(command)]
 
     return options_of
 
@@ -190,15 +190,8 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
     Raises:
         ValueError: for options that are not allowed, and designs that are not there.
     """
-    world = named.kind.chosen_world(values)
-    places = {option.name for option in named.kind.world_options}
-    options = {name: value for name, value in values.items() if name not in places}
     if named.run is None:
-        robot = make_robot(named.kind, named.source, options)
-        robot, worlds = robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
-    else:
-        from optim.runs.history import read_history
-
-        robot, worlds = robot_of_run(read_history(named.run), member)
-        robot = robot.changed(options)
-    return robot, worlds if world is None else (world,)
+        return robot_to_try(named.kind, named.source, values)
+    world, options = named.kind.world_and_others(values)
+    robot, worlds = robot_of_run(read_history(named.run), member)
+    return robot.changed(options), worlds if world is None else (world,)

@@ -10,9 +10,9 @@ import numpy as np
 
 from optim.commands import FAILED, Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
-from optim.commands.robots import kinds_of_robot, loaded, named_by, world_and_own
+from optim.commands.robots import kinds_of_robot, named_by, world_and_own
 from optim.progress import shown_progress
-from robots.robot import OK, Outcome, Robot, World
+from robots.robot import OK, Outcome, Robot, World, robot_to_try
 
 COMMAND = Command(
     "simulate",
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("record-every: the poses need a folder; give --out")
     options.claim_folder(args)
     named = named_by(args.robot, args.gait)
-    robot, (world, *_) = loaded(named, args.parser.values(args, named.kind))
+    robot, (world, *_) = robot_to_try(named.kind, named.source, args.parser.values(args, named.kind))
     compute, what = options.compute(args, "f64"), args.gait or args.robot
     title = f"{what} {world.where}".strip()
     measured = {measure.name for measure in robot.measures}

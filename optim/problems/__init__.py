@@ -25,6 +25,8 @@ DESCRIBED = {
     FILE: "optim.problems.user_file:RecordedProblem",
 }
 
+KINDS_OF_1_0 = {GAIT: "inflatable", ROBOT: "lattice"}  # of robots, where descriptions name them otherwise
+
 
 def problem_of_description(description: Mapping[str, Any]) -> Problem:
     """The problem that a run folder describes. No code of the folder is run.
@@ -55,14 +57,20 @@ def problem_of_run(folder: "Path", config: Mapping[str, Any]) -> Problem:
         raise ValueError(f"{folder}: {error}") from None
 
 
+def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":
+    """The kind of robot that the problem of a run folder designs; None of plain functions."""
+    from robots.robot import KINDS
+
+    name = description.get("kind", GAIT)
+    return KINDS.get(KINDS_OF_1_0.get(name, name))
+
+
 def kind_of_run(folder: "Path", config: Mapping[str, Any]) -> "RobotKind":
     """The kind of robot that the run in a folder designs.
 
     Raises:
         ValueError: if it designs no robot.
     """
-    from optim.problems.designer import kind_of_description
-
     kind = kind_of_description(config["problem"])
     if kind is None:
         raise ValueError(f"source: {folder} is a run of a {config['problem'].get('kind')}, which is no robot")

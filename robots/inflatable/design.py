@@ -113,6 +113,7 @@ ROLLING = InflatableDesign(
     orientation=0.0,
     schedule=GaitSchedule(np.vstack([np.eye(8)[::-1], np.zeros((2, 8))])),
 )
+BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 
 
 def core_shapes(geometry: "InflatableGeometry", pressure: float) -> list[tuple[float, ...]]:

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.design import (
-    INCHING,
-    ROLLING,
+    BY_HAND,
     ROWS_FORMAT,
     TABLES_FORMAT,
     InflatableDesign,
@@ -53,7 +52,6 @@ if TYPE_CHECKING:
     from robots.inflatable.simulation import InflatableResult
     from robots.view.motion import Motion
 
-BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 GAITS = tuple(BY_HAND)
 GEOMETRIES = ("published", "small", "two-core")
 RIG_OPTION = Option(

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 
 from optim.experiments.comparison import differences, table_of_differences
 from optim.measures.statistics import holm
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Request
 from optim.problems.inflatable.outcomes import Outcomes, effort
 from optim.problems.inflatable.problem import GaitProblem
-from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt import climb, searches, spending
 from optim.studies.beyond.gait_hunt import study as hunting
 from optim.studies.beyond.gait_hunt.finalists import Finalist, Finals, best_of, cached_finalists, last_bests
