@@ -13,10 +13,20 @@ from typing import Any
 from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import read_history
-from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, robot_to_try
+from robots.robot import (
+    KINDS,
+    USUAL,
+    Option,
+    Robot,
+    RobotKind,
+    World,
+    find_robot,
+    find_robot_doing,
+    robot_to_try,
+    world_and_others,
+)
 from taichi_sim.base.options import given
 
-DEFAULT = "inflatable"  # the kind, where none is named
 OptionsOf = Callable[[RobotKind], Sequence[Option]]
 
 
@@ -81,7 +91,7 @@ class RobotOptions(argparse.ArgumentParser):
             kinds = list({kind.name: kind for kind in find(words)}.values())
         taken = {action.dest for action in self._actions}
         own = frozenset(taken)
-        for kind in kinds or [KINDS[DEFAULT]]:
+        for kind in kinds or [KINDS[USUAL]]:
             group = self.add_argument_group(kind.title)
             for option in self._options_of(kind):
                 if option.name not in taken:
@@ -125,30 +135,7 @@ def world_and_own(command: str) -> OptionsOf:
 
 def kinds_of_robot(words: Sequence[str]) -> list[RobotKind]:
     """The kind of robot that ``--robot`` and ``--gait`` name."""
-    return [named_by(*vars(early(words, "--robot", "--gait")).values()).kind]
-
-
-def named_by(robot: str | None, gait: str | None = None) -> Named:
-    """The robot of ``--robot KIND|FILE`` and ``--gait``, which says what it does.
-
-    Raises:
-        ValueError: for an unknown kind, a file that is missing or of no kind, and both where one says all.
-    """
-    if robot is None:
-        found = find_robot(gait) if gait is not None else None
-        return Named(*found) if found else Named(KINDS[DEFAULT], gait)
-    found = find_robot(robot)
-    if found is None:
-        if Path(robot).suffix or "/" in robot:
-            raise ValueError(f"robot: {robot} is no file")
-        KINDS.check(robot)
-        raise AssertionError
-    kind, source = found
-    if source is not None and gait is not None:
-        raise ValueError(f"gait: {robot} is a robot by itself; leave it out")
-    if gait is not None and (other := find_robot(gait)) is not None and other[0].name != kind.name:
-        raise ValueError(f"gait: {gait} is of another kind, {other[0].title}; leave it out")
-    return Named(kind, source if source is not None else gait)
+    return [find_robot_doing(*vars(early(words, "--robot", "--gait")).values())[0]]
 
 
 def named_source(text: str) -> Named:
@@ -192,6 +179,6 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
     """
     if named.run is None:
         return robot_to_try(named.kind, named.source, values)
-    world, options = named.kind.world_and_others(values)
+    world, options = world_and_others(named.kind, values)
     robot, worlds = robot_of_run(read_history(named.run), member)
     return robot.changed(options), worlds if world is None else (world,)
