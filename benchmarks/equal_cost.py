@@ -15,14 +15,13 @@ from typing import Any, Literal
 import numpy as np
 
 from optim.experiments.side_by_side import run_side_by_side
-from optim.problem import Evaluation, Problem
+from optim.problem import Evaluation, Problem, Request, judge
 from optim.runs import Generation, open_run
 from optim.runs.config import has_run
 from optim.runs.environment import environment
 from optim.runs.folder import RunFolder
 from optim.runs.history import read_history
 from optim.runs.loop import FolderSearch
-from optim.runs.requests import Request, judge
 from optim.search import Method, build_method
 from taichi_sim.base import files
 

@@ -9,10 +9,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from optim.problem import Objective, Problem, objectives_of, score_of
+from optim.problem import Objective, Problem, Request, judge, objectives_of, score_of
 from optim.problems.function import Bounds, Function, problem_of
 from optim.runs.generation import Generation, record
-from optim.runs.requests import Request, judge
 from optim.search import build_method, check_objectives
 from optim.search.method import SearchResult
 from optim.space import Space

@@ -1,10 +1,10 @@
-"""What is to be designed: a space of points and a judgement of each."""
+"""What is to be designed: a space of points and a judgement of each, and what a search may ask of it."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ GAIT, WALKER, VEHICLE, ROBOT, FILE = (
     "robot",
     "file",
 )  # kinds of problems, as descriptions name them
+Wants = Literal["points", "relaxed", "gradients"]  # what a search method wants judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +142,49 @@ class RelaxableProblem(Problem, Protocol):
             gradients: whether to compute ``Evaluation.gradients``, with respect to ``points``; integers stay whole
                 and have gradient zero.
         """
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """Points to evaluate, shape (N, D); ``wants`` is that of ``Method``, ``sharpness`` that of a relaxation."""
+
+    points: Floats
+    wants: Wants = "points"
+    sharpness: float = 0.0
+
+    def part(self, begin: int, end: int) -> "Request":
+        """Request for the points from ``begin`` up to ``end``."""
+        return Request(self.points[begin:end], self.wants, self.sharpness)
+
+
+Evaluate = Callable[[Request], Evaluation]
+
+
+class Judging(Protocol):
+    """The part of a ``Problem`` that judges points; it may have ``evaluate_relaxed``, too."""
+
+    @property
+    def space(self) -> Space:
+        """The variables that may change."""
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points, shape (N, D)."""
+
+
+def judge(problem: Judging, request: Request) -> Evaluation:
+    """Evaluate a request in this process.
+
+    Raises:
+        ValueError: if the problem has no relaxation, but one is wanted.
+    """
+    if request.wants == "points":
+        return problem.evaluate(request.points)
+    evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
+    if evaluate_relaxed is None:
+        raise ValueError(
+            f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
+        )
+    return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
 
 
 def objectives_of(problem: Problem) -> tuple[Objective, ...]:

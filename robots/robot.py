@@ -1,16 +1,11 @@
 """What every kind of robot offers. Commands, searches, views and reports know robots by this module alone.
 
-A kind of robot is a :class:`RobotKind`, which makes a :class:`Robot` of options or of a file. A robot has parameters
-that a search may change, and worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by which it is
-judged. Built-in kinds stand in the table ``KINDS``; a user's package adds one by an entry point::
-
-    [project.entry-points."morpholab.robots"]
-    hopper = "my_package.hopper:HopperKind"
+A kind of robot makes a :class:`Robot` of options or of a file. A robot has parameters that a search may change, and
+worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by which it is judged.
 """
 
 import dataclasses
 import json
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.kind import KINDS as KINDS
+from robots.kind import USUAL as USUAL
+from robots.kind import RobotKind as RobotKind
 from robots.outcome import DIVERGED as DIVERGED
 from robots.outcome import INVALID as INVALID
 from robots.outcome import OK as OK
@@ -34,7 +32,6 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, read_text, write_record
 from taichi_sim.base.options import Option as Option
-from taichi_sim.base.registry import Registry
 from taichi_sim.base.variables import Variable
 
 if TYPE_CHECKING:
@@ -356,107 +353,6 @@ class FixedRobot(Robot):
         return {"values": dict(zip(names, self.point.tolist(), strict=True))}
 
 
-class RobotKind(ABC):
-    """A kind of robot: makes robots of options and of files. Its module should import quickly.
-
-    Attributes:
-        name: in the table ``KINDS``, or of the entry point.
-        title: what people call robots of this kind.
-        options: of the command line that make a robot, see :meth:`build`.
-        designs: names of designs that commands know without a file.
-        world_option: what the option for a world is called.
-        world_type: makes the value of that option of its text, as ``Option.type`` does; :meth:`world` takes it.
-        world_hint: what the help says of that option.
-        search_precision: of numbers in searches, unless asked otherwise.
-        view_precision: of numbers in views, unless asked otherwise.
-    """
-
-    name: str
-    title: str
-    options: tuple[Option, ...] = ()
-    designs: tuple[str, ...] = ()
-    world_option: str = "world"
-    world_type: Callable[[str], Any] = str
-    world_hint: str = "where it is tried (default: the kind's own)"
-    search_precision: str = "f64"
-    view_precision: str = "f64"
-
-    @abstractmethod
-    def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
-        """Make a robot.
-
-        Args:
-            source: the file of a robot or of a design, a name among ``designs``, or None.
-            options: values of ``options`` that were given, by name.
-
-        Raises:
-            ValueError: for what is not allowed.
-        """
-
-    def recognises(self, path: Path, form: str | None) -> bool:
-        """Whether a file is of this kind; ``form`` is the format that a JSON file names, None of other files."""
-        return False
-
-    def from_description(self, description: Mapping[str, Any]) -> Robot:
-        """The robot that ``Robot.describe`` described; by default, the description is options."""
-        return self.build(None, description)
-
-    @property
-    def world_options(self) -> tuple[Option, ...]:
-        """Options that name one world, see :meth:`chosen_world`."""
-        return (Option(self.world_option, self.world_hint, self.world_type, self.world_option.upper()),)
-
-    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
-        """The world that values of :attr:`world_options` name; None if none was given."""
-        given = options.get(self.world_option)
-        return None if given is None else self.world(given)
-
-    def world(self, text: Any) -> World:
-        """The world of a name, or of a value that ``world_type`` made.
-
-        Raises:
-            ValueError: for any other name.
-        """
-        known = {place.name: place for place in self.build(None, {}).worlds}
-        if text not in known:
-            raise ValueError(f"{self.world_option}: {text!r} is unknown; choose one of {', '.join(known)}")
-        return known[text]
-
-    def world_record(self, world: World) -> Any:
-        """A world as a value that fits JSON and TOML."""
-        return world.name
-
-    def world_of(self, record: Any) -> World:
-        """The world of a record."""
-        return self.world(record)
-
-
-class _Kinds(Registry[RobotKind]):
-    """Kinds of robots by name; an entry may be a kind or its class."""
-
-    def __getitem__(self, name: str) -> RobotKind:
-        found = super().__getitem__(name)
-        if isinstance(found, type):
-            found = self._loaded[name] = found()
-        found.name = name
-        return found
-
-
-KINDS = _Kinds(
-    "morpholab.robots",
-    "robot",
-    {
-        "inflatable": "robots.inflatable.kind:InflatableKind",
-        "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
-        "articulated": "robots.articulated.kind:ArticulatedKind",
-        "quadruped": "robots.quadruped.kind:QuadrupedKind",
-        "rover": "robots.rover.kind:RoverKind",
-        "vehicle": "robots.braitenberg.kind:VehicleKind",
-        "walker": "robots.lattice_robot.walker_kind:WalkerKind",
-    },
-)
-
-
 def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
     """The kind of robot that a text names, and the source from which ``RobotKind.build`` makes it.
 
@@ -479,6 +375,29 @@ def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
     if text in KINDS:
         return KINDS[text], None
     return next(((KINDS[name], text) for name in KINDS if text in KINDS[name].designs), None)
+
+
+def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotKind, str | None]:
+    """The kind and the source of the robot that options ``robot``, a kind or a file, and ``gait``, what it does, name.
+
+    Raises:
+        ValueError: for an unknown kind, a file that is missing or of no kind, and both where one says all.
+    """
+    if robot is None:
+        found = find_robot(gait) if gait is not None else None
+        return found or (KINDS[USUAL], gait)
+    found = find_robot(robot)
+    if found is None:
+        if Path(robot).suffix or "/" in robot:
+            raise ValueError(f"robot: {robot} is no file")
+        KINDS.check(robot)
+        raise AssertionError
+    kind, source = found
+    if source is not None and gait is not None:
+        raise ValueError(f"gait: {robot} is a robot by itself; leave it out")
+    if gait is not None and (other := find_robot(gait)) is not None and other[0].name != kind.name:
+        raise ValueError(f"gait: {gait} is of another kind, {other[0].title}; leave it out")
+    return kind, source if source is not None else gait
 
 
 def kind_of_file(path: Path) -> RobotKind:
@@ -506,6 +425,29 @@ def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) 
     if source is not None and _record_of(Path(source)).get("format") == DESIGN_FORMAT:
         return load_design(Path(source)).changed(options)
     return kind.build(source, options)
+
+
+def robot_to_try(kind: RobotKind, source: str | None, values: Mapping[str, Any]) -> tuple[Robot, tuple[World, ...]]:
+    """The robot of a source and options, with nothing free, and the worlds that it is tried in.
+
+    Args:
+        kind: of the robot.
+        source: see :func:`make_robot`.
+        values: of the kind's options; one of them may name the world.
+
+    Raises:
+        ValueError: for what is not allowed.
+    """
+    world, options = world_and_others(kind, values)
+    robot = make_robot(kind, source, options)
+    worlds = tuple(robot.worlds) if world is None else (world,)
+    return robot.design(robot.start) if robot.parameters else robot, worlds
+
+
+def world_and_others(kind: RobotKind, values: Mapping[str, Any]) -> tuple[World | None, dict[str, Any]]:
+    """The world that values of a kind's options name, None if none of them does, and the values of the others."""
+    places = {option.name for option in kind.world_options}
+    return kind.chosen_world(values), {name: value for name, value in values.items() if name not in places}
 
 
 def load_design(path: Path) -> Robot:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
 from optim.commands.options import Option, count
-from optim.commands.robots import early, kind_of_run, named_by
+from optim.commands.robots import early
 from optim.problem import FILE, Objective, objectives_of, score_of
-from optim.problems.designer import Design, Request, designer_of, kind_of_description
+from optim.problems import kind_of_description, kind_of_run, problem_of_run
+from optim.problems.designer import Design, Request, designer_of
+from optim.runs.config import has_run, read_config, settings_of
 from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
-from robots.robot import RobotKind
+from robots.robot import RobotKind, find_robot_doing
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -95,8 +97,6 @@ class Plan:
 
     def config(self) -> dict[str, Any]:
         """The settings of the run."""
-        from optim.runs.config import settings_of
-
         return settings_of(self.problem, self.method, self.settings, self.generations)
 
 
@@ -107,8 +107,8 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
     if robot is None and found.task is not None:
         robot = tomllib.loads(Path(found.task).read_text(encoding="utf-8")).get("robot")
     if robot is None and "--resume" in words and found.out is not None and (Path(found.out) / "config.toml").exists():
-        return [kind_of_run(Path(found.out))]
-    return [named_by(robot).kind]
+        return [kind_of_run(Path(found.out), read_config(Path(found.out)))]
+    return [find_robot_doing(robot)[0]]
 
 
 def plan(args: argparse.Namespace) -> Plan:
@@ -117,8 +117,6 @@ def plan(args: argparse.Namespace) -> Plan:
     Raises:
         ValueError: if they do not fit.
     """
-    from optim.runs.config import has_run, read_config
-
     known = read_config(args.out) if args.resume and has_run(args.out) else None
     name = args.method or METHOD
     if known:
@@ -141,18 +139,14 @@ def plan(args: argparse.Namespace) -> Plan:
 
 def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:
     """The problem of a robot, new or of the run that continues."""
-    from optim.problems import problem_of_description
-    from optim.runs.config import problem_of
-
-    last = problem_of(args.out, known, problem_of_description) if known else None
-    named = named_by(args.robot)
-    kind = kind_of_description(known["problem"]) if known else named.kind
+    last = problem_of_run(args.out, known) if known else None
+    named, source = find_robot_doing(args.robot)
+    kind = kind_of_description(known["problem"]) if known else named
     if kind is None:
         raise ValueError(f"out: the run in {args.out} designs no robot")
-    if known and args.robot is not None and named.kind.name != kind.name:
+    if known and args.robot is not None and named.name != kind.name:
         raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
     given = {**args.parser.values(args, kind), **options.given_compute(args)}
-    source = named.source if args.robot is not None else None
     return designer_of(kind).design(Request(source, given, method, takes_several(method), last, args.out, args.resume))
 
 

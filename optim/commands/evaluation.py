@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, TypeVar
 from optim.commands.options import Option, whole
 
 if TYPE_CHECKING:
-    from optim.problem import Problem
+    from optim.problem import Evaluate, Problem
     from optim.runs import RunFolder
-    from optim.runs.requests import Evaluate
 
 AnyProblem = TypeVar("AnyProblem", bound="Problem")
 MOST_WORKERS = 10_000

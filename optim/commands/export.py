@@ -6,9 +6,12 @@ from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
-from optim.commands.robots import loaded, named_source
+from optim.commands.robots import named_source
+from optim.problems import robot_of_run
+from optim.runs.config import has_run
+from optim.runs.history import read_history
 from optim.wording import counted
-from robots.robot import Robot
+from robots.robot import Robot, robot_to_try
 
 if TYPE_CHECKING:
     from robots.hardware import GaitTable
@@ -114,12 +117,10 @@ def _report(args: argparse.Namespace, table: "GaitTable", unsampled: float | Non
 
 def _robot(source: Path, member: int | None) -> tuple[Robot, int | None]:
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
+    if has_run(source):
+        history = read_history(source)
+        return robot_of_run(history, member)[0], history.config["method"].get("seed")
     named = named_source(str(source))
-    if named.run is None and member is not None:
+    if member is not None:
         raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-    robot, _ = loaded(named, {}, member)
-    if named.run is None:
-        return robot, None
-    from optim.runs.config import read_config
-
-    return robot, read_config(named.run)["method"].get("seed")
+    return robot_to_try(named.kind, named.source, {})[0], None

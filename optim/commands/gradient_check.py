@@ -8,9 +8,10 @@ import numpy as np
 
 from optim.commands import Report, options
 from optim.commands.options import QUIET, Command, Option, count, path_to
-from optim.commands.robots import kinds_of_robot, named_by, world_and_own
+from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.problems.designer import designer_of
 from optim.progress import shown_progress
+from robots.robot import find_robot_doing
 
 if TYPE_CHECKING:
     from optim.problem import RelaxableProblem
@@ -77,9 +78,9 @@ def run(args: argparse.Namespace) -> Report:
 
 def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np.ndarray]]":
     """What to check, by name, each with a point that keeps away from the bounds."""
-    named = named_by(args.robot, args.gait)
-    asked = {**args.parser.values(args, named.kind), **options.given_compute(args)}
-    found = designer_of(named.kind).horizons(named.source, asked, _horizons(args.horizons))
+    kind, source = find_robot_doing(args.robot, args.gait)
+    asked = {**args.parser.values(args, kind), **options.given_compute(args)}
+    found = designer_of(kind).horizons(source, asked, _horizons(args.horizons))
     return {name: (problem, inside(problem, point)) for name, (problem, point) in found.items()}
 
 

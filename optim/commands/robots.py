@@ -8,21 +8,25 @@ import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from optim.problems.designer import options_for
-from optim.wording import counted
-from robots.robot import KINDS, Option, Robot, RobotKind, World, find_robot, make_robot
-from taichi_sim.base.arrays import Floats
+from optim.problems import kind_of_run, robot_of_run
+from optim.runs.config import read_config
+from optim.runs.history import read_history
+from robots.robot import (
+    KINDS,
+    USUAL,
+    Option,
+    Robot,
+    RobotKind,
+    World,
+    find_robot,
+    find_robot_doing,
+    robot_to_try,
+    world_and_others,
+)
 from taichi_sim.base.options import given
 
-if TYPE_CHECKING:
-    from optim.problem import Problem
-    from optim.runs.history import History
-
-DEFAULT = "inflatable"  # the kind, where none is named
 OptionsOf = Callable[[RobotKind], Sequence[Option]]
 
 
@@ -87,7 +91,7 @@ class RobotOptions(argparse.ArgumentParser):
             kinds = list({kind.name: kind for kind in find(words)}.values())
         taken = {action.dest for action in self._actions}
         own = frozenset(taken)
-        for kind in kinds or [KINDS[DEFAULT]]:
+        for kind in kinds or [KINDS[USUAL]]:
             group = self.add_argument_group(kind.title)
             for option in self._options_of(kind):
                 if option.name not in taken:
@@ -124,37 +128,14 @@ def world_and_own(command: str) -> OptionsOf:
     """The options of a kind that a command has: those of one world, and those that make its robots."""
 
     def options_of(kind: RobotKind) -> Sequence[Option]:
-        return [*kind.world_options, *options_for(kind, command)]
+        return [*kind.world_options, *kind.options_for(command)]
 
     return options_of
 
 
 def kinds_of_robot(words: Sequence[str]) -> list[RobotKind]:
     """The kind of robot that ``--robot`` and ``--gait`` name."""
-    return [named_by(*vars(early(words, "--robot", "--gait")).values()).kind]
-
-
-def named_by(robot: str | None, gait: str | None = None) -> Named:
-    """The robot of ``--robot KIND|FILE`` and ``--gait``, which says what it does.
-
-    Raises:
-        ValueError: for an unknown kind, a file that is missing or of no kind, and both where one says all.
-    """
-    if robot is None:
-        found = find_robot(gait) if gait is not None else None
-        return Named(*found) if found else Named(KINDS[DEFAULT], gait)
-    found = find_robot(robot)
-    if found is None:
-        if Path(robot).suffix or "/" in robot:
-            raise ValueError(f"robot: {robot} is no file")
-        KINDS.check(robot)
-        raise AssertionError
-    kind, source = found
-    if source is not None and gait is not None:
-        raise ValueError(f"gait: {robot} is a robot by itself; leave it out")
-    if gait is not None and (other := find_robot(gait)) is not None and other[0].name != kind.name:
-        raise ValueError(f"gait: {gait} is of another kind, {other[0].title}; leave it out")
-    return Named(kind, source if source is not None else gait)
+    return [find_robot_doing(*vars(early(words, "--robot", "--gait")).values())[0]]
 
 
 def named_source(text: str) -> Named:
@@ -166,27 +147,11 @@ def named_source(text: str) -> Named:
     path = Path(text)
     found = None if (path / "config.toml").exists() else find_robot(text)  # a folder may be called as a robot is
     if found is None and path.is_dir():
-        return Named(kind_of_run(path), run=path)
+        return Named(kind_of_run(path, read_config(path)), run=path)
     if found is None:
         known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
         raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")
     return Named(*found)
-
-
-def kind_of_run(folder: Path) -> RobotKind:
-    """The kind of robot that the run in a folder designs.
-
-    Raises:
-        ValueError: if there is no run, or it designs no robot.
-    """
-    from optim.problems.designer import kind_of_description
-    from optim.runs.config import read_config
-
-    problem = read_config(folder)["problem"]
-    kind = kind_of_description(problem)
-    if kind is None:
-        raise ValueError(f"source: {folder} is a run of a {problem.get('kind')}, which is no robot")
-    return kind
 
 
 def early(words: Sequence[str], *flags: str) -> argparse.Namespace:
@@ -212,40 +177,8 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
     Raises:
         ValueError: for options that are not allowed, and designs that are not there.
     """
-    world = named.kind.chosen_world(values)
-    places = {option.name for option in named.kind.world_options}
-    options = {name: value for name, value in values.items() if name not in places}
     if named.run is None:
-        robot = make_robot(named.kind, named.source, options)
-        robot, worlds = robot.design(robot.start) if robot.parameters else robot, tuple(robot.worlds)
-    else:
-        from optim.problems import problem_of_description
-        from optim.problems.robot import RobotDesigning
-        from optim.runs.config import problem_of
-        from optim.runs.history import read_history
-
-        history = read_history(named.run)
-        problem = problem_of(history.path, history.config, problem_of_description)
-        point = _kept_point(history, problem, member)
-        if not isinstance(problem, RobotDesigning):
-            raise ValueError(f"source: {named.run} designs no robot")
-        robot, worlds = problem.robot_of(point).changed(options), problem.tried_in
-    return robot, worlds if world is None else (world,)
-
-
-def _kept_point(history: "History", problem: "Problem", member: int | None) -> Floats:
-    """The best point of a run, as its checked log tells, or the Nth of those that the search keeps."""
-    from optim.runs.history import read_result
-
-    if member is None:
-        best = history.generations[-1].best_point if history.generations else None
-        if best is None:
-            raise ValueError(f"source: {history.path} has no best design yet")
-        return problem.space.from_dict(best)
-    result = read_result(history, problem)
-    count = 0 if result is None else len(result.points)
-    if result is None or member > count:
-        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {counted(count, 'design')}")
-    if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
-        raise ValueError(f"member: {member} of {history.path} has failed; choose another")
-    return result.points[member - 1]
+        return robot_to_try(named.kind, named.source, values)
+    world, options = world_and_others(named.kind, values)
+    robot, worlds = robot_of_run(read_history(named.run), member)
+    return robot.changed(options), worlds if world is None else (world,)

@@ -10,9 +10,9 @@ import numpy as np
 
 from optim.commands import FAILED, Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
-from optim.commands.robots import kinds_of_robot, loaded, named_by, world_and_own
+from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.progress import shown_progress
-from robots.robot import OK, Outcome, Robot, World
+from robots.robot import OK, Outcome, Robot, World, find_robot_doing, robot_to_try
 
 COMMAND = Command(
     "simulate",
@@ -42,12 +42,12 @@ def run(args: argparse.Namespace) -> Report:
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
     options.claim_folder(args)
-    named = named_by(args.robot, args.gait)
-    robot, (world, *_) = loaded(named, args.parser.values(args, named.kind))
+    kind, source = find_robot_doing(args.robot, args.gait)
+    robot, (world, *_) = robot_to_try(kind, source, args.parser.values(args, kind))
     compute, what = options.compute(args, "f64"), args.gait or args.robot
     title = f"{what} {world.where}".strip()
     measured = {measure.name for measure in robot.measures}
-    place = named.kind.world_option if named.kind.world_option not in measured else "world"
+    place = kind.world_option if kind.world_option not in measured else "world"
     about = {"gait" if args.gait else "robot": what, place: world.name}
     if args.judge:
         if args.out:

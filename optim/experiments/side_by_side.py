@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
-from optim.problem import Evaluation
-from optim.runs.requests import Request, join_requests, part_of
+from optim.problem import Evaluation, Request
+from optim.runs.requests import join_requests, part_of
 from optim.search.method import Method
 from taichi_sim.base.arrays import Floats
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
-from optim.problem import Evaluation
-from optim.runs.requests import Judging, Request, judge
+from optim.problem import Evaluation, Judging, Request, judge
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints

@@ -14,11 +14,10 @@ from optim.pipeline.machine import MACHINE, change_name, machine_document
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import PipelineTask
 from optim.pipeline.trials import State
-from optim.problems.inflatable.told import RIG_FILE
+from optim.problems.inflatable.settings import RIG_FILE
 from robots.calibration import save_properties
 from robots.hardware import export_csv
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
+from robots.inflatable.design import InflatableDesign, save_design
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 

@@ -4,8 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from robots.inflatable.cores import common_pressure
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, common_pressure
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,12 @@ from robots.calibration import Properties, load_calibration, robot_of
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS
 from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.inflatable.cores import common_pressure, kilopascals
-from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
+from robots.inflatable.design import BY_HAND, InflatableDesign, common_pressure, kilopascals
 from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, nearest, number, positive, whole_number
 from taichi_sim.base.files import why_unread
 
-BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 LEAST_RUNS = 2
 PLAIN = ("geometry", "runs", "stretch", "seed", "precision", "frames")  # keys whose values are taken as they are
 PROBLEM = ("encoding", "columns", "repeats", "steps", "warm_up", "stages", "effort")  # keys of [search] about gaits

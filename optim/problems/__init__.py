@@ -1,10 +1,20 @@
-"""The problems that ship with the lab: of any kind of robot, and of kinds that search in ways of their own."""
+"""The problems that ship with the lab, those of run folders among them, and the robots that runs have designed."""
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from optim.problem import FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem
+from optim.wording import counted
+from taichi_sim.base.arrays import Floats
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from optim.runs.history import History
+    from robots.robot import Robot, RobotKind, World
 
 # Where the problem of a run folder is built, by the kind that its description names; else it is of a kind of robot.
 DESCRIBED = {
@@ -14,6 +24,8 @@ DESCRIBED = {
     ROBOT: "optim.problems.lattice_robot:LatticeRobotProblem.from_description",
     FILE: "optim.problems.user_file:RecordedProblem",
 }
+
+KINDS_OF_1_0 = {GAIT: "inflatable", ROBOT: "lattice"}  # of robots, where descriptions name them otherwise
 
 
 def problem_of_description(description: Mapping[str, Any]) -> Problem:
@@ -31,3 +43,68 @@ def problem_of_description(description: Mapping[str, Any]) -> Problem:
         build = getattr(build, name)
     problem: Problem = build(description)
     return problem
+
+
+def problem_of_run(folder: "Path", config: Mapping[str, Any]) -> Problem:
+    """The problem of the run in a folder, from its settings.
+
+    Raises:
+        ValueError: as :func:`problem_of_description`; names the folder.
+    """
+    try:
+        return problem_of_description(config["problem"])
+    except ValueError as error:
+        raise ValueError(f"{folder}: {error}") from None
+
+
+def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":
+    """The kind of robot that the problem of a run folder designs; None of plain functions."""
+    from robots.robot import KINDS
+
+    name = description.get("kind", GAIT)
+    return KINDS.get(KINDS_OF_1_0.get(name, name))
+
+
+def kind_of_run(folder: "Path", config: Mapping[str, Any]) -> "RobotKind":
+    """The kind of robot that the run in a folder designs.
+
+    Raises:
+        ValueError: if it designs no robot.
+    """
+    kind = kind_of_description(config["problem"])
+    if kind is None:
+        raise ValueError(f"source: {folder} is a run of a {config['problem'].get('kind')}, which is no robot")
+    return kind
+
+
+def robot_of_run(history: "History", member: int | None = None) -> "tuple[Robot, tuple[World, ...]]":
+    """A robot that a run has designed, and the worlds in which it was tried.
+
+    Args:
+        history: of the run.
+        member: which of the designs that the search keeps, counted from 1; None for the best, as the checked log tells.
+
+    Raises:
+        ValueError: if there is none, or the run designs no robots.
+    """
+    kind_of_run(history.path, history.config)
+    problem: Any = problem_of_run(history.path, history.config)
+    return problem.robot_of(_kept_point(history, problem, member)), problem.tried_in
+
+
+def _kept_point(history: "History", problem: Problem, member: int | None) -> Floats:
+    """The best point of a run, or that of a member, shape (D,)."""
+    from optim.runs.history import read_result
+
+    if member is None:
+        best = history.generations[-1].best_point if history.generations else None
+        if best is None:
+            raise ValueError(f"source: {history.path} has no best design yet")
+        return problem.space.from_dict(best)
+    result = read_result(history, problem)
+    count = 0 if result is None else len(result.points)
+    if result is None or member > count:
+        raise ValueError(f"member: {member} is not allowed; {history.path} keeps {counted(count, 'design')}")
+    if np.isnan(result.points[member - 1]).any() or np.isnan(result.scores[member - 1]):
+        raise ValueError(f"member: {member} of {history.path} has failed; choose another")
+    return result.points[member - 1]

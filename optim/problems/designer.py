@@ -9,11 +9,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from optim.problem import GAIT, ROBOT, Problem, RelaxableProblem
-from robots.robot import KINDS, Option, RobotKind, World, make_robot
+from optim.problem import Problem, RelaxableProblem
+from robots.robot import Option, RobotKind, World, make_robot
 
 COMPUTE = ("precision", "device", "threads")
-KINDS_OF_1_0 = {GAIT: "inflatable", ROBOT: "lattice"}  # of robots, where descriptions of problems name them otherwise
 # Kinds that are designed in another way than by their parameters and measures.
 DESIGNERS = {
     "inflatable": "optim.problems.inflatable.designer:InflatableDesigner",
@@ -95,7 +94,7 @@ class Designer:
                 metavar="NAME",
             ),
             Option("measure", "of the robot that the objective is about (default: its first)", metavar="NAME"),
-            *options_for(self.kind, "codesign"),
+            *self.kind.options_for("codesign"),
         )
 
     def design(self, asked: Request) -> Design:
@@ -209,11 +208,6 @@ def options_of(kind: RobotKind) -> tuple[Option, ...]:
     return designer_of(kind).options
 
 
-def options_for(kind: RobotKind, command: str) -> list[Option]:
-    """The options that make robots of a kind, as far as a command has them."""
-    return [option for option in kind.options if not option.commands or command in option.commands]
-
-
 def _of_several(option: Option) -> str:
     """What the help says of an option that names a world, where it may be repeated."""
     return f"{option.help.partition(' (default')[0]}; repeat it for several"
@@ -224,10 +218,3 @@ def designer_of(kind: RobotKind) -> Designer:
     module, _, name = DESIGNERS.get(kind.name, "optim.problems.designer:Designer").partition(":")
     found: Designer = getattr(import_module(module), name)(kind)
     return found
-
-
-def kind_of_description(description: Mapping[str, Any]) -> RobotKind | None:
-    """The kind of robot that the problem of a run folder designs; None of plain functions."""
-    name = description.get("kind", GAIT)
-    name = KINDS_OF_1_0.get(name, name)
-    return KINDS.get(name)

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from optim.problem import Objective, Problem, objectives_of, score_of
-from optim.problems import problem_of_description
+from optim.problems import problem_of_run
 from optim.problems.robot import RobotDesigning
 from optim.report.charts import charted, image
 from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, side_by_side, table
 from optim.report.rig import rig_section
-from optim.runs.config import problem_of
 from optim.runs.generation import Generation
 from optim.wording import counted
 from robots.hardware import PneumaticRig
@@ -200,7 +199,7 @@ def subject_of(folder: Path, config: Mapping[str, Any]) -> Subject:
     Raises:
         ValueError: for a problem that is unknown or cannot be read.
     """
-    problem = problem_of(folder, config, problem_of_description)
+    problem = problem_of_run(folder, config)
     return RobotSubject(problem) if isinstance(problem, RobotDesigning) else Subject(problem)
 
 

@@ -3,10 +3,10 @@
 import hashlib
 import json
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import tomli_w
 
@@ -24,7 +24,6 @@ SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
     WALKER: Objective("speed", "lattices/s"),
     VEHICLE: Objective("score", "m"),
 }
-P = TypeVar("P")
 _SEAL = "# sha256 of all lines above: "
 
 
@@ -73,23 +72,6 @@ def _is_objective(entry: object) -> bool:
     return (
         isinstance(entry, dict) and set(entry) == {"name", "unit"} and all(isinstance(v, str) for v in entry.values())
     )
-
-
-def problem_of(folder: Path, config: Mapping[str, Any], build: Callable[[Mapping[str, Any]], P]) -> P:
-    """Build the problem of a run from its settings.
-
-    Args:
-        folder: folder of the run.
-        config: its settings.
-        build: makes the problem from its description: ``from_description`` of the kind that is wanted.
-
-    Raises:
-        ValueError: if the description is damaged or of another kind.
-    """
-    try:
-        return build(config["problem"])
-    except ValueError as error:
-        raise ValueError(f"{folder}: {error}") from None
 
 
 def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], generations: int) -> dict[str, Any]:

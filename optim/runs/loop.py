@@ -7,10 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from optim.problem import Evaluation, Problem
+from optim.problem import Evaluate, Evaluation, Problem, Request, judge
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
-from optim.runs.requests import Evaluate, Request, judge
 from optim.search.method import Method, SearchResult
 
 

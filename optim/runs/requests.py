@@ -1,59 +1,13 @@
-"""Requests of a search to evaluate points, and how they are cut into parts and joined."""
+"""How requests and evaluations are cut into parts and joined, for several workers or searches."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from optim.problem import Evaluation
-from optim.search.method import Wants
-from optim.space import Space
-from taichi_sim.base.arrays import Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Request:
-    """Points to evaluate, shape (N, D); ``wants`` is that of ``Method``, ``sharpness`` that of a relaxation."""
-
-    points: Floats
-    wants: Wants = "points"
-    sharpness: float = 0.0
-
-    def part(self, begin: int, end: int) -> "Request":
-        """Request for the points from ``begin`` up to ``end``."""
-        return Request(self.points[begin:end], self.wants, self.sharpness)
-
-
-Evaluate = Callable[[Request], Evaluation]
-
-
-class Judging(Protocol):
-    """The part of a ``Problem`` that judges points; it may have ``evaluate_relaxed``, too."""
-
-    @property
-    def space(self) -> Space:
-        """The variables that may change."""
-
-    def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Judge points, shape (N, D)."""
-
-
-def judge(problem: Judging, request: Request) -> Evaluation:
-    """Evaluate a request in this process.
-
-    Raises:
-        ValueError: if the problem has no relaxation, but one is wanted.
-    """
-    if request.wants == "points":
-        return problem.evaluate(request.points)
-    evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
-    if evaluate_relaxed is None:
-        raise ValueError(
-            f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
-        )
-    return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
+from optim.problem import Evaluation, Request
 
 
 def join_requests(requests: Sequence[Request]) -> Request:

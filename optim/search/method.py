@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation
+from optim.problem import Wants as Wants
 from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
 LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
-Wants = Literal["points", "relaxed", "gradients"]
 Kept = Literal["climbers", "population", "front", "elites"]
 
 

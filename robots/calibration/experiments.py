@@ -16,8 +16,7 @@ from robots.calibration.laboratory import Laboratory, Trial
 from robots.calibration.properties import Properties
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.events import RobotEvents
-from robots.inflatable.program import write_gait
+from robots.inflatable.program import RobotEvents, write_gait
 from robots.inflatable.simulation import travel_directions
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats

@@ -51,6 +51,12 @@ class Properties:
         rate = actuation.inflation_rate / geometry.time_step
         return cls(actuation.high_friction, actuation.low_friction, geometry.youngs_modulus, rate)
 
+    @property
+    def spoken(self) -> str:
+        """All of them in a line."""
+        each = (f"{name.replace('_', ' ')} {getattr(self, name):.4g} {UNITS[name]}" for name in NAMES)
+        return ", ".join(text.strip() for text in each)
+
     def body_of(self, geometry: InflatableGeometry) -> InflatableGeometry:
         """The geometry with this modulus, bladders as much softer as before."""
         softer = geometry.bladder_modulus / geometry.youngs_modulus

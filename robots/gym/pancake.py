@@ -19,8 +19,8 @@ from robots.inflatable.body import (
     InflatableGeometry,
     kinds_of,
 )
-from robots.inflatable.cores import Pressure, checked_pressure, each_pressure, highest_pressure
-from robots.inflatable.events import RobotEvents
+from robots.inflatable.design import Pressure, checked_pressure, each_pressure, highest_pressure
+from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions
 from robots.inflatable.timing import nominal_steps, play

@@ -5,12 +5,6 @@ from typing import TYPE_CHECKING
 from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
-    from robots.hardware.csv_files import export_csv as export_csv
-    from robots.hardware.csv_files import read_csv as read_csv
-    from robots.hardware.csv_files import read_design as read_design
-    from robots.hardware.csv_files import write_csv as write_csv
-    from robots.hardware.limits import RigViolation as RigViolation
-    from robots.hardware.limits import Violation as Violation
     from robots.hardware.line_map import LineMap as LineMap
     from robots.hardware.rig import CHANNELS as CHANNELS
     from robots.hardware.rig import KPA_PER_UNIT as KPA_PER_UNIT
@@ -19,6 +13,12 @@ if TYPE_CHECKING:
     from robots.hardware.rig import PneumaticRig as PneumaticRig
     from robots.hardware.table import GaitTable as GaitTable
     from robots.hardware.table import design_hash as design_hash
-    from robots.hardware.table import gait_table as gait_table
+    from robots.hardware.table import read_csv as read_csv
+    from robots.hardware.table import read_design as read_design
+    from robots.hardware.table import write_csv as write_csv
+    from robots.hardware.timeline import RigViolation as RigViolation
+    from robots.hardware.timeline import Violation as Violation
+    from robots.hardware.timeline import export_csv as export_csv
+    from robots.hardware.timeline import gait_table as gait_table
 
 __getattr__, __dir__ = exported_names(__name__)

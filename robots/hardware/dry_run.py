@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from robots.hardware.table import GaitTable
-from robots.hardware.timeline import State
+from robots.hardware.table import GaitTable, State
 
 _HEADINGS = ("state", "section", "start", "lasts", "waits for", "changes")
 
@@ -20,7 +19,7 @@ def timing_text(table: GaitTable) -> str:
 
 
 def timing_document(table: GaitTable) -> dict[str, Any]:
-    """The same for machines."""
+    """The same as values that fit JSON, for machines."""
     states = [
         {
             "state": state.number,

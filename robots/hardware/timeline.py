@@ -1,30 +1,32 @@
-"""What the lines of a rig are told, state by state, and when: pressures over time.
+"""From a gait to the table of a rig: what its lines are told, state by state, and when, within its limits.
 
 A state is what all lines are told at once. It lasts until its slowest changing channel is done: its valve's delay and
 its stroke (Powers 2021 dissertation, ch. 5: bladders inflate at different rates); then it dwells, if it shall. A gait
 with the published times leaves time to the rig; one with times of its own dwells as it does in the simulation.
 
-Sections are those of controllers that loop a trajectory: a *prefix* that shapes the body and plays the columns once
-from there, a *main* that begins as it ends and can be looped, and a *suffix* that vents the lines.
+Bladders burst when overdriven (Powers 2021, ch. 5), so what exceeds a limit of the rig is named, refused, or clipped.
 """
 
 import math
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import CHANNELS, PneumaticRig
+from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
+from robots.hardware.table import TIME_STEP, GaitTable, State, section_of, with_one_pressure, write_csv
 from robots.inflatable.actuation import ACTUATION
-from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS
 from robots.inflatable.timing import durations
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice, number, whole_number
 
-TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
-SECTIONS = ("prefix", "main", "suffix")
+POLICIES = ("refuse", "clip")
+SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
 _CLOSEST = 6  # decimals of a time [s] that tell corners apart
 
 
@@ -89,27 +91,6 @@ def commands_of(design: InflatableDesign, line_map: LineMap) -> Commands:
     return Commands(np.vstack([states, np.zeros(states.shape[1])]), portions, moving, resting)
 
 
-@dataclass(frozen=True)
-class State:
-    """One state in time.
-
-    Attributes:
-        number: counted from 0, the shaping of the body.
-        section: one of ``SECTIONS``.
-        start_s: of the state [s], with the main played once.
-        end_s: [s].
-        slowest: the channel that it waits for; empty if nothing changes.
-        changes: channels that change.
-    """
-
-    number: int
-    section: str
-    start_s: float
-    end_s: float
-    slowest: str
-    changes: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Timeline:
     """Commands over time.
@@ -128,11 +109,6 @@ class Timeline:
     pressures: Floats
 
 
-def section_of(state: int, columns: int) -> str:
-    """The section of a state: shaping and the first pass, the second pass, venting."""
-    return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
-
-
 def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, keep_slew: bool = False) -> Timeline:
     """Go from vented lines to one row of targets after the other.
 
@@ -146,13 +122,13 @@ def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, k
     strokes, ticks, start = commands.strokes(rig, keep_slew), 0, 0.0
     states: list[State] = []
     times, numbers, rows = [0.0], [0], [commands.before[0]]
-    for number, (before, target, stroke) in enumerate(zip(commands.before, commands.targets, strokes, strict=True)):
-        section = section_of(number, commands.columns)
+    for place, (before, target, stroke) in enumerate(zip(commands.before, commands.targets, strokes, strict=True)):
+        section = section_of(place, commands.columns)
         if states and section != states[-1].section:
-            times, numbers, rows = [*times, start], [*numbers, number], [*rows, before]
+            times, numbers, rows = [*times, start], [*numbers, place], [*rows, before]
         changing = np.flatnonzero(target != before)
         done = (delays + stroke)[changing]
-        moving, resting = commands.moving_s[number], commands.resting_s[number]
+        moving, resting = commands.moving_s[place], commands.resting_s[place]
         if changing.size:
             length = max(float(done.max()), moving) + resting
         else:
@@ -167,11 +143,160 @@ def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, k
             moments = (ticks + np.arange(1, count + 1)) / rate
             passed, ticks = np.arange(1, count + 1) / rate, ticks + count
         times.extend(moments.tolist())
-        numbers.extend([number] * len(moments))
+        numbers.extend([place] * len(moments))
         rows.extend(before + (target - before) * np.minimum(passed[:-1, None] / stroke, 1.0))
         rows.append(target)  # free of rounding
         slowest = CHANNELS[changing[np.argmax(done)]] if changing.size else ""
         names = tuple(CHANNELS[index] for index in changing)
-        states.append(State(number, section, start, times[-1], slowest, names))
+        states.append(State(place, section, start, times[-1], slowest, names))
         start = times[-1]
     return Timeline(tuple(states), np.array(times), np.array(numbers), np.array(rows))
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One limit exceeded once.
+
+    Attributes:
+        channel: one of ``CHANNELS``.
+        time_s: when the command passes the limit of pressure, or begins to change too fast [s].
+        value: asked for [kPa, or kPa/s].
+        limit: of the rig, in the same unit.
+        unit: ``"kPa"`` or ``"kPa/s"``.
+    """
+
+    channel: str
+    time_s: float
+    value: float
+    limit: float
+    unit: str
+
+    def __str__(self) -> str:
+        at = f"{self.value:g} {self.unit} at {self.time_s:g} s"
+        return f"{self.channel}: {at} is not allowed; the rig's limit is {self.limit:g} {self.unit}"
+
+
+class RigViolation(ValueError):
+    """A gait exceeds limits of the rig; its text is one line.
+
+    Attributes:
+        violations: all of them, in order of time.
+    """
+
+    def __init__(self, violations: Sequence[Violation]) -> None:
+        """Refuse a gait for at least one violation."""
+        self.violations = tuple(violations)
+        more = len(self.violations) - 1
+        super().__init__(f"{self.violations[0]}" + (f" ({more} more; a dry run names all)" if more else ""))
+
+
+def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -> list[Violation]:
+    """What commands would exceed the rig's limits, in order of time.
+
+    Args:
+        commands: for the states.
+        states: when they are, with strokes as fast as the rig's times tell.
+        rig: with the limits.
+    """
+    found: list[Violation] = []
+    before, rates = commands.before, np.abs(commands.targets - commands.before) / commands.strokes(rig, False)
+    for place, index in np.argwhere(commands.targets != before):
+        name, channel, start = CHANNELS[index], rig.channels[index], states[place].start_s
+        first, last, rate = (float(each[place, index]) for each in (before, commands.targets, rates))
+        if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
+            found.append(Violation(name, start, rate, channel.slew_kpa_per_s, "kPa/s"))
+        limit = min(max(last, channel.minimum_kpa), channel.maximum_kpa)
+        if limit != last:
+            inside = channel.minimum_kpa <= first <= channel.maximum_kpa
+            passed = abs(limit - first) / rate if inside else 0.0
+            found.append(Violation(name, start + passed, last, limit, "kPa"))
+    return sorted(found, key=lambda violation: violation.time_s)
+
+
+def gait_table(
+    design: InflatableDesign,
+    rig: PneumaticRig | None = None,
+    units: str = "kpa",
+    *,
+    rate: float | None = None,
+    on_violation: str = "refuse",
+    seed: int | None = None,
+) -> GaitTable:
+    """The pressures that play a design on a rig, within the rig's limits.
+
+    All lines start vented. The core goes to the line pressure of the design's; a flat body (pressure 0) is drawn flat
+    by vacuum. The feet grip meanwhile, as in the simulation's initialisation.
+
+    Args:
+        design: pressure [Pa], the same of all cores, orientation [degrees] and schedule.
+        rig: the dissertation's if None.
+        units: ``"kpa"`` or ``"psi"``.
+        rate: rows per second, and states last whole samples; None: rows at the corners of the pressures.
+        on_violation: of the rig's limits: ``"refuse"``, or ``"clip"``: pressures stop at limits, and strokes take as
+            long as the limit of rate asks.
+        seed: of the search that found the design, for the header.
+
+    Raises:
+        RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
+        ValueError: for any other value that is not allowed.
+    """
+    choice("units", units, KPA_PER_UNIT)
+    choice("on_violation", on_violation, POLICIES)
+    rig = PneumaticRig() if rig is None else rig
+    if not isinstance(rig, PneumaticRig):
+        raise ValueError(f"rig: {rig!r} is not allowed; give a PneumaticRig, such as PneumaticRig.load('dissertation')")
+    if rate is not None:
+        number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
+    seed = None if seed is None else whole_number("seed", seed, 0)
+    design = with_one_pressure(design)
+    line_map, clip = rig.line_map, on_violation == "clip"
+    commands = commands_of(design, line_map)
+    found = violations(commands, timeline(commands, rig).states, rig)
+    if found and not clip:
+        raise RigViolation(found)
+    if found:
+        low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
+        line_map = line_map.within(low[1:], high[1:])
+        commands = commands_of(design, line_map).within(low, high)
+    line = timeline(commands, rig, rate, keep_slew=clip)
+    return GaitTable(
+        line.times,
+        line.numbers,
+        line.pressures / KPA_PER_UNIT[units],
+        units,
+        design,
+        line_map,
+        seed,
+        rig.name,
+        rate,
+        tuple(map(str, found)),
+        line.states,
+    )
+
+
+def export_csv(
+    design: InflatableDesign,
+    path: str | os.PathLike[str],
+    rig: PneumaticRig | None = None,
+    units: str = "kpa",
+    *,
+    rate: float | None = None,
+    on_violation: str = "refuse",
+    seed: int | None = None,
+) -> GaitTable:
+    """Write the gait table of a design as CSV, replacing the file in one step.
+
+    Args:
+        design: pressure [Pa], orientation [degrees] and schedule.
+        path: of the CSV file.
+        rig, units, rate, on_violation, seed: see :func:`robots.hardware.gait_table`.
+
+    Returns:
+        The table that was written.
+
+    Raises:
+        ValueError: if the rig's limits refuse the gait or the file cannot be written.
+    """
+    table = gait_table(design, rig, units, rate=rate, on_violation=on_violation, seed=seed)
+    write_csv(table, path)
+    return table

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from robots.inflatable.design import INCHING as INCHING
     from robots.inflatable.design import ROLLING as ROLLING
     from robots.inflatable.design import InflatableDesign as InflatableDesign
-    from robots.inflatable.files import load_design as load_design
-    from robots.inflatable.files import save_design as save_design
+    from robots.inflatable.design import core_shapes as core_shapes
+    from robots.inflatable.design import load_design as load_design
+    from robots.inflatable.design import save_design as save_design
     from robots.inflatable.gradient import InflatableGradient as InflatableGradient
     from robots.inflatable.gradient import differentiate as differentiate
     from robots.inflatable.program import Counting as Counting

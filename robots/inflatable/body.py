@@ -123,6 +123,12 @@ class InflatableGeometry:
         return range(self.foot_rows + 1, self.rows - self.foot_rows + 1)
 
     @property
+    def bladder_shares(self) -> list[float]:
+        """The part of the rows under bladders that each core has."""
+        under = self.bladder_rows
+        return [sum(row in under for row in rows) / len(under) for rows in self.core_rows]
+
+    @property
     def body_length(self) -> float:
         """Length of the flat pouch [m], the unit of speeds."""
         return self.rows * self.voxel_size

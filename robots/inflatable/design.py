@@ -1,16 +1,78 @@
-"""Designs of the inflatable shape-changing robot, and the two gaits that were made by hand.
+"""Designs of the inflatable shape-changing robot, their files, and the two gaits that were made by hand.
+
+Gait files are JSON, in two formats: schedules of on and off are rows of 0 and 1, all others are tables of numbers, see
+``docs/gait-files.md``.
 
 Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
 et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
+import json
 from dataclasses import dataclass
+from itertools import product
+from os import PathLike
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from robots.inflatable.cores import Pressure, checked_pressure
-from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.schedule import MAXIMUM_PRESSURE, GaitSchedule
 from taichi_sim.base.checks import number
+from taichi_sim.base.files import read_record, read_text, write_record
+
+if TYPE_CHECKING:
+    from robots.inflatable.body import InflatableGeometry
+
+ROWS_FORMAT = "morpholab-inflatable-design-1"
+TABLES_FORMAT = "morpholab-graded-design-1"
+BESIDE_TABLES = ("format", "pressure", "orientation", "repeats")  # in files of the second format
+
+Pressure = float | tuple[float, ...]  # of all cores alike, or of each [Pa]
+Number = TypeVar("Number")
+
+
+def checked_pressure(given: object) -> Pressure:
+    """A pressure of all cores as a float, several as a tuple.
+
+    Raises:
+        ValueError: for anything else, and beyond 0 to 15,000 Pa.
+    """
+    if not isinstance(given, list | tuple) and not (isinstance(given, np.ndarray) and given.ndim):
+        return number("pressure", given, 0.0, MAXIMUM_PRESSURE, "Pa")
+    if not len(given):
+        raise ValueError("pressure: none is given; give one for all cores, or one each")
+    each = tuple(number("pressure", one, 0.0, MAXIMUM_PRESSURE, "Pa") for one in given)
+    return each[0] if len(each) == 1 else each
+
+
+def each_pressure(pressure: Number | tuple[Number, ...], geometry: "InflatableGeometry") -> tuple[Number, ...]:
+    """The pressure of every core [Pa].
+
+    Raises:
+        ValueError: if several pressures are not as many as the cores.
+    """
+    if not isinstance(pressure, tuple):
+        return (pressure,) * geometry.cores
+    if len(pressure) != geometry.cores:
+        allowed = "give one, for the one core" if geometry.cores == 1 else f"give one, or {geometry.cores}, one a core"
+        raise ValueError(f"pressure: {len(pressure)} values are not allowed; {allowed}")
+    return pressure
+
+
+def highest_pressure(pressure: Pressure) -> float:
+    """The highest pressure of any core [Pa], which says how long the ramp lasts."""
+    return max(np.atleast_1d(pressure).tolist())
+
+
+def common_pressure(pressure: Pressure) -> float | None:
+    """The pressure that all cores have [Pa]; None where they differ."""
+    first, *others = set(np.atleast_1d(pressure).tolist())
+    return None if others else first
+
+
+def kilopascals(pressure: Pressure) -> str:
+    """Pressures in words, such as ``"12 kPa"`` or ``"12 and 0 kPa"``."""
+    *before, last = (f"{one / 1000:.3g}" for one in np.atleast_1d(pressure).tolist())
+    return f"{', '.join(before)} and {last} kPa" if before else f"{last} kPa"
 
 
 @dataclass(frozen=True)
@@ -51,3 +113,58 @@ ROLLING = InflatableDesign(
     orientation=0.0,
     schedule=GaitSchedule(np.vstack([np.eye(8)[::-1], np.zeros((2, 8))])),
 )
+BY_HAND = {"inching": INCHING, "rolling": ROLLING}
+
+
+def core_shapes(geometry: "InflatableGeometry", pressure: float) -> list[tuple[float, ...]]:
+    """Pressures of the cores in all 2^N shapes of a geometry with N cores [Pa].
+
+    Shape s has core k inflated where bit k of s is 1, the first core's being the lowest bit: so the first shape is
+    flat, the second has the first core alone, and the last has all.
+
+    Args:
+        geometry: of the body.
+        pressure: of cores that are inflated [Pa].
+
+    Raises:
+        ValueError: for a pressure that is not allowed, or none.
+    """
+    inflated = checked_pressure(pressure)
+    if isinstance(inflated, tuple) or inflated == 0:
+        raise ValueError(f"pressure: {pressure!r} is not allowed; give one above 0 Pa")
+    return [shape[::-1] for shape in product((0.0, inflated), repeat=geometry.cores)]
+
+
+def save_design(design: InflatableDesign, path: str | PathLike[str]) -> None:
+    """Write a design as JSON: pressure [Pa], one or a list, orientation [degrees], the schedule and its repeats."""
+    gait = design.schedule
+    schedule = {"schedule": gait.to_text().split("/")} if gait.skip_idle else gait.tables
+    record = {"pressure": design.pressure, "orientation": design.orientation, **schedule, "repeats": gait.repeats}
+    write_record(path, ROWS_FORMAT if gait.skip_idle else TABLES_FORMAT, record)
+
+
+def load_design(path: str | PathLike[str]) -> InflatableDesign:
+    """Read a design that :func:`save_design` wrote, in either format.
+
+    Raises:
+        ValueError: if the file cannot be read as one; names the file and what is wrong with it.
+    """
+    try:
+        record = json.loads(read_text(path))
+        form = record.get("format") if isinstance(record, dict) else None
+    except (json.JSONDecodeError, RecursionError):
+        form = None
+    if isinstance(form, str) and form not in (ROWS_FORMAT, TABLES_FORMAT):
+        known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}"
+        raise ValueError(f"{path}: it is of the format {form[:60]!r}; gaits of this robot are of {known}")
+    return read_record(path, TABLES_FORMAT if form == TABLES_FORMAT else ROWS_FORMAT, _design_of)
+
+
+def _design_of(record: dict[str, Any]) -> InflatableDesign:
+    """The design of a record of either format."""
+    if record["format"] == ROWS_FORMAT:
+        schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
+    else:
+        tables = {name: value for name, value in record.items() if name not in BESIDE_TABLES}
+        schedule = GaitSchedule.from_tables(tables, record["repeats"])
+    return InflatableDesign(record["pressure"], record["orientation"], schedule)

@@ -1,15 +1,23 @@
-"""How far inflatable robots travel, and how that distance changes with their designs."""
+"""How far inflatable robots travel, and how that distance changes with their designs.
+
+On the way back a program's events are written again, traced, and give the derivatives by the numbers of the designs.
+Derivatives are those of the events' values and rates; their steps are whole and stay. So they are piecewise: where a
+bladder arrives with a whole step, they are those of one side. Where it is told the same as before it moves by |change|
+of a level, whose derivative is taken as 0, the mean of both sides. The published ramp of the core pressure takes longer
+to a higher pressure; its derivative by pressure is that of the value it ends with.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.program import WHOLE, Counting, build_program, check_alike, pull_back
+from robots.inflatable.program import WHOLE, Counting, build_program, write_gait
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import (
     PER_ROBOT,
@@ -22,10 +30,10 @@ from robots.inflatable.simulation import (
 )
 from robots.world import Terrain, one_each
 from taichi_sim import runtime
-from taichi_sim.autodiff.arrays import trace
+from taichi_sim.autodiff.arrays import Array, trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.lattice import LatticeBody, LatticeResult
+from taichi_sim.lattice import LatticeBody, LatticeResult, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
@@ -40,18 +48,26 @@ class InflatableGradient:
         pressure: by the core pressure [1/Pa], shape (B,); by that of each core, shape (B, N), where designs have
             several.
         orientation: by the heading [1/degree], shape (B,).
-        inflation: by the levels of the bladders, shape (B, 8, T).
-        grip: by the levels of the feet, shape (B, 2, T).
+        levels: by the levels of bladders and feet, shape (B, 10, T).
         core_pressure: by the core pressure of the columns [1/Pa], shape (B, T); None where the gait has none.
         result: the distances themselves, speeds and status.
     """
 
     pressure: Floats
     orientation: Floats
-    inflation: Floats
-    grip: Floats
+    levels: Floats
     core_pressure: Floats | None
     result: InflatableResult
+
+    @property
+    def inflation(self) -> Floats:
+        """By the levels of the bladders, shape (B, 8, T)."""
+        return self.levels[:, :BLADDERS]
+
+    @property
+    def grip(self) -> Floats:
+        """By the levels of the feet, shape (B, 2, T)."""
+        return self.levels[:, BLADDERS:]
 
 
 class GradientOptions(ComputeOptions, total=False):
@@ -114,14 +130,7 @@ def differentiate(
         slopes.extend(found)
     joined: dict[str, Any] = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
     pressure, orientation, levels, *core = (np.stack(parts) for parts in zip(*slopes, strict=True))
-    return InflatableGradient(
-        pressure,
-        orientation,
-        levels[:, :BLADDERS],
-        levels[:, BLADDERS:],
-        core[0] if core else None,
-        replace(results[0], **joined),
-    )
+    return InflatableGradient(pressure, orientation, levels, core[0] if core else None, replace(results[0], **joined))
 
 
 def _side_by_side(
@@ -153,6 +162,75 @@ def _side_by_side(
         each[1] = each[1] + by_headings[robot]
         slopes.append([part if result.status[robot] == "ok" else np.full_like(part, np.nan) for part in each])
     return result, slopes
+
+
+def check_alike(designs: Sequence[InflatableDesign]) -> None:
+    """Refuse designs whose derivatives have different shapes.
+
+    Raises:
+        ValueError: if designs differ in their numbers of columns or core pressures, or some have core pressures of
+            columns that others have not.
+    """
+    if len({np.size(design.pressure) for design in designs}) > 1:
+        raise ValueError("designs: a mixture is not allowed; give all one core pressure, or all one a core")
+    if len({(design.schedule.columns, design.schedule.core_pressure is None) for design in designs}) > 1:
+        raise ValueError(
+            "designs: a mixture is not allowed; give gaits of one number of columns, all or none with pressures"
+        )
+
+
+class _Kept(ProgramBuilder):
+    """Keeps the values and rates of events, which may be traced, and nothing else of them."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
+        self.values: list[Any] = []
+        self.rates: list[Any] = []
+
+    def set(
+        self,
+        quantity: int,
+        value: Any,
+        *,
+        regions: ArrayLike,
+        step: ArrayLike = 0,
+        rate: Any = 0.0,
+        robots: ArrayLike | None = None,
+    ) -> None:
+        """Keep the numbers of an event in each region."""
+        for numbers, number in ((self.values, value), (self.rates, rate)):
+            numbers.append(np.broadcast_to(number, np.size(regions)))
+
+
+def pull_back(
+    design: InflatableDesign,
+    terrain: Terrain,
+    actuation: InflatableActuation,
+    geometry: InflatableGeometry,
+    values: Floats,
+    rates: Floats,
+) -> tuple[Floats, ...]:
+    """Derivatives of a cost by the numbers of a design, from those by its events.
+
+    Args:
+        design: of one robot.
+        terrain, actuation, geometry: of its program.
+        values: derivatives of the cost by the values of the robot's events, in their order in the program, shape (E,).
+        rates: likewise by their rates.
+
+    Returns:
+        Derivatives by the pressure, shape () or (cores,), the orientation, shape (), the levels, shape (10, T), and the
+        core pressures of the columns, shape (T,), if there are some.
+    """
+
+    def events(pressure: Any, orientation: Any, levels: Any, after: Any = None) -> tuple[Array, Array]:
+        kept, each = _Kept(), tuple(pressure) if pressure.ndim else pressure
+        write_gait(kept, 0, design, terrain, actuation, geometry, (each, orientation, levels, after))
+        return np.concatenate(kept.values), np.concatenate(kept.rates)
+
+    core = design.schedule.core_pressure
+    numbers = (design.pressure, design.orientation, design.schedule.levels, *(() if core is None else (core,)))
+    return trace(events, *numbers)[1](values, rates)
 
 
 def worst_stages(result: InflatableResult) -> Floats:

@@ -16,9 +16,8 @@ import numpy as np
 from robots.frames import Frames
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
-from robots.inflatable.cores import Pressure, highest_pressure, kilopascals
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.events import RobotEvents
+from robots.inflatable.design import InflatableDesign, Pressure, highest_pressure, kilopascals
+from robots.inflatable.program import RobotEvents
 from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions
 from robots.inflatable.timing import play
 from robots.world import Terrain

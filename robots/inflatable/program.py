@@ -1,9 +1,6 @@
-"""Programs of batches of inflatable designs, and how their events change with the designs.
+"""What happens to inflatable robots over time, as lattice programs: initialisation, then the columns of their gaits.
 
-Derivatives are those of the events' values and rates; their steps are whole and stay. So they are piecewise: where a
-bladder arrives with a whole step, they are those of one side. Where it is told the same as before it moves by |change|
-of a level, whose derivative is taken as 0, the mean of both sides. The published ramp of the core pressure takes longer
-to a higher pressure; its derivative by pressure is that of the value it ends with.
+Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
 """
 
 from collections.abc import Sequence
@@ -15,17 +12,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.cores import highest_pressure
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.events import RobotEvents, Scalar
+from robots.inflatable.body import (
+    BLADDER_COUNT,
+    BLADDER_REGIONS,
+    FIRST_BLADDER,
+    FOOT_REGIONS,
+    FOOT_SEAM,
+    PUBLISHED,
+    REGION_COUNT,
+    SKIN_REGIONS,
+    InflatableGeometry,
+    skin_regions,
+)
+from robots.inflatable.design import InflatableDesign, each_pressure, highest_pressure
 from robots.inflatable.timing import Column, play, stage_starts
-from robots.world import Terrain, one_each
-from taichi_sim.autodiff.arrays import Array, trace
-from taichi_sim.base.arrays import Floats
+from robots.world import NO_WEIGHT, Terrain, Vector, one_each, weights
+from taichi_sim.autodiff.arrays import Array, value_of
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import check_fields, whole_number
-from taichi_sim.lattice import LatticeProgram, ProgramBuilder
+from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 
+Scalar = float | Array
 # Pressure of the core or cores, orientation, levels, core pressures of columns.
 Numbers = tuple[Scalar | tuple[Scalar, ...], Scalar, Array, Array | None]
 
@@ -117,70 +124,198 @@ def write_gait(
     return begin, columns, steps
 
 
-class _Kept(ProgramBuilder):
-    """Keeps the values and rates of events, which may be traced, and nothing else of them."""
+@dataclass(frozen=True, eq=False)
+class RobotEvents:
+    """Writes the events of a robot of a batch, or of several that do the same, on a terrain.
 
-    def __init__(self) -> None:
-        super().__init__(1)
-        self.values: list[Any] = []
-        self.rates: list[Any] = []
+    Numbers may be traced to carry derivatives.
 
-    def set(
-        self,
-        quantity: int,
-        value: Any,
-        *,
-        regions: ArrayLike,
-        step: ArrayLike = 0,
-        rate: Any = 0.0,
-        robots: ArrayLike | None = None,
-    ) -> None:
-        """Keep the numbers of an event in each region."""
-        for numbers, number in ((self.values, value), (self.rates, rate)):
-            numbers.append(np.broadcast_to(number, np.size(regions)))
-
-
-def pull_back(
-    design: InflatableDesign,
-    terrain: Terrain,
-    actuation: InflatableActuation,
-    geometry: InflatableGeometry,
-    values: Floats,
-    rates: Floats,
-) -> tuple[Floats, ...]:
-    """Derivatives of a cost by the numbers of a design, from those by its events.
-
-    Args:
-        design: of one robot.
-        terrain, actuation, geometry: of its program.
-        values: derivatives of the cost by the values of the robot's events, in their order in the program, shape (E,).
-        rates: likewise by their rates.
-
-    Returns:
-        Derivatives by the pressure, shape () or (cores,), the orientation, shape (), the levels, shape (10, T), and the
-        core pressures of the columns, shape (T,), if there are some.
+    Attributes:
+        builder: takes the events.
+        robot: place in the batch, or places.
+        cores: pressure of every core [Pa].
+        felt: pressure that bladders feel [Pa]: they lie over all cores, and lengthen by the mean of the pressures, each
+            weighted by the rows that the core has under bladders.
+        gravity: on level ground, where the robot is put, and on the terrain [m/s^2].
+        actuation: how the robot is driven on the terrain.
+        terrain: what the robot is on.
     """
 
-    def events(pressure: Any, orientation: Any, levels: Any, after: Any = None) -> tuple[Array, Array]:
-        kept, each = _Kept(), tuple(pressure) if pressure.ndim else pressure
-        write_gait(kept, 0, design, terrain, actuation, geometry, (each, orientation, levels, after))
-        return np.concatenate(kept.values), np.concatenate(kept.rates)
+    builder: ProgramBuilder
+    robot: ArrayLike
+    cores: tuple[Scalar, ...]
+    felt: Scalar
+    gravity: tuple[Vector, Vector]
+    actuation: InflatableActuation
+    terrain: Terrain
 
-    core = design.schedule.core_pressure
-    numbers = (design.pressure, design.orientation, design.schedule.levels, *(() if core is None else (core,)))
-    return trace(events, *numbers)[1](values, rates)
+    @classmethod
+    def of(
+        cls,
+        builder: ProgramBuilder,
+        robot: ArrayLike,
+        pressure: Scalar | tuple[Scalar, ...],
+        orientation: Scalar,
+        terrain: Terrain,
+        actuation: InflatableActuation = ACTUATION,
+        geometry: InflatableGeometry = PUBLISHED,
+    ) -> "RobotEvents":
+        """The events of a robot of a core pressure [Pa], or one each of several cores, and a heading [degrees].
 
+        Raises:
+            ValueError: if several pressures are not as many as the cores.
+        """
+        cores: tuple[Any, ...] = each_pressure(pressure, geometry)
+        shares = zip(geometry.bladder_shares, cores, strict=True)
+        felt: Any = sum(share * one for share, one in shares) if isinstance(pressure, tuple) else pressure
+        return cls(builder, robot, cores, felt, weights(terrain, orientation), actuation.on(terrain), terrain)
 
-def check_alike(designs: Sequence[InflatableDesign]) -> None:
-    """Refuse designs whose derivatives have different shapes.
+    @property
+    def everywhere(self) -> Ints:
+        """All regions of the robot."""
+        return np.concatenate([np.arange(REGION_COUNT), self.skin(SKIN_REGIONS)[len(SKIN_REGIONS) :]])
 
-    Raises:
-        ValueError: if designs differ in their numbers of columns or core pressures, or some have core pressures of
-            columns that others have not.
-    """
-    if len({np.size(design.pressure) for design in designs}) > 1:
-        raise ValueError("designs: a mixture is not allowed; give all one core pressure, or all one a core")
-    if len({(design.schedule.columns, design.schedule.core_pressure is None) for design in designs}) > 1:
-        raise ValueError(
-            "designs: a mixture is not allowed; give gaits of one number of columns, all or none with pressures"
+    def skin(self, kinds: ArrayLike) -> Ints:
+        """Regions of these kinds in all cores, core by core."""
+        return np.concatenate([skin_regions(np.atleast_1d(kinds), core) for core in range(len(self.cores))])
+
+    def initialise(self, end: int) -> None:
+        """Skin under level gravity until step ``end``, bladders under that of the terrain at once; cores inflate."""
+        a, skin, (level, tilted) = self.actuation, self.skin(SKIN_REGIONS), self.gravity
+        self._set_weight(level, skin, 0)
+        self._set_weight(tilted, skin, end)
+        self._set_weight(tilted, BLADDER_REGIONS, 0)
+        self._set(Quantity.SCALE + 2, a.deflated, BLADDER_REGIONS)
+        self._inflate_cores(end - a.hold_steps)
+        self._set_friction(a.high_friction, skin, 0)
+        self._set_friction(a.low_friction, self.skin(FOOT_SEAM), 0)
+        self._set_friction(a.high_friction / 3, BLADDER_REGIONS, 0)
+        self._set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
+        if self.terrain.is_fluid:
+            for part, resistance in enumerate(self.terrain.resistance):
+                self._set(Quantity.RESISTANCE + part, resistance, self.everywhere)
+
+    def play(self, columns: Sequence[Column], begin: int, first: bool = True) -> None:
+        """Columns one after the other, counted from step ``begin``; ``first`` if no column came before them."""
+        for number, column in enumerate(columns):
+            self.play_column(column, begin + column.start, first and number == 0)
+
+    def play_column(self, column: Column, step: int, first: bool) -> None:
+        """One column that begins at ``step``: motion, then settling."""
+        a = self.actuation
+        self._set_surroundings(column, step, first)
+        self._move_bladders(column, step)
+        if a.weight == "published":
+            self._set_bladder_weights(column, step)
+        settle = step + column.motion_steps
+        self._set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.everywhere, settle)
+        self._set_friction(a.high_friction, self.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
+
+    def tilt_skin(self, step: int) -> None:
+        """Have the skin feel the terrain's slope from a step on."""
+        self._set_weight(self.gravity[1], self.skin(SKIN_REGIONS), step)
+
+    def stand_on(self, carried: Floats, step: int) -> None:
+        """Move a robot from another terrain to this one at a step: weights of skin and bladders, and their friction.
+
+        Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
+        """
+        a, tilted, skin = self.actuation, self.gravity[1], self.skin(SKIN_REGIONS)
+        self._set_weight(tilted, skin, step)
+        share = np.ones(BLADDER_COUNT) if a.weight == "physical" else carried
+        self._set_weight(_times(share, tilted), BLADDER_REGIONS, step)
+        self._set_friction(a.high_friction, skin, step)
+        self._set_friction(a.high_friction / 3, BLADDER_REGIONS, step)
+
+    def _set(self, quantity: int, value: Any, regions: ArrayLike, step: ArrayLike = 0, rate: Any = 0.0) -> None:
+        self.builder.set(quantity, value, regions=regions, step=step, rate=rate, robots=self.robot)
+
+    def _set_friction(self, value: Scalar, regions: ArrayLike, step: int) -> None:
+        for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
+            self._set(quantity, value, regions, step)
+
+    def _set_weight(self, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
+        """Give regions an acceleration [m/s^2] from a step on."""
+        for axis in range(3):
+            self._set(Quantity.ACCELERATION + axis, gravity[axis], regions, step)
+
+    def _inflate_cores(self, full: int) -> None:
+        """All cores at one rate, each until its own pressure, the highest by step ``full``; or all by that step."""
+        a = self.actuation
+        ramps = [a.initial_steps(float(value_of(pressure))) for pressure in self.cores]
+        for core, (pressure, ramp) in enumerate(zip(self.cores, ramps, strict=True)):
+            skin = skin_regions(SKIN_REGIONS, core)
+            rate = a.pressure_ramp if a.ramp_steps is None else pressure / a.ramp_steps
+            self._set(Quantity.PRESSURE, 0.0, skin, rate=rate)
+            self._set(Quantity.PRESSURE, pressure, skin, full - (max(ramps) - ramp))
+
+    def _set_surroundings(self, column: Column, step: int, first: bool) -> None:
+        """What a column's motion begins with: damping, grip of the feet, change of the pressure of all cores."""
+        a = self.actuation
+        self._set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.everywhere, step)
+        grip = (1.0 - column.grip) * a.low_friction + column.grip * a.high_friction
+        for core in range(len(self.cores)):
+            self._set_friction(grip, skin_regions(FOOT_REGIONS, core), step)
+        self._set_friction(a.low_friction if first else a.high_friction, self.skin(FOOT_SEAM), step)
+        if column.pressures:
+            before, after = column.pressures
+            rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
+            skin = self.skin(SKIN_REGIONS)
+            self._set(Quantity.PRESSURE, before + rate, skin, step, rate)
+            self._set(Quantity.PRESSURE, after, skin, settle)
+
+    def _move_bladders(self, column: Column, step: int) -> None:
+        """Bladders change together, each until it is done."""
+        a, motion = self.actuation, column.motion
+        moves, arrives = np.flatnonzero(motion.moving), np.flatnonzero(motion.arrives)
+        done = step + motion.moving[arrives]
+        rate = motion.direction * a.inflation_rate
+        for axis, share in enumerate(_growth(self.felt, a)):
+            if axis == 1 and column.pressures:
+                self._lengthen(column, step)
+                continue
+            base = 1.0 - share * a.deflated if axis < 2 else 0.0
+            grown, ends = base + share * (motion.levels + rate), base + share * motion.ends
+            self._set(Quantity.SCALE + axis, grown[moves], FIRST_BLADDER + moves, step, (share * rate)[moves])
+            self._set(Quantity.SCALE + axis, ends[arrives], FIRST_BLADDER + arrives, done)
+
+    def _lengthen(self, column: Column, step: int) -> None:
+        """Lengths of bladders while the core pressure changes: by the law at the beginning, on arrival and in the end.
+
+        In between they change linearly, as channels do.
+        """
+        assert column.pressures
+        (before, after), motion, a = column.pressures, column.motion, self.actuation
+        time = motion.arrival + motion.moving.astype(float)
+        moves, along = np.flatnonzero(motion.moving), Quantity.SCALE + 1
+        pressures = (before, before + (after - before) * (time / column.motion_steps), after)
+        levels = (motion.levels, motion.ends, motion.ends)
+        start, arrived, end = (
+            1.0 + _growth(p, a)[1] * (level - a.deflated) for p, level in zip(pressures, levels, strict=True)
         )
+        rate = (arrived - start)[moves] / time[moves]
+        self._set(along, start[moves] + rate, FIRST_BLADDER + moves, step, rate)
+        rate = (end - arrived) / (column.motion_steps - time)
+        self._set(along, arrived + rate * (1.0 - motion.arrival), BLADDER_REGIONS, step + motion.moving, rate)
+        self._set(along, end, BLADDER_REGIONS, step + column.motion_steps)
+
+    def _set_bladder_weights(self, column: Column, step: int) -> None:
+        """The published quirk: no weight while a bladder moves or is inflated; partly inflated, a part of it.
+
+        The step in which a bladder arrives is shared between the two, so that weight is continuous in the inflation.
+        """
+        motion, tilted = column.motion, self.gravity[1]
+        self._set_weight(NO_WEIGHT, FIRST_BLADDER + np.flatnonzero(motion.moving), step)
+        done, carried = step + motion.moving, 1.0 - column.inflation
+        self._set_weight(_times(carried * (1.0 - motion.arrival), tilted), BLADDER_REGIONS, done)
+        self._set_weight(_times(carried, tilted), BLADDER_REGIONS, done + 1)
+
+
+def _times(factor: Array, vector: Vector) -> Vector:
+    return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+def _growth(pressure: Scalar, a: InflatableActuation) -> Vector:
+    """Growth of a bladder per growth in thickness: across, along, through."""
+    along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * pressure / a.round_pressure
+    return a.widening, 1 / along, 1.0

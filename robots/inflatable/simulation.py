@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.cores import each_pressure
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.program import WHOLE, Counting, build_program
 from robots.inflatable.timing import counted_steps, predicted_steps
 from robots.world import Terrain, one_each

@@ -16,8 +16,7 @@ import numpy as np
 
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT
-from robots.inflatable.cores import highest_pressure
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, highest_pressure
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
 from taichi_sim.autodiff.arrays import Array, revalued, value_of
 from taichi_sim.base.arrays import Bools, Floats, Ints

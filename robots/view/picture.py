@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.cores import kilopascals
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, kilopascals
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import gait_steps
 from robots.robot import Robot, World

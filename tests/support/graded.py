@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from robots.inflatable import PUBLISHED, InflatableActuation, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.program import pull_back
+from robots.inflatable.gradient import pull_back
 from robots.inflatable.schedule import GaitSchedule
 
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)

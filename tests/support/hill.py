@@ -37,8 +37,7 @@ class Hill:
             result=self(designs, terrain, **options),
             orientation=np.zeros(count),
             pressure=np.zeros(count),
-            inflation=np.full((count, 8, columns), 0.01),
-            grip=np.zeros((count, 2, columns)),
+            levels=np.repeat([[[0.01]] * 8 + [[0.0]] * 2], count, axis=0) * np.ones(columns),
         )
 
 

@@ -105,7 +105,7 @@ def sample(count, seed=0):
 
 def main(folder, backend):
     """Evaluates with two workers for ever, leaving their numbers in the folder."""
-    from optim.runs.requests import Request
+    from optim.problem import Request
     from optim.runs.workers import open_workers
 
     problem = Bowl(pids=folder, hold=folder / "never")

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from optim.problem import RelaxableProblem
 from optim.problems.designer import COMPUTE, Design, Designer, Request
-from robots.inflatable.kind import GEOMETRIES, RIG_OPTION, WEIGHTS, load_gait, pressure
+from robots.inflatable.actuation import WEIGHTS
+from robots.inflatable.kind import GEOMETRIES, RIG_OPTION, load_gait, pressure
 from robots.robot import Option
 from taichi_sim.base.options import count, flag, number
 
@@ -142,7 +143,7 @@ class InflatableDesigner(Designer):
         self, source: str | None, given: Mapping[str, Any], wanted: Sequence[int] | None
     ) -> dict[str, tuple[RelaxableProblem, NDArray[Any]]]:
         """The gait cut to some of its columns, or played several times."""
-        from robots.inflatable.cores import each_pressure
+        from robots.inflatable.design import each_pressure
 
         for name in ("columns", "repeats", "pressure", "orientation", "calibration"):
             if name in given:
@@ -233,7 +234,7 @@ def _check_control(settings: dict[str, Any], args: SimpleNamespace, method: str)
 
 def _start(args: SimpleNamespace, problem: "GaitProblem") -> dict[str, float]:
     """Where variables start: at a gait, but for what is given of its shape; a pressure is of all cores, or one each."""
-    from robots.inflatable.cores import each_pressure
+    from robots.inflatable.design import each_pressure
 
     start = {} if args.start is None else problem.start_values(load_gait(args.start))
     if args.start_orientation is not None:

@@ -17,23 +17,20 @@ from numpy.typing import ArrayLike, NDArray
 from optim.problem import OK, Evaluation
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
-from optim.problems.inflatable.settings import GRADED_OPTIONS, GaitSettings
-from optim.problems.inflatable.told import RIG_FILE, facts_of
+from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
 from optim.problems.robot import subject_of
 from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation
-from robots.inflatable.cores import each_pressure
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
-from robots.inflatable.offered import InflatableRobot, kilopascals
+from robots.inflatable.design import InflatableDesign, each_pressure, save_design
+from robots.inflatable.kind import InflatableRobot, kilopascals
 from robots.inflatable.program import Counting
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
-from robots.robot import Facts, Robot, part_of
+from robots.robot import Robot, part_of
 from taichi_sim.base.arrays import Floats, Indices, Ints
 
 HARD = "_hard"  # how details end that are of the harder conditions
@@ -170,10 +167,9 @@ class GaitProblem(GaitSettings):
 
     def _slopes(self, run: gradient.InflatableGradient, points: Floats, sharpness: float) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
-        levels = np.concatenate([run.inflation, run.grip], axis=1)
         genes = [
             self._control.slopes(self._genes(point), sharpness, slope)
-            for point, slope in zip(points, levels, strict=True)
+            for point, slope in zip(points, run.levels, strict=True)
         ]
         slopes = [self.shape.slopes(run, points), np.array(genes)]
         seconds = self._counted(run.result)[:, None] * self.body.time_step
@@ -297,10 +293,6 @@ class GaitProblem(GaitSettings):
     def subject(self) -> str:
         """Where the robot travels."""
         return subject_of("inflatable robot", self.terrains)
-
-    def facts(self) -> Facts:
-        """Terrains, what is free, what is fixed, and the simulation."""
-        return facts_of(self)
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
         """Pressures and orientation."""

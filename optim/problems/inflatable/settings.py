@@ -6,18 +6,19 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
+
 from optim.problem import GAIT, check_kind
-from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
+from optim.problems.inflatable.encoding import EMPTY_CORE, ENCODINGS, GradedGait, ShapeGenes
 from optim.problems.inflatable.outcomes import NEXT
-from optim.problems.inflatable.shape import EMPTY_CORE, ShapeGenes
 from optim.problems.robot import RobotDesigning
 from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
-from robots.inflatable.cores import Pressure, checked_pressure, each_pressure
+from robots.inflatable.design import Pressure, checked_pressure, each_pressure
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
-from robots.robot import World
+from robots.robot import Facts, World
 from robots.world import Terrain
 from taichi_sim.base.checks import NotNegative, check_fields, choice, whole_number
 
@@ -30,6 +31,7 @@ DESCRIBED_IF_SET = (
     *("encoding", "objectives", "ramp_steps", "steps", "warm_up", "stages"),
     *("ladder", "ahead", "hard", "effort"),
 )
+RIG_FILE = "calibration.json"  # in folders of runs
 LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
 
 
@@ -170,6 +172,32 @@ class GaitSettings(RobotDesigning):
         """Whether gaits have times of their own."""
         return self.graded if self.schedule is None else self.schedule.has_own_times
 
+    def facts(self) -> Facts:
+        """Terrains, what is free, what is fixed, and the simulation."""
+        geometry = self.body
+        held = [f"orientation {self.orientation:g}°"] if self.orientation is not None else []
+        if self.pressure is not None:
+            held.append("pressure " + ", ".join(f"{one:g}" for one in np.atleast_1d(self.pressure)) + " Pa")
+        held += ["gait"] if self.schedule is not None else []
+        aim = "mean speed over the terrains" if self.objectives == "mean" else "speed on each terrain"
+        steps = self.steps
+        convention = "by the published convention" if steps is None else f"of {steps:,} time steps"
+        times = {1: "once", 2: "twice"}.get(self.repeats, f"{self.repeats} times")
+        often = f"as often as {self.most_steps:,} time steps allow" if self.graded else times
+        return [
+            ("Robot", f"inflatable shape-changing robot, {self.geometry} geometry, {geometry.body_length:g} m long"),
+            ("Terrains", ", ".join(_described(terrain) for terrain in self.terrains)),
+            (
+                "Objective",
+                f"{aim if len(self.terrains) > 1 else 'speed'}, in body lengths a second {convention} (BL/s)",
+            ),
+            ("Free", ", ".join(self.free)),
+            ("Fixed", ", ".join(held) or "nothing"),
+            ("Gait", f"{self.columns} columns, played {often}, encoded as {self.encoding}"),
+            *([("Rig", self.properties.spoken)] if self.properties else []),
+            ("Simulation", f"{self.precision} on {self.device}, weight of bladders {self.weight}"),
+        ]
+
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""
         fixed = {
@@ -215,3 +243,9 @@ class GaitSettings(RobotDesigning):
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _described(terrain: Terrain) -> str:
+    friction = {"gripping": terrain.high_friction, "sliding": terrain.low_friction}
+    given = [f"friction {name} {value:g}" for name, value in friction.items() if value is not None]
+    return " with ".join([terrain.name, *given])

@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from optim.problem import Problem
-from optim.runs.requests import Evaluate
+from optim.problem import Evaluate, Problem
 from optim.runs.workers.pool import Backend, Pool
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optim.problem import Evaluation
-from optim.runs.requests import Request, failures, join
+from optim.problem import Evaluation, Request
+from optim.runs.requests import failures, join
 from taichi_sim.base.arrays import Floats
 
 KILLER = "killed its worker"  # status of a design that does so twice

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
-from optim.problem import Evaluation
-from optim.runs.requests import Request
+from optim.problem import Evaluation, Request
 from optim.runs.workers.batch import KILLER, Batch, Part
 from optim.runs.workers.service import Answer, Raised
 from taichi_sim.base.arrays import Floats

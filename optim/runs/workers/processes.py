@@ -21,8 +21,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from optim.notes import notes
-from optim.problem import Problem
-from optim.runs.requests import Request
+from optim.problem import Problem, Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 

@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from optim.problem import Problem
+from optim.problem import Problem, Request
 from optim.runs.environment import JUDGING, cpu_model, versions
-from optim.runs.requests import Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 from taichi_sim.base.checks import install_extra

@@ -7,8 +7,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from optim.problem import Evaluation, Problem
-from optim.runs.requests import Request, judge
+from optim.problem import Evaluation, Problem, Request, judge
 
 # What NumPy's linear algebra and others ask for their number of threads when they are loaded.
 THREAD_VARIABLES = (

@@ -10,8 +10,7 @@ import numpy as np
 
 from optim.experiments.results import Progress
 from optim.experiments.side_by_side import judge_together, run_side_by_side
-from optim.problem import Evaluation
-from optim.runs.requests import Request
+from optim.problem import Evaluation, Request
 from optim.studies.chapter2.settings import FITNESS, SPACE, Interference, Treatment, controllers
 from taichi_sim import runtime
 from taichi_sim.base import checks

@@ -16,9 +16,8 @@ import numpy as np
 from optim.experiments.results import Progress, part_of
 from optim.experiments.settings import Count, Settings, Whole
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Request
 from optim.problems.braitenberg import VehicleProblem
-from optim.runs.requests import Request
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter4.training_table import TrainingTable

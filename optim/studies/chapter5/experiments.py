@@ -15,18 +15,16 @@ import numpy as np
 from optim.experiments.results import Costs, Progress, part_of
 from optim.experiments.settings import Count, Settings, Several, Whole
 from optim.experiments.side_by_side import run_side_by_side
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Request, judge
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
 from optim.runs.environment import environment
 from optim.runs.history import read_history, read_result
 from optim.runs.loop import FolderSearch
-from optim.runs.requests import Request, judge
 from optim.search import HillClimb
 from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.inflatable.cores import highest_pressure
-from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, highest_pressure
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

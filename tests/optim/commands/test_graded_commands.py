@@ -13,8 +13,7 @@ from run_products import log, products
 from optim.problems.inflatable.encoding import LEAST_MOTION
 from robots.hardware import read_csv
 from robots.inflatable import INCHING
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import load_design, save_design
+from robots.inflatable.design import InflatableDesign, load_design, save_design
 from robots.inflatable.robustness import GaitJudgement
 from robots.inflatable.timing import gait_timeline
 from robots.view import scene

@@ -21,8 +21,7 @@ from optim.pipeline.trials import NoWorkingGait, State, Trials, check_working
 from robots.calibration import Properties, load_calibration, save_properties
 from robots.hardware import export_csv, read_csv
 from robots.inflatable import ACTUATION, INCHING, NAMED_GEOMETRIES, PUBLISHED, ROLLING, SMALL, transition
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
+from robots.inflatable.design import InflatableDesign, save_design
 from taichi_sim.base.results_folder import ResultsFolder
 
 TIMES = (11.5, 4.7)

@@ -9,11 +9,11 @@ import pytest
 from graded import TINY_TWO
 from run_products import log
 
+from optim.problems.inflatable.encoding import EMPTY_CORE
 from optim.problems.inflatable.problem import GaitProblem
-from optim.problems.inflatable.shape import EMPTY_CORE
 from robots import inflatable
 from robots.inflatable import NAMED_GEOMETRIES
-from robots.inflatable.files import load_design
+from robots.inflatable.design import load_design
 from robots.inflatable.kind import GEOMETRIES
 from robots.world import Terrain
 

@@ -11,7 +11,7 @@ import pytest
 from worker_checks import GAITS, PATHS, Workers, lives, numbers, same, short_gaits, stopped, wait_for
 from worker_problems import Bowl, sample
 
-from optim.runs.requests import Request, judge
+from optim.problem import Request, judge
 from optim.runs.workers import ray_cluster
 
 pytestmark = [pytest.mark.kernels, pytest.mark.long]  # all share a cluster, which judges with the simulator

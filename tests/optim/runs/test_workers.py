@@ -12,8 +12,8 @@ import pytest
 from worker_checks import GAITS, PATHS, Workers, lives, numbers, same, short_gaits, stopped, wait_for
 from worker_problems import Awkward, Bowl, Fatal, Threads, Unloadable, sample
 
-from optim.problem import Evaluation
-from optim.runs.requests import Request, failures, join, judge
+from optim.problem import Evaluation, Request, judge
+from optim.runs.requests import failures, join
 from optim.runs.workers import open_workers
 from optim.runs.workers.batch import Batch
 

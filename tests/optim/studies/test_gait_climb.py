@@ -17,8 +17,7 @@ from optim.studies.beyond.gait_hunt import climb
 from optim.studies.beyond.gait_hunt.kinds import APART, best_of_kinds, difference, heading_of
 from optim.studies.beyond.gait_hunt.program import GRADED, RUNGS, Plan, Program, Step
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways, simulation
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import load_design
+from robots.inflatable.design import InflatableDesign, load_design
 from robots.inflatable.program import WHOLE
 from robots.inflatable.simulation import simulate
 from robots.inflatable.timing import gait_steps

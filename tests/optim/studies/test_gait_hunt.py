@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 
 from optim.experiments.comparison import differences, table_of_differences
 from optim.measures.statistics import holm
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Request
 from optim.problems.inflatable.outcomes import Outcomes, effort
 from optim.problems.inflatable.problem import GaitProblem
-from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt import climb, searches, spending
 from optim.studies.beyond.gait_hunt import study as hunting
 from optim.studies.beyond.gait_hunt.finalists import Finalist, Finals, best_of, cached_finalists, last_bests
@@ -25,7 +24,7 @@ from optim.studies.beyond.gait_hunt.program import Plan
 from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
 from robots.inflatable import ACTUATION, INCHING, InflatableDesign, simulation
 from robots.inflatable import gradient as inflatable_gradient
-from robots.inflatable.files import load_design
+from robots.inflatable.design import load_design
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import cycle_starts, gait_steps
 from robots.world import Terrain

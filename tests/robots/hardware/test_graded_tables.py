@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robots.hardware import PneumaticRig, RigViolation, export_csv, gait_table, read_csv
 from robots.hardware.headroom import rig_report
-from robots.hardware.timeline import TIME_STEP
+from robots.hardware.table import TIME_STEP
 from robots.inflatable import ACTUATION, INCHING, simulation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule

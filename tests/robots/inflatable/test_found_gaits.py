@@ -7,7 +7,7 @@ import pytest
 
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.actuation import PUBLISHED_STEPS
-from robots.inflatable.files import load_design
+from robots.inflatable.design import load_design
 from robots.inflatable.robustness import GaitJudgement, judge_gait
 from robots.inflatable.timing import gait_steps
 from robots.world import Terrain

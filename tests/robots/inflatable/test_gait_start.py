@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from graded import tabled
 
+from optim.problems.inflatable.encoding import EMPTY_CORE
 from optim.problems.inflatable.problem import GaitProblem
-from optim.problems.inflatable.shape import EMPTY_CORE
 from robots.inflatable import INCHING, ROLLING
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
+from robots.inflatable.design import InflatableDesign, save_design
 from robots.world import Terrain
 
 HILL = (Terrain(15.0),)

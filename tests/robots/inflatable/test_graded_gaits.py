@@ -14,7 +14,7 @@ from optim.problems.inflatable.encoding import LEAST_MOTION, GradedGait
 from optim.problems.inflatable.problem import GaitProblem
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign, simulation
 from robots.inflatable.actuation import PUBLISHED_STEPS
-from robots.inflatable.files import load_design, save_design
+from robots.inflatable.design import load_design, save_design
 from robots.inflatable.gradient import differentiate
 from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule

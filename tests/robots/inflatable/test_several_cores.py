@@ -25,17 +25,16 @@ from robots.inflatable import (
     simulate,
 )
 from robots.inflatable.body import FIRST_BLADDER, FOOT_1, FOOT_2, FOOT_SEAM, REGION_COUNT, SEAM, cores_of, kinds_of
-from robots.inflatable.cores import (
-    bladder_shares,
+from robots.inflatable.design import (
     checked_pressure,
     common_pressure,
     core_shapes,
     kilopascals,
+    load_design,
+    save_design,
 )
-from robots.inflatable.events import RobotEvents
-from robots.inflatable.files import load_design, save_design
 from robots.inflatable.gradient import differentiate
-from robots.inflatable.program import build_program
+from robots.inflatable.program import RobotEvents, build_program
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import gait_timeline
 from robots.view.shape import height
@@ -191,8 +190,8 @@ def test_each_core_stops_at_its_own_pressure_and_the_gait_waits_for_the_highest(
 
 
 def test_bladders_lengthen_by_the_mean_pressure_over_the_rows_under_them():
-    assert bladder_shares(TWO_CORE) == [0.5, 0.5]
-    assert bladder_shares(THREE) == [4 / 16, 8 / 16, 4 / 16]
+    assert TWO_CORE.bladder_shares == [0.5, 0.5]
+    assert THREE.bladder_shares == [4 / 16, 8 / 16, 4 / 16]
     felt = [
         RobotEvents.of(ProgramBuilder(1), 0, p, 0.0, Terrain(), geometry=THREE).felt for p in ((8e3, 4e3, 0.0), 5e3)
     ]

@@ -15,8 +15,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
 from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
-from robots.inflatable.design import InflatableDesign
-from robots.inflatable.files import save_design
+from robots.inflatable.design import InflatableDesign, save_design
 from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE, NoisySpeeds, play_with_noise
 from robots.world import Terrain
 from taichi_sim.base import checks

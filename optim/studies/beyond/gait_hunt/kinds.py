@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from optim.problem import Request
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.generation import Generation
 from optim.runs.history import History
-from optim.runs.requests import Request
 from optim.studies.beyond.gait_hunt.spending import cost
 from robots.inflatable import simulation
 from robots.inflatable.body import InflatableGeometry
-from robots.inflatable.cores import each_pressure
-from robots.inflatable.design import InflatableDesign
+from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.timing import predicted_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays, Floats

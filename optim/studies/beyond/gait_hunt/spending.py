@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import Progress
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Request, judge
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
 from optim.runs.folder import RunFolder
 from optim.runs.history import History, read_history
 from optim.runs.loop import FolderSearch
-from optim.runs.requests import Request, judge
 from optim.search import Method, build_method, default_settings
 from taichi_sim.base.files import read_text, write_text
 

@@ -1,0 +1,125 @@
+"""Kinds of robots, and the table of them, which packages of users may add to.
+
+A kind is built in, and stands in the table ``KINDS``, or a package adds it by an entry point::
+
+    [project.entry-points."morpholab.robots"]
+    hopper = "my_package.hopper:HopperKind"
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robots.outcome import World
+from taichi_sim.base.options import Option
+from taichi_sim.base.registry import Registry
+
+if TYPE_CHECKING:
+    from robots.robot import Robot
+
+
+class RobotKind(ABC):
+    """A kind of robot: makes robots of options and of files. Its module should import quickly.
+
+    Attributes:
+        name: in the table ``KINDS``, or of the entry point.
+        title: what people call robots of this kind.
+        options: of the command line that make a robot, see :meth:`build`.
+        designs: names of designs that commands know without a file.
+        world_option: what the option for a world is called.
+        world_type: makes the value of that option of its text, as ``Option.type`` does; :meth:`world` takes it.
+        world_hint: what the help says of that option.
+        search_precision: of numbers in searches, unless asked otherwise.
+        view_precision: of numbers in views, unless asked otherwise.
+    """
+
+    name: str
+    title: str
+    options: tuple[Option, ...] = ()
+    designs: tuple[str, ...] = ()
+    world_option: str = "world"
+    world_type: Callable[[str], Any] = str
+    world_hint: str = "where it is tried (default: the kind's own)"
+    search_precision: str = "f64"
+    view_precision: str = "f64"
+
+    @abstractmethod
+    def build(self, source: str | None, options: Mapping[str, Any]) -> "Robot":
+        """Make a robot.
+
+        Args:
+            source: the file of a robot or of a design, a name among ``designs``, or None.
+            options: values of ``options`` that were given, by name.
+
+        Raises:
+            ValueError: for what is not allowed.
+        """
+
+    def recognises(self, path: Path, form: str | None) -> bool:
+        """Whether a file is of this kind; ``form`` is the format that a JSON file names, None of other files."""
+        return False
+
+    def from_description(self, description: Mapping[str, Any]) -> "Robot":
+        """The robot that ``Robot.describe`` described; by default, the description is options."""
+        return self.build(None, description)
+
+    def options_for(self, command: str) -> list[Option]:
+        """Those of ``options`` that a command has."""
+        return [option for option in self.options if not option.commands or command in option.commands]
+
+    @property
+    def world_options(self) -> tuple[Option, ...]:
+        """Options that name one world, see :meth:`chosen_world`."""
+        return (Option(self.world_option, self.world_hint, self.world_type, self.world_option.upper()),)
+
+    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
+        """The world that values of :attr:`world_options` name; None if none was given."""
+        given = options.get(self.world_option)
+        return None if given is None else self.world(given)
+
+    def world(self, text: Any) -> World:
+        """The world of a name, or of a value that ``world_type`` made.
+
+        Raises:
+            ValueError: for any other name.
+        """
+        known = {place.name: place for place in self.build(None, {}).worlds}
+        if text not in known:
+            raise ValueError(f"{self.world_option}: {text!r} is unknown; choose one of {', '.join(known)}")
+        return known[text]
+
+    def world_record(self, world: World) -> Any:
+        """A world as a value that fits JSON and TOML."""
+        return world.name
+
+    def world_of(self, record: Any) -> World:
+        """The world of a record."""
+        return self.world(record)
+
+
+class _Kinds(Registry[RobotKind]):
+    """Kinds of robots by name; an entry may be a kind or its class."""
+
+    def __getitem__(self, name: str) -> RobotKind:
+        found = super().__getitem__(name)
+        if isinstance(found, type):
+            found = self._loaded[name] = found()
+        found.name = name
+        return found
+
+
+USUAL = "inflatable"  # the kind, where none is named
+KINDS = _Kinds(
+    "morpholab.robots",
+    "robot",
+    {
+        "inflatable": "robots.inflatable.kind:InflatableKind",
+        "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
+        "articulated": "robots.articulated.kind:ArticulatedKind",
+        "quadruped": "robots.quadruped.kind:QuadrupedKind",
+        "rover": "robots.rover.kind:RoverKind",
+        "vehicle": "robots.braitenberg.kind:VehicleKind",
+        "walker": "robots.lattice_robot.walker_kind:WalkerKind",
+    },
+)
