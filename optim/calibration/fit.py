@@ -30,25 +30,15 @@ _NEAR_BOUND = 0.01  # of the logarithm
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        before: properties that the search began with.
-        after: those found.
-        names: of the properties that were fitted, K.
-        uncertainty: of their logarithms.
-        predictions: of all points before and after, shape (2, N).
-        misfit: root mean square residual before and after, in standard deviations.
-        at_bound: names of properties that ended at a bound.
-    """
-
-    before: Properties
-    after: Properties
-    names: tuple[str, ...]
-    uncertainty: Uncertainty
-    predictions: Floats
-    misfit: tuple[float, float]
-    at_bound: tuple[str, ...]
+    before: Properties  # properties that the search began with
+    after: Properties  # those found
+    names: tuple[str, ...]  # of the properties that were fitted, K
+    uncertainty: Uncertainty  # of their logarithms
+    predictions: Floats  # of all points before and after, shape (2, N)
+    misfit: tuple[float, float]  # root mean square residual before and after, in standard deviations
+    at_bound: tuple[str, ...]  # names of properties that ended at a bound
 
     @property
     def intervals(self) -> Floats:
@@ -65,13 +55,6 @@ def calibrate(
     progress: Told | None = None,
 ) -> Calibration:
     """Fit properties to experiments, beginning with those of the laboratory's robot.
-
-    Args:
-        experiments: what was measured.
-        laboratory: how it is simulated; stiff enough for the bounds.
-        names: of the properties to fit.
-        bounds: of the properties.
-        progress: called with the fraction done, roughly, and what was found.
 
     Raises:
         ValueError: for unknown names, too few points, and properties that the data cannot tell.

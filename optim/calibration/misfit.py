@@ -17,19 +17,12 @@ FAR_OFF = 1e3  # residual of what diverges
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The misfit at a point, and around it.
+    """The misfit at a point, and around it."""
 
-    Attributes:
-        predictions: of all points, the mean of the replicas, shape (N,).
-        residuals: (prediction - measurement) / standard deviation, shape (N,).
-        slopes: derivatives of the residuals by the logarithms of the properties, shape (N, K).
-        scatter: covariance of one replica's residuals by noise on its start, shape (N, N).
-    """
-
-    predictions: Floats
-    residuals: Floats
-    slopes: Floats
-    scatter: Floats
+    predictions: Floats  # of all points, the mean of the replicas, shape (N,)
+    residuals: Floats  # (prediction - measurement) / standard deviation, shape (N,)
+    slopes: Floats  # derivatives of the residuals by the logarithms of the properties, shape (N, K)
+    scatter: Floats  # covariance of one replica's residuals by noise on its start, shape (N, N)
 
     def weighted(self, factors: Floats) -> "Linearised":
         """The same in other standard deviations: residuals times factors of shape (N,)."""
@@ -39,21 +32,13 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Residuals of experiments.
+    """Residuals of experiments."""
 
-    Attributes:
-        experiments: with what was measured.
-        laboratory: in which they are simulated.
-        names: of the properties that change, K.
-        start: the other properties.
-        bounds: of all properties that change.
-    """
-
-    experiments: Sequence[Experiment]
-    laboratory: Laboratory
-    names: tuple[str, ...]
-    start: Properties
-    bounds: Mapping[str, tuple[float, float]]
+    experiments: Sequence[Experiment]  # with what was measured
+    laboratory: Laboratory  # in which they are simulated
+    names: tuple[str, ...]  # of the properties that change, K
+    start: Properties  # the other properties
+    bounds: Mapping[str, tuple[float, float]]  # of all properties that change
 
     @cached_property
     def measured(self) -> Floats:

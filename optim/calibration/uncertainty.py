@@ -18,21 +18,13 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """How sure K properties are.
+    """How sure K properties are."""
 
-    Attributes:
-        errors: standard errors of the logarithms, which are relative standard errors, shape (K,).
-        reach: half widths of the 95 % confidence intervals of the logarithms, shape (K,).
-        correlation: between the errors, shape (K, K).
-        chaos: part of each error's variance that is the simulator's scatter, shape (K,).
-        noise: root mean square of the residuals, in standard deviations, for the degrees of freedom left.
-    """
-
-    errors: Floats
-    reach: Floats
-    correlation: Floats
-    chaos: Floats
-    noise: float
+    errors: Floats  # standard errors of the logarithms, which are relative standard errors, shape (K,)
+    reach: Floats  # half widths of the 95 % confidence intervals of the logarithms, shape (K,)
+    correlation: Floats  # between the errors, shape (K, K)
+    chaos: Floats  # part of each error's variance that is the simulator's scatter, shape (K,)
+    noise: float  # root mean square of the residuals, in standard deviations, for the degrees of freedom left
 
 
 def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
@@ -43,7 +35,6 @@ def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
     chaotic, and once for the mean of the replicas.
 
     Args:
-        found: the misfit around the point.
         given: which points' standard deviations are given, shape (N,).
         share: of the measurement in the variance that each residual is weighted by, shape (N,).
     """

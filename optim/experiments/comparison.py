@@ -23,7 +23,6 @@ def compare(
     Args:
         samples: by name, each of shape (n,).
         pairs: names of two samples each; with ``"less"`` the first tends to be less than the second.
-        alternative: alternative of the test.
 
     Returns:
         For each pair: names and sizes, medians, U of the first (pairs of values in which it is the larger, ties

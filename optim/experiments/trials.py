@@ -2,36 +2,32 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from optim.experiments.results import Progress, computed
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation
 from optim.runs.requests import Judging, Request, judge
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.results_folder import ResultsFolder
 
 NOTHING = -1  # where a trial has ended, or has found nothing yet
 
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Evaluations of R searches, at most B each; -1 or NaN beyond the last.
+    """Evaluations of R searches, at most B each; -1 or NaN beyond the last."""
 
-    Attributes:
-        points: shape (R, B, D).
-        objectives: maximised, shape (R, B, K); NaN for failures, too.
-        solved: environments that each point solves, shape (R, B).
-        with_gradient: whether the gradient was asked for, shape (R, B).
-    """
-
-    points: Floats
-    objectives: Floats
-    solved: NDArray[np.int8]
-    with_gradient: Bools
+    points: Floats  # shape (R, B, D)
+    objectives: Floats  # maximised, shape (R, B, K); NaN for failures, too
+    solved: NDArray[np.int8]  # environments that each point solves, shape (R, B)
+    with_gradient: Bools  # whether the gradient was asked for, shape (R, B)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
@@ -103,20 +99,9 @@ def record_trials(
     *,
     environments: int = 4,
     until_solved: bool = False,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Trials:
-    """Run searches of several seeds side by side.
-
-    Args:
-        problem: the problem to search; its details say how many environments each point has ``solved``.
-        method: its name in ``METHODS``.
-        settings: settings of the method, but for the seed.
-        seeds: R, one for each search.
-        budget: B, evaluations of each.
-        environments: how many there are to be solved.
-        until_solved: whether a search ends when a point solves all of them.
-        progress: called with the fraction of the searches that have ended.
-    """
+    """Run a search with each seed, side by side; details of the problem say how many environments points ``solved``."""
     size = len(seeds), budget
     points, solved = np.full((*size, problem.space.size), np.nan), np.full(size, NOTHING, np.int8)
     with_gradient, objectives = np.zeros(size, bool), list[Floats]()
@@ -137,3 +122,15 @@ def record_trials(
     methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
     run_with_budget(methods, budget, evaluate, observe, progress)
     return Trials(points, objectives[0], solved, with_gradient)
+
+
+def computed_trials(
+    folder: ResultsFolder | None, arms: Mapping[str, Callable[..., Trials]], progress: Progress
+) -> dict[str, Trials]:
+    """Load or run the trials of every arm of a study, each :func:`record_trials` with all but ``progress``."""
+
+    def arrays(run: Callable[..., Trials], progress: Progress) -> Arrays:
+        return run(progress=progress).arrays
+
+    found = computed(folder, {f"trials_{name}": partial(arrays, run) for name, run in arms.items()}, progress)
+    return dict(zip(arms, map(Trials.from_arrays, found.values()), strict=True))

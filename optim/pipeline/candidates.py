@@ -17,14 +17,7 @@ FOUND = "found-"  # how names begin of what searches find
 def find_gaits(
     task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None
 ) -> dict[str, InflatableDesign]:
-    """All candidates by name that are short enough and that the rig can play; searches go on where they were.
-
-    Args:
-        task: what is asked for.
-        folder: takes the run of a search on each terrain.
-        progress: called with the fraction done.
-        threads: CPU threads.
-    """
+    """All candidates by name that are short enough and that the rig can play; searches go on where they were."""
     found = dict(task.gaits)
     for place, terrain in enumerate(task.terrains if task.search else ()):
         best = _search(task, terrain, folder / slug(terrain), part_of(progress, place, len(task.terrains)), threads)

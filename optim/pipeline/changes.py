@@ -24,23 +24,14 @@ WAYS = ((False, 1.0), (True, 1.0), (False, 0.0))
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of shape between two gaits, simulated.
+    """A change of shape between two gaits, simulated."""
 
-    Attributes:
-        terrain: where the shape changes.
-        design: what the robot does.
-        way: the same in words.
-        judgement: of the worst of several noisy runs, number by number.
-        next_speed: mean speed of the next gait from there, per its mean speed from a new start.
-        faults: limits that it exceeds, a line each; none if it went well.
-    """
-
-    terrain: Terrain
-    design: InflatableDesign
-    way: str
-    judgement: TransitionJudgement
-    next_speed: float
-    faults: tuple[str, ...]
+    terrain: Terrain  # where the shape changes
+    design: InflatableDesign  # what the robot does
+    way: str  # the same in words
+    judgement: TransitionJudgement  # of the worst of several noisy runs, number by number
+    next_speed: float  # mean speed of the next gait from there, per its mean speed from a new start
+    faults: tuple[str, ...]  # limits that it exceeds, a line each; none if it went well
 
 
 def find_change(before: State, after: State, trials: Trials, progress: Progress = None) -> Change:
@@ -48,12 +39,6 @@ def find_change(before: State, after: State, trials: Trials, progress: Progress 
 
     The shape changes where the robot comes from, or where it goes to. Into water and out of it, it changes there, and
     the gait before is not simulated: the robot is put there in its shape.
-
-    Args:
-        before: terrain and gait that the robot comes from.
-        after: terrain and gait that follow.
-        trials: simulate; their task says what is well.
-        progress: called with the fraction done.
     """
     task, both = trials.task, (before, after)
     apart = before.terrain.is_fluid != after.terrain.is_fluid

@@ -16,21 +16,13 @@ from taichi_sim.base.arrays import Arrays, Floats
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """A change of terrain mid-way.
+    """A change of terrain mid-way."""
 
-    Attributes:
-        legs: what the state machine has the robot do.
-        shown: one run of it, with frames.
-        machine: speeds on the first terrain and the second [body lengths/s], shape (R, 2).
-        single: the same of the best single gait, shape (R, 2).
-        gait: name of that gait.
-    """
-
-    legs: Sequence[Leg]
-    shown: JourneyResult
-    machine: Floats
-    single: Floats
-    gait: str
+    legs: Sequence[Leg]  # what the state machine has the robot do
+    shown: JourneyResult  # one run of it, with frames
+    machine: Floats  # speeds on the first terrain and the second [body lengths/s], shape (R, 2)
+    single: Floats  # the same of the best single gait, shape (R, 2)
+    gait: str  # name of that gait
 
     @property
     def survived(self) -> tuple[bool, bool]:
@@ -48,11 +40,7 @@ def cross(
     """Simulate a change of terrain; both terrains are ground, or both fluids.
 
     Args:
-        states: on the first terrain and the second.
         change: of shape between them; None where it stays.
-        single: name and design of the gait to compare with.
-        trials: simulate.
-        progress: called with the fraction done.
     """
     first, last = (Leg(state.design, state.terrain, state.name) for state in states)
     between = [] if change is None else [Leg(change.design, change.terrain, "change of shape")]

@@ -34,9 +34,7 @@ def machine_document(
     """The state machine as JSON.
 
     Args:
-        states: one per terrain; the first is the initial one.
         changes: of shape from state to state; None where the shape stays.
-        task: what it was made for.
     """
     simulated = {
         "geometry": task.geometry,

@@ -28,31 +28,19 @@ NUMBERS, REPORT = "numbers.json", "report.html"
 
 @dataclass(frozen=True, eq=False)
 class Package:
-    """All that the pipeline has found.
+    """All that the pipeline has found."""
 
-    Attributes:
-        task: what was asked for.
-        candidates: gaits that were tried, by name.
-        speeds: of them, see ``speeds_of``.
-        plan: the one chosen.
-        one_gait: the best with one gait everywhere; None if no gait works everywhere.
-        one_shape: the best with one shape everywhere; None if no shape works everywhere.
-        states: one per terrain.
-        changes: from state to state, by their names; None where the shape stays.
-        crossings: changes of terrain mid-way that were simulated, by the names of the states.
-        rejected: plans that were faster, and why they were not chosen.
-    """
-
-    task: PipelineTask
-    candidates: Mapping[str, InflatableDesign]
-    speeds: Mapping[str, Floats]
-    plan: Plan
-    one_gait: Plan | None
-    one_shape: Plan | None
-    states: Sequence[State]
-    changes: Mapping[tuple[str, str], Change | None]
+    task: PipelineTask  # what was asked for
+    candidates: Mapping[str, InflatableDesign]  # gaits that were tried, by name
+    speeds: Mapping[str, Floats]  # of them, see ``speeds_of``
+    plan: Plan  # the one chosen
+    one_gait: Plan | None  # the best with one gait everywhere; None if no gait works everywhere
+    one_shape: Plan | None  # the best with one shape everywhere; None if no shape works everywhere
+    states: Sequence[State]  # one per terrain
+    changes: Mapping[tuple[str, str], Change | None]  # from state to state, by their names; None where the shape stays
+    # changes of terrain mid-way that were simulated, by the names of the states
     crossings: Mapping[tuple[str, str], Crossing]
-    rejected: Sequence[str]
+    rejected: Sequence[str]  # plans that were faster, and why they were not chosen
 
     def numbers(self) -> dict[str, Any]:
         """What was measured, for machines."""

@@ -10,14 +10,10 @@ from robots.inflatable.design import InflatableDesign
 
 @dataclass(frozen=True)
 class Plan:
-    """A gait for each terrain.
+    """A gait for each terrain."""
 
-    Attributes:
-        gaits: names of gaits, one per terrain, in the order of the terrains.
-        speed: over the terrains one after the other and back to the first, see :func:`route_speed` [body lengths/s].
-    """
-
-    gaits: tuple[str, ...]
+    gaits: tuple[str, ...]  # names of gaits, one per terrain, in the order of the terrains
+    # over the terrains one after the other and back to the first, see :func:`route_speed` [body lengths/s]
     speed: float
 
 

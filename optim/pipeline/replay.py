@@ -20,17 +20,11 @@ TOLERANCE = 0.05
 
 @dataclass(frozen=True)
 class Replayed:
-    """A gait of a package.
+    """A gait of a package."""
 
-    Attributes:
-        name: of the state.
-        designed: mean speed that the package says [body lengths/s].
-        replayed: the same from the rows of its table.
-    """
-
-    name: str
-    designed: float
-    replayed: float
+    name: str  # of the state
+    designed: float  # mean speed that the package says [body lengths/s]
+    replayed: float  # the same from the rows of its table
 
     @property
     def holds(self) -> bool:

@@ -26,12 +26,6 @@ Changes = dict[tuple[str, str], Change | None]  # from state to state, by their 
 def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None) -> Package:
     """Find shapes, gaits and changes of shape for a task.
 
-    Args:
-        task: what is asked for.
-        folder: new, or that of the same task, which goes on.
-        progress: called with the fraction done.
-        threads: CPU threads.
-
     Raises:
         ValueError: for a folder of something else.
         NoWorkingGait: for a terrain without a gait that works.

@@ -21,7 +21,6 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
     Args:
         experiments: with their measurements, and standard deviations if known.
         predictions: predictions of all points before and after, shape (2, N).
-        path: path of the picture.
     """
     parts = np.split(np.asarray(predictions), np.cumsum([len(e.values) for e in experiments])[:-1], axis=1)
     columns = min(COLUMNS, len(experiments))

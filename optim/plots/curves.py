@@ -27,10 +27,7 @@ def draw_run(
     Scores are missing as long as every evaluation has failed.
 
     Args:
-        axes: to draw on.
         generations: as logged, at least one.
-        best: colour.
-        mean: colour; of climbers too.
     """
     x = [generation.generation for generation in generations]
     climbers = all(generation.scores is not None for generation in generations)
@@ -48,7 +45,6 @@ def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[
     """Draw details of the best design so far, such as its speed on each terrain.
 
     Args:
-        axes: to draw on.
         generations: as logged, at least one.
         details: names of numbers in ``best_details``, and their labels in the legend.
     """
@@ -81,12 +77,8 @@ def draw_band(
     """Draw a mean and the band of its interval.
 
     Args:
-        axes: to draw on.
         x: places, shape (P,).
         mean, low, high: there, shape (P,); NaN leaves a gap.
-        colour: colour of the mean and the band.
-        label: for the legend.
-        steps: whether values hold until the next place; otherwise they are joined.
     """
     axes.plot(x, mean, color=colour, label=label or None, drawstyle="steps-post" if steps else "default")
     axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0, step="post" if steps else None)
@@ -96,7 +88,6 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
     """Draw the mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
 
     Args:
-        axes: to draw on.
         curves: one for each group, as ``optim.runs.comparison.curves`` makes them.
         axis: quantity on the horizontal axis: ``"evaluations"``, ``"generations"`` or ``"seconds"``.
     """
@@ -112,10 +103,6 @@ def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget:
     """Draw the share of trials that have reached their goal, against the evaluations spent.
 
     Args:
-        axes: to draw on.
-        evaluations: that each successful trial needed.
-        trials: number of all trials.
-        budget: evaluations of an unsuccessful trial.
         line: keyword arguments of ``Axes.plot``.
     """
     x = np.concatenate([[0], np.sort(np.asarray(evaluations)), [budget]])

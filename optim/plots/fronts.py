@@ -22,10 +22,7 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
     dominates.
 
     Args:
-        axes: to draw on.
         objectives: objectives of N designs, shape (N, K), K = 2 or 3; rows with NaN are left out.
-        names: names of the objectives.
-        best: row of a design to be marked.
 
     Returns:
         The drawn points, for :func:`add_bar`, with three objectives; None with two.
@@ -66,11 +63,8 @@ def draw_points(
     """Draw designs as circles, of which some may be hollow.
 
     Args:
-        axes: to draw on.
         x, y: places of the designs, shape (N,).
         filled: which circles are filled, shape (N,); all by default.
-        colour: colour of all circles.
-        label: for the legend.
     """
     x, y = np.asarray(x), np.asarray(y)
     full = np.ones(len(x), bool) if filled is None else np.asarray(filled, bool)
@@ -82,10 +76,8 @@ def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequ
     """Draw the elites, which are the best designs of many kinds, coloured by their scores.
 
     Args:
-        axes: to draw on.
         places: two descriptors of each, shape (N, 2).
         scores: shape (N,).
-        names: names of the descriptors.
 
     Returns:
         The drawn points, for :func:`add_bar`.

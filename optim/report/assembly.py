@@ -25,34 +25,21 @@ FOOT = "Made by morpholab report. This page is one file and needs no network."
 
 @dataclass(frozen=True)
 class Settings:
-    """What a report shall have.
+    """What a report shall have."""
 
-    Attributes:
-        player: whether the best design is simulated again and can be played.
-        frames: of each motion, about.
-        rig: that is to play the gait; the default one if None.
-        axis: by which several runs are compared.
-    """
-
-    player: bool = True
-    frames: int = 400
-    rig: PneumaticRig | None = None
-    axis: Axis = "evaluations"
+    player: bool = True  # whether the best design is simulated again and can be played
+    frames: int = 400  # of each motion, about
+    rig: PneumaticRig | None = None  # that is to play the gait; the default one if None
+    axis: Axis = "evaluations"  # by which several runs are compared
 
 
 @dataclass(frozen=True)
 class Built:
-    """A page.
+    """A page."""
 
-    Attributes:
-        text: of the file.
-        document: what it says, for machines.
-        notes: on what is not as asked for, a line each.
-    """
-
-    text: str
-    document: dict[str, Any]
-    notes: list[str] = field(default_factory=list)
+    text: str  # of the file
+    document: dict[str, Any]  # what it says, for machines
+    notes: list[str] = field(default_factory=list)  # on what is not as asked for, a line each
 
 
 def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Built:
@@ -60,8 +47,6 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
 
     Args:
         paths: of run folders, folders of such, or of a study.
-        settings: of the page.
-        progress: called with the fraction done.
 
     Raises:
         ValueError: for what cannot be reported, before anything is simulated.

@@ -34,7 +34,6 @@ def chart(draw: "Callable[[Axes], None]", alt: str, size: tuple[float, float] = 
 
     Args:
         draw: draws it on axes; a legend is added if anything has a label.
-        alt: what it shows, for those who do not see it.
         size: width and height [in]; the page stretches it.
     """
     from matplotlib import rc_context

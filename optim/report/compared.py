@@ -19,7 +19,6 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
 
     Args:
         runs: at least two, whose scores mean the same.
-        axis: by which they are compared.
 
     Raises:
         ValueError: if they cannot be compared, see ``optim.runs.comparison``.

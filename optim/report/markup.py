@@ -21,15 +21,10 @@ Text = Html | str | int | float | None
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page.
+    """A part of a page."""
 
-    Attributes:
-        title: its heading.
-        content: markup.
-    """
-
-    title: str
-    content: Sequence[Html] = field(default_factory=tuple)
+    title: str  # its heading
+    content: Sequence[Html] = field(default_factory=tuple)  # markup
 
     @property
     def anchor(self) -> str:
@@ -125,14 +120,7 @@ def tiles(numbers: Iterable[tuple[str, Text]]) -> Html:
 
 
 def page(title: str, lead: Sequence[Html], sections: Sequence[Section], foot: str) -> str:
-    """The whole page.
-
-    Args:
-        title: its heading.
-        lead: what comes before the sections.
-        sections: the rest.
-        foot: who made it.
-    """
+    """The whole page."""
     links = "".join(f'<li><a href="#{one.anchor}">{html.escape(one.title)}</a></li>' for one in sections)
     parts = "".join(
         f'<section id="{one.anchor}"><h2>{html.escape(one.title)}</h2>{"".join(one.content)}</section>\n'

@@ -59,15 +59,10 @@ FILES = {
 
 @dataclass(frozen=True)
 class OneRun:
-    """A run that is to be reported.
+    """A run that is to be reported."""
 
-    Attributes:
-        history: what it has done.
-        subject: what it designs.
-    """
-
-    history: History
-    subject: Subject
+    history: History  # what it has done
+    subject: Subject  # what it designs
 
     @classmethod
     def of(cls, history: History) -> "OneRun":
@@ -162,7 +157,6 @@ class OneRun:
 
         Args:
             best: the best design; None if every evaluation has failed.
-            name: title of the first section.
         """
         parts = [Section(name, self._run()), Section("How the search went", self._search())]
         if best is not None:

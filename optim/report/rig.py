@@ -20,8 +20,6 @@ def rig_section(report: RigReport, default: bool, simulated: float) -> tuple[Sec
     """The section of a page, and the same for machines.
 
     Args:
-        report: what a gait asks of the rig.
-        default: whether it is the default rig.
         simulated: time of the gait in the simulation [s].
     """
     names = "the default rig" if default else "this rig"

@@ -27,28 +27,18 @@ PIXELS = 110  # an inch, of printed strips
 
 @dataclass(frozen=True)
 class Best:
-    """What there is to say of the best design.
+    """What there is to say of the best design."""
 
-    Attributes:
-        content: markup.
-        document: for machines.
-        sections: more of the page.
-    """
-
-    content: Sequence[Html]
-    document: dict[str, Any] = field(default_factory=dict)
-    sections: Sequence[Section] = ()
+    content: Sequence[Html]  # markup
+    document: dict[str, Any] = field(default_factory=dict)  # for machines
+    sections: Sequence[Section] = ()  # more of the page
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What a run designs: a point of some function; see :class:`RobotSubject`.
+    """What a run designs: a point of some function; see :class:`RobotSubject`."""
 
-    Attributes:
-        problem: as its folder describes it.
-    """
-
-    problem: Problem
+    problem: Problem  # as its folder describes it
 
     @property
     def title(self) -> str:

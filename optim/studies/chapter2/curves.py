@@ -53,7 +53,6 @@ def mutations(state: Arrays, only: Sequence[int] | None = None) -> tuple[Floats,
     """Beneficial mutations of a run: changes of distances, (A, E) [m], positive where better, and generations, (A,).
 
     Args:
-        state: of its climbers.
         only: climbers of interest; all if None.
     """
     order = np.argsort(state["climber"], kind="stable")  # generations stay in order

@@ -139,13 +139,7 @@ def evolve(
     went on.
 
     Args:
-        settings: that all results depend on.
-        chosen: treatments.
-        runs: of each, numbered from 0, which is also their seed.
-        generations: after the first population.
         out: folder that takes a file for each run and goes on from it; also with more treatments, runs, generations.
-        threads: CPU threads; no result depends on them.
-        progress: called with the fraction done.
 
     Returns:
         By treatment and run, the state of its climbers, see :meth:`Climbers.state`.

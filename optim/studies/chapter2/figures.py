@@ -37,10 +37,7 @@ def _grid_of_treatments(
     """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows.
 
     Args:
-        treatments: that have panels.
-        path: of the picture.
         size: width and height [in].
-        labels: of x and y, for all panels.
 
     Yields:
         The figure, and the panel of each treatment.

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from optim.experiments.settings import Count, Settings
+from optim.experiments.study import Count, Settings
 from optim.problem import Evaluation
 from optim.search import build_method
 from optim.search.method import MOST_POINTS, Method
@@ -44,17 +44,11 @@ SPACE = Space(tuple(Variable(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(S
 
 @dataclass(frozen=True)
 class Treatment:
-    """A robot, how its environments make a fitness, and how it is trained.
+    """A robot, how its environments make a fitness, and how it is trained."""
 
-    Attributes:
-        robot: a name of ``ROBOTS``.
-        fitness: ``"sum"``, ``"product"`` or ``"min"``.
-        trainer: a name of ``TRAINERS``.
-    """
-
-    robot: str
-    fitness: str
-    trainer: str = HILL_CLIMB
+    robot: str  # a name of ``ROBOTS``
+    fitness: str  # ``"sum"``, ``"product"`` or ``"min"``
+    trainer: str = HILL_CLIMB  # a name of ``TRAINERS``
 
     @property
     def row(self) -> str:
@@ -90,23 +84,15 @@ def treatments(
 
 @dataclass(frozen=True)
 class Interference(Settings):
-    """Settings that all results of a folder depend on.
+    """Settings that all results of a folder depend on."""
 
-    Attributes:
-        lights: places of the light in the environments [m].
-        population: climbers of a run.
-        steps: looks at the sensors in a simulation.
-        variant: a name of ``VARIANTS``: the published experiment or its text, which also bounds weights.
-        precision: ``"f64"`` or ``"f32"``: the same distributions, not the same robots.
-        device: ``"cpu"`` or one of Taichi's.
-    """
-
-    lights: Lights = TWO_ENVIRONMENTS
-    population: Annotated[int, partial(checks.integer, low=1, high=MOST_POINTS)] = 100
-    steps: Count = STEPS
+    lights: Lights = TWO_ENVIRONMENTS  # places of the light in the environments [m]
+    population: Annotated[int, partial(checks.integer, low=1, high=MOST_POINTS)] = 100  # climbers of a run
+    steps: Count = STEPS  # looks at the sensors in a simulation
+    # a name of ``VARIANTS``: the published experiment or its text, which also bounds weights
     variant: Annotated[str, partial(checks.choice, names=tuple(VARIANTS))] = "as-run"
-    precision: Literal["f64", "f32"] = "f64"
-    device: Device = "cpu"
+    precision: Literal["f64", "f32"] = "f64"  # ``"f64"`` or ``"f32"``: the same distributions, not the same robots
+    device: Device = "cpu"  # ``"cpu"`` or one of Taichi's
 
     def method(self, trainer: str, run: int) -> Method:
         """The climbers of a run; the same run of another treatment draws the same numbers.

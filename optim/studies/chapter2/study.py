@@ -29,21 +29,13 @@ DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a study does.
+    """How much a study does."""
 
-    Attributes:
-        population: climbers of a run.
-        runs: of each treatment.
-        generations: of each run.
-        runs_alone: of each robot that is trained on a light alone.
-        generations_alone: of each of these.
-    """
-
-    population: int
-    runs: int
-    generations: int
-    runs_alone: int
-    generations_alone: int
+    population: int  # climbers of a run
+    runs: int  # of each treatment
+    generations: int  # of each run
+    runs_alone: int  # of each robot that is trained on a light alone
+    generations_alone: int  # of each of these
 
 
 def train(

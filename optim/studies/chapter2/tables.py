@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.pages import MISSING
-from optim.experiments.records import Record, distinct, where
 from optim.experiments.results import write_json
-from optim.experiments.tables import markdown, write_records, write_table
+from optim.experiments.tables import MISSING, Record, distinct, markdown, where, write_records, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Runs
@@ -115,9 +113,7 @@ def write_tables(found: Runs, out: Path, about: Mapping[str, Any]) -> dict[str, 
     """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last.
 
     Args:
-        found: by treatment, what the climbers of its runs kept.
         out: folder.
-        about: the study, to stand in the summary.
     """
     environments = next(iter(found.values()))[0]["distance"].shape[1]
     runs, rows, tests, text, definitions = [], list[Any](), [], list[str](), {}

@@ -12,9 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from optim.experiments.parts import computed
-from optim.experiments.results import Progress, part_of
-from optim.experiments.settings import Count, Settings, Several
+from optim.experiments.results import Progress, computed, part_of
+from optim.experiments.study import Count, Settings, Several
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep, VehicleBody, weight_grid
 from robots.braitenberg.sweeps import Overlap
@@ -29,17 +28,11 @@ MIRRORED_LIGHTS = [1, 0, 3, 2]  # those that lie where each lies in a mirror
 
 @dataclass(frozen=True)
 class RoverGrid(Settings):
-    """A grid of controllers, and how each is simulated.
+    """A grid of controllers, and how each is simulated."""
 
-    Attributes:
-        weights: values of each of the two weights, from -1 to 1.
-        steps: looks at the light in every rollout.
-        precision: ``"f32"`` or ``"f64"``.
-    """
-
-    weights: Several = 121
-    steps: Count = STEPS
-    precision: Literal["f32", "f64"] = "f32"
+    weights: Several = 121  # values of each of the two weights, from -1 to 1
+    steps: Count = STEPS  # looks at the light in every rollout
+    precision: Literal["f32", "f64"] = "f32"  # ``"f32"`` or ``"f64"``
 
     @property
     def pairs(self) -> Floats:
@@ -61,12 +54,9 @@ def successes(
 
     Args:
         designs: numbers of the bodies, D of them, from 1 to 6561; see ``Rover.published``.
-        settings: of the grid.
         folder: takes a file a body as they come. A sweep of the same settings that finds it goes on from there, also
             for other bodies; killed at any moment, it loses the body at hand.
         device: ``"cpu"``, ``"cuda"``, ...
-        threads: CPU threads, all available if None; changes no result.
-        progress: called with the fraction done.
 
     Returns:
         S, shape (D, n, n, 4): whether body d reaches light k with the weights grid[i] and grid[j].
@@ -106,12 +96,7 @@ def both_models(
     """Sweep the same bodies as rigid bodies and in the theoretical model.
 
     Args:
-        bodies: D of the published grid.
-        settings: of the grid of rigid bodies.
-        theory: of the sweep in theory.
         folder: takes both, in folders of their own.
-        progress: called with the fraction done.
-        where: device and threads.
 
     Returns:
         Which lights each rigid body reaches, see :func:`successes`; and by model, how many lights each controller

@@ -15,13 +15,10 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, COLUMN, figure
-from optim.experiments.parts import computed_trials
-from optim.experiments.records import Record, column
 from optim.experiments.results import Progress, cached, write_json
-from optim.experiments.settings import Count, Settings, Several, Whole
-from optim.experiments.study import Study
-from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, record_trials
+from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.tables import Record, column, write_table
+from optim.experiments.trials import Trials, computed_trials, record_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
@@ -47,23 +44,14 @@ LABELS = {"unit": "both weights 1", "evolved": "weights evolved"}
 
 @dataclass(frozen=True)
 class PreOptimisation(Settings):
-    """Searches for a base body, and how what they find is judged.
+    """Searches for a base body, and how what they find is judged."""
 
-    Attributes:
-        runs: searches with each controller.
-        budget: evaluations of each search.
-        seed: of the first search; the others have those that follow.
-        weights: values of each weight, in the grid that base bodies are judged by afterwards.
-        steps: looks at the light in every rollout.
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    runs: Count = 3
-    budget: Count = 8000
-    seed: Whole = 1
-    weights: Several = 31
-    steps: Count = STEPS
-    threads: int | None = None
+    runs: Count = 3  # searches with each controller
+    budget: Count = 8000  # evaluations of each search
+    seed: Whole = 1  # of the first search; the others have those that follow
+    weights: Several = 31  # values of each weight, in the grid that base bodies are judged by afterwards
+    steps: Count = STEPS  # looks at the light in every rollout
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
 
 def front_of(trials: Sequence[Trials]) -> list[Record]:
@@ -84,10 +72,7 @@ def front_of(trials: Sequence[Trials]) -> list[Record]:
 
 
 def study(folder: Path, settings: PreOptimisation, progress: Progress = None) -> None:
-    """Write ``summary.json``, the fronts as CSV and a figure, search by search.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, the fronts as CSV and a figure, search by search."""
     problems = {name: RoverProblem(name, settings.steps, threads=settings.threads) for name in CONTROLLERS}
     described = {name: problem.describe() for name, problem in problems.items()}
     about = {**settings.describe(), "borg": BORG, "problems": described}

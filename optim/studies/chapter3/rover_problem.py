@@ -35,20 +35,13 @@ class RoverProblem:
     """Objectives, maximised: minus the sum of smallest distances from the lights [m], minus torque + speed + rate [pi].
 
     Nearer than the distance of success counts as that distance, where the light stops the vehicle.
-
-    Attributes:
-        controller: ``"unit"``: both weights are 1; ``"evolved"``: they are variables, too.
-        steps: looks at the light in every rollout.
-        precision: ``"f32"`` or ``"f64"``.
-        device: ``"cpu"``, ``"cuda"``, ...
-        threads: CPU threads, all available if None; changes no result.
     """
 
-    controller: str = "unit"
-    steps: int = STEPS
-    precision: str = "f32"
-    device: str = "cpu"
-    threads: int | None = None
+    controller: str = "unit"  # ``"unit"``: both weights are 1; ``"evolved"``: they are variables, too
+    steps: int = STEPS  # looks at the light in every rollout
+    precision: str = "f32"  # ``"f32"`` or ``"f64"``
+    device: str = "cpu"  # ``"cpu"``, ``"cuda"``, .
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, CONTROLLERS)

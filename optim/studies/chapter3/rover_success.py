@@ -30,22 +30,14 @@ FILES = tuple(f"rover-success.{end}" for end in ("csv", "npz", "png"))
 
 @dataclass(frozen=True)
 class RoverSuccess:
-    """Sweeps of two bodies in both models.
+    """Sweeps of two bodies in both models."""
 
-    Attributes:
-        grid: of weights, of the rigid bodies.
-        theory: of the theoretical model.
-    """
-
-    grid: RoverGrid = field(default_factory=RoverGrid)
-    theory: Sweep = field(default_factory=Sweep)
+    grid: RoverGrid = field(default_factory=RoverGrid)  # of weights, of the rigid bodies
+    theory: Sweep = field(default_factory=Sweep)  # of the theoretical model
 
 
 def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> None:
-    """Write ``summary.json``, a table and a figure, its numbers beside it.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, a table and a figure, its numbers beside it."""
     check_folder(folder, ("success", "theory", "summary.json", *FILES))
     bodies = [rover.vehicle for rover in BODIES.values()]
     reached, found = both_models(bodies, settings.grid, settings.theory, folder, progress)

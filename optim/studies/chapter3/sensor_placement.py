@@ -80,9 +80,7 @@ def persistent(body: VehicleBody, weights: ArrayLike, task: VehicleTask, near: f
     """Whether controllers show persistent phototaxis: having reached the light, they stay by it to the end.
 
     Args:
-        body: of all of them.
         weights: of controllers, shape (C, 2).
-        task: environments, radius of success, time.
         near: distance from the light [m] below which the centre must stay, by samples every ``EVERY`` steps.
 
     Returns:

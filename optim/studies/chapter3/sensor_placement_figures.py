@@ -79,10 +79,7 @@ def save_examples(table: SweepTable, designs: Mapping[int, str], sweep: Path, pa
     solve all environments, and how many of these show persistent phototaxis in all of them.
 
     Args:
-        table: of the sweep.
-        designs: numbers of the bodies, and what they are.
         sweep: folder of the sweep.
-        path: of the picture.
     """
     task, bodies = table.settings.task, [VehicleBody.published(design) for design in designs]
     overlaps = overlaps_of(bodies, table.settings, sweep)

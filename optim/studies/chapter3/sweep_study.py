@@ -16,15 +16,10 @@ NOTABLE = (162, 6553)  # the best body and the baseline, always among those swep
 
 @dataclass(frozen=True)
 class SensorPlacement:
-    """Bodies that are swept, and how.
+    """Bodies that are swept, and how."""
 
-    Attributes:
-        sample: bodies drawn from the published grid, beside those in ``NOTABLE``.
-        sweep: settings of the sweep.
-    """
-
-    sample: int = DESIGNS
-    sweep: Sweep = field(default_factory=Sweep)
+    sample: int = DESIGNS  # bodies drawn from the published grid, beside those in ``NOTABLE``
+    sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep
 
     def __post_init__(self) -> None:
         _ = self.designs  # refuses a sample that there is not
@@ -43,7 +38,6 @@ def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sw
     """Write ``table.csv`` and pictures.
 
     Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: takes the overlaps; one beside the results if None.
     """
     ResultsFolder(folder, "sensor-placement", settings.describe())

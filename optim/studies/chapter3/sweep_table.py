@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.experiments.records import write_columns
 from optim.experiments.results import Progress
-from optim.experiments.tables import read_table
+from optim.experiments.tables import read_table, write_columns
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
 from taichi_sim.base import checks
@@ -24,19 +23,12 @@ COLUMNS = ("design", "all", "any")
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """Counts of a sweep for bodies of the published grid, ascending by number, each array of shape (D,).
+    """Counts of a sweep for bodies of the published grid, ascending by number, each array of shape (D,)."""
 
-    Attributes:
-        designs: numbers of the bodies.
-        solving_all: controllers that succeed in all environments.
-        solving_any: controllers that succeed in at least one.
-        settings: of the sweep.
-    """
-
-    designs: Ints
-    solving_all: Ints
-    solving_any: Ints
-    settings: Sweep
+    designs: Ints  # numbers of the bodies
+    solving_all: Ints  # controllers that succeed in all environments
+    solving_any: Ints  # controllers that succeed in at least one
+    settings: Sweep  # of the sweep
 
     @classmethod
     def of(cls, designs: ArrayLike, overlaps: NDArray[Any], settings: Sweep, environments: int = 4) -> "SweepTable":

@@ -17,12 +17,10 @@ import numpy as np
 
 from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
-from optim.experiments.parts import computed, computed_trials
-from optim.experiments.results import Progress, cached, part_of, write_json
-from optim.experiments.settings import Count, Settings, Several
-from optim.experiments.study import Study
+from optim.experiments.results import Progress, cached, computed, part_of, write_json
+from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import NOTHING, Trials, record_trials
+from optim.experiments.trials import NOTHING, Trials, computed_trials, record_trials
 from optim.measures import interference, learnability
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
@@ -46,19 +44,13 @@ OUTCOMES = {
 
 @dataclass(frozen=True)
 class HomeostasisObjective(Settings):
-    """Both searches, and how what they report is judged.
+    """Both searches, and how what they report is judged."""
 
-    Attributes:
-        searches: runs, budget, seeds and task of both searches.
-        samples: of a trace in the searches, at most.
-        weights: values of each weight in the sweeps of reported bodies.
-        draws: of every random perturbation.
-    """
-
+    # runs, budget, seeds and task of both searches
     searches: CoOptimisation = CoOptimisation()  # noqa: RUF009 (immutable)
-    samples: Count = 1000
-    weights: Several = 61
-    draws: Count = 10
+    samples: Count = 1000  # of a trace in the searches, at most
+    weights: Several = 61  # values of each weight in the sweeps of reported bodies
+    draws: Count = 10  # of every random perturbation
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -121,10 +113,7 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
 
 
 def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
-    """Write ``summary.json``, ``reported.csv`` and a figure.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, ``reported.csv`` and a figure."""
     results, own = ResultsFolder(folder, "homeostasis-objective", settings.describe()), settings.searches
     vehicle = own.problem()
     boxes = [*[BORG["epsilons"]] * len(vehicle.objective_names), BOX]

@@ -25,14 +25,10 @@ class HomeostasisProblem:
 
     It is -d / (1 + d), between -1 and 0, of the mean warping distance d of light signals [1/m^2] that are decimated
     to ``samples``, for points that solve all environments, else -1.
-
-    Attributes:
-        vehicle: the problem without it, with an objective for each environment.
-        samples: of a trace, at most, beside the start.
     """
 
-    vehicle: VehicleProblem
-    samples: int = 1000
+    vehicle: VehicleProblem  # the problem without it, with an objective for each environment
+    samples: int = 1000  # of a trace, at most, beside the start
 
     def __post_init__(self) -> None:
         checks.integer("samples", self.samples, 1)

@@ -21,19 +21,13 @@ Vehicles = tuple[Floats, Floats, VehicleTask]  # sites (N, S, 2), controllers (N
 
 @dataclass(frozen=True)
 class Perturbation:
-    """A kind of perturbation, of some strength.
+    """A kind of perturbation, of some strength."""
 
-    Attributes:
-        name: of the kind.
-        strength: in the unit that the kind has.
-        change: sites, controllers, task, random numbers and the strength to what they become.
-        random: whether it is drawn anew again and again, or always the same.
-    """
-
-    name: str
-    strength: float
+    name: str  # of the kind
+    strength: float  # in the unit that the kind has
+    # sites, controllers, task, random numbers and the strength to what they become
     change: Callable[[Floats, Floats, VehicleTask, Generator, float], Vehicles]
-    random: bool
+    random: bool  # whether it is drawn anew again and again, or always the same
 
 
 def _gain(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
@@ -93,11 +87,7 @@ def survival(
     Args:
         sites: of the sensors, shape (N, S, 2) [m].
         controllers: matrices, shape (N, 2, S).
-        task: environments, radius and time.
-        perturbation: what is changed.
         draws: copies of each vehicle, if the perturbation is random.
-        seed: of all draws: with the same, all vehicles of a call start alike, and calls with equally many do.
-        threads: CPU threads, all available if None; changes no result.
 
     Returns:
         Shape (N,).

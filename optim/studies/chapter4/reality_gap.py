@@ -14,12 +14,9 @@ import numpy as np
 
 from optim.experiments.comparison import compare
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.parts import computed
-from optim.experiments.records import Record, column, where
-from optim.experiments.results import Progress, write_json
-from optim.experiments.settings import Count, Settings, Several, Whole
-from optim.experiments.study import Study
-from optim.experiments.tables import write_records
+from optim.experiments.results import Progress, computed, write_json
+from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.tables import Record, column, where, write_records
 from optim.measures.statistics import mean_band
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
@@ -33,21 +30,13 @@ DESIGNS = {BASELINE.design or 0: "baseline", 162: "best by both metrics", 5841: 
 
 @dataclass(frozen=True)
 class RealityGap(Settings):
-    """Controllers that are tried in changed vehicles and worlds.
+    """Controllers that are tried in changed vehicles and worlds."""
 
-    Attributes:
-        controllers: of each body, at most, drawn from those that solve all environments.
-        draws: perturbed copies of each, where a perturbation is random.
-        seed: of all draws.
-        sweep: settings of the sweep in which controllers are found.
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    controllers: Several = 200
-    draws: Count = 10
-    seed: Whole = 1
-    sweep: Sweep = field(default_factory=Sweep)
-    threads: int | None = None
+    controllers: Several = 200  # of each body, at most, drawn from those that solve all environments
+    draws: Count = 10  # perturbed copies of each, where a perturbation is random
+    seed: Whole = 1  # of all draws
+    sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep in which controllers are found
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -69,7 +58,6 @@ def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_f
     """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``.
 
     Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
     """
     results = ResultsFolder(folder, "reality-gap", settings.describe())

@@ -38,9 +38,6 @@ def sensor_distances(
     Args:
         sites: of the sensors, shape (N, S, 2) [m].
         controllers: matrices, shape (N, 2, S).
-        task: environments and time.
-        every: steps between samples: distances of decimated signals differ from those of full ones.
-        threads: CPU threads, all available if None; changes no result.
 
     Returns:
         Of the readings [1/m^2], and of the same shifted and scaled to mean 0 and standard deviation 1, shape (N,)
@@ -62,10 +59,8 @@ def distances_of(problem: VehicleProblem, points: Floats, chosen: Bools, every: 
     """The :func:`sensor_distances` of some points of a problem, by the names in ``MEASURES``; NaN for the others.
 
     Args:
-        problem: of vehicles.
         points: shape (..., D).
         chosen: which of them, shape (...).
-        every: steps between samples.
     """
     arrays = {name: np.full(chosen.shape, np.nan) for name in MEASURES}
     if chosen.any():

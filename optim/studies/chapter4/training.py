@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import Progress, part_of
-from optim.experiments.settings import Count, Settings, Whole
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
+from optim.experiments.study import Count, Settings, Whole
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.runs.requests import Request
@@ -34,21 +34,13 @@ _Outcome = tuple[Ints, Bools]  # of a body: evaluations and successes, shape (R,
 
 @dataclass(frozen=True)
 class Training(Settings):
-    """Settings of the study.
+    """Settings of the study."""
 
-    Attributes:
-        repetitions: R, runs of each method in each body.
-        budget: evaluations of a run.
-        seed: of all random numbers.
-        task: environments, radius of success and time.
-        precision: ``"f64"`` or ``"f32"``.
-    """
-
-    repetitions: Count = 5
-    budget: Count = 500
-    seed: Whole = 1
-    task: VehicleTask = PUBLISHED
-    precision: Precision = "f64"
+    repetitions: Count = 5  # R, runs of each method in each body
+    budget: Count = 500  # evaluations of a run
+    seed: Whole = 1  # of all random numbers
+    task: VehicleTask = PUBLISHED  # environments, radius of success and time
+    precision: Precision = "f64"  # ``"f64"`` or ``"f32"``
 
     def problem(self, threads: int | None = None) -> VehicleProblem:
         """The problem that judges controllers together with the places of their sensors."""
@@ -73,13 +65,9 @@ def train(
     """Tune controllers of bodies by search methods, and count evaluations until success.
 
     Args:
-        designs: numbers of bodies of the published grid, from 1 to 6561.
         methods: names in ``TRAINERS``.
-        settings: of the study.
-        threads: CPU threads, all available if None; changes no result.
         out: folder that takes the outcomes as they come. A study of the same settings that finds it goes on from there,
             also with other bodies and methods; killed at any moment, it loses half a minute of work or so.
-        progress: called with the fraction done.
 
     Returns:
         Outcomes of all runs. A run's depends on its body, method, repetition and the settings only.

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
-from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Study
+from optim.experiments.tables import write_columns
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import SweepTable, sample_designs, sweep_published
 from optim.studies.chapter4.training import TRAINERS, Training, train
@@ -18,16 +18,11 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 @dataclass(frozen=True)
 class TrainingInBodies:
-    """Bodies in which trainers are tried, and their sweep.
+    """Bodies in which trainers are tried, and their sweep."""
 
-    Attributes:
-        bodies: how many, drawn from the published grid.
-        weights: values of each weight in the sweep that gives their metrics.
-        training: repetitions, budget and seed of the trainers.
-    """
-
-    bodies: int = DESIGNS
-    weights: int = 121
+    bodies: int = DESIGNS  # how many, drawn from the published grid
+    weights: int = 121  # values of each weight in the sweep that gives their metrics
+    # repetitions, budget and seed of the trainers
     training: Training = Training()  # noqa: RUF009 (immutable)
 
     def __post_init__(self) -> None:
@@ -49,7 +44,6 @@ def study(
     """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``.
 
     Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
         sweep_folder: of a sweep of these bodies, or that takes it; one beside the results if None.
     """
     ResultsFolder(folder, "training", settings.describe())

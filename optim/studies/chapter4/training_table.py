@@ -18,20 +18,13 @@ COLUMNS = ("design", "method", "repetition", "evaluations", "solved")
 
 @dataclass(frozen=True, eq=False)
 class TrainingTable:
-    """Outcomes of runs: M methods, each R times in each of D bodies.
+    """Outcomes of runs: M methods, each R times in each of D bodies."""
 
-    Attributes:
-        methods: names, shape (M,).
-        designs: numbers of the bodies, ascending, shape (D,).
-        evaluations: until one controller solved all environments; of a run that found none, all it had; shape
-            (M, D, R).
-        solved: whether one was found, shape (M, D, R).
-    """
-
-    methods: tuple[str, ...]
-    designs: Ints
+    methods: tuple[str, ...]  # names, shape (M,)
+    designs: Ints  # numbers of the bodies, ascending, shape (D,)
+    # until one controller solved all environments; of a run that found none, all it had; shape (M, D, R)
     evaluations: Ints
-    solved: Bools
+    solved: Bools  # whether one was found, shape (M, D, R)
 
     def write(self, path: Path) -> None:
         """Write a row for each run as CSV, compressed if its name ends in ``.gz``."""
@@ -66,28 +59,18 @@ def read_training_table(path: Path) -> TrainingTable:
 
 @dataclass(frozen=True)
 class MetricCorrelation:
-    """Correlation of the evaluations that a method needs with a metric of the body.
+    """Correlation of the evaluations that a method needs with a metric of the body."""
 
-    Attributes:
-        method: its name.
-        metric: ``"M_L"`` or ``"M_CI"``.
-        over: ``"runs"``, each of them, those in one body not independent; or ``"bodies"``, the means of their runs,
-            as published.
-        found: Pearson's correlation, its p two-sided.
-    """
-
-    method: str
-    metric: str
+    method: str  # its name
+    metric: str  # ``"M_L"`` or ``"M_CI"``
+    # ``"runs"``, each of them, those in one body not independent; or ``"bodies"``, the means of their runs, as
+    # published
     over: str
-    found: Correlation
+    found: Correlation  # Pearson's correlation, its p two-sided
 
 
 def metric_correlations(table: TrainingTable, sweep: SweepTable) -> list[MetricCorrelation]:
     """Correlations of all methods with both metrics, over runs and bodies.
-
-    Args:
-        table: outcomes of runs.
-        sweep: of these bodies, and maybe others.
 
     Raises:
         ValueError: if the sweep lacks bodies.

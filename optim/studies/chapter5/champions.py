@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.parts import Part, computed
-from optim.experiments.results import Costs, Progress
+from optim.experiments.results import Costs, Part, Progress, computed
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
 from robots.inflatable.body import NAMED_GEOMETRIES
@@ -24,20 +23,15 @@ PLACES = (FLAT, HILL)
 
 @dataclass(frozen=True)
 class Played:
-    """Gaits that were simulated beside the searches; what is not there yet is left out.
+    """Gaits that were simulated beside the searches; what is not there yet is left out."""
 
-    Attributes:
-        by_hand: speeds of copies of each gait made by hand, by place, shape (copies,).
-        again: speeds of copies of each experiment's best design, shape (copies,).
-        elsewhere: of each experiment, the speeds of its best designs on their own and on the other terrain, shape
-            (2, at most ``others``).
-        generation: after which those designs were the best; None before any were played.
-    """
-
-    by_hand: Mapping[str, Mapping[str, Floats]]
+    by_hand: Mapping[str, Mapping[str, Floats]]  # speeds of copies of each gait made by hand, by place, shape (copies,)
+    # speeds of copies of each experiment's best design, shape (copies,)
     again: Mapping[str, Floats] = field(default_factory=dict)
+    # of each experiment, the speeds of its best designs on their own and on the other terrain, shape (2, at most
+    # ``others``)
     elsewhere: Mapping[str, Floats] = field(default_factory=dict)
-    generation: int | None = None
+    generation: int | None = None  # after which those designs were the best; None before any were played
 
 
 class Player:
@@ -47,10 +41,7 @@ class Player:
         """Open the folder of these gaits, new or of the same settings; more generations may follow.
 
         Args:
-            settings: of the study.
             folder: of the study; takes a folder of speeds.
-            costs: takes what playing costs.
-            threads: CPU threads; no result depends on them.
         """
         lasting = {name: value for name, value in asdict(settings).items() if name != "generations"}
         self.settings, self.costs, self.threads = settings, costs, threads

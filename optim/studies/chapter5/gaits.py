@@ -12,9 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.experiments.parts import computed_arrays
-from optim.experiments.results import Progress
-from optim.experiments.settings import Settings, Whole
+from optim.experiments.results import Progress, computed_arrays
+from optim.experiments.study import Settings, Whole
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
@@ -50,23 +49,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Robot(Settings):
-    """The robot that plays the gaits, and how it is simulated.
+    """The robot that plays the gaits, and how it is simulated."""
 
-    Attributes:
-        geometry: shape and materials.
-        actuation: rates, timing and friction.
-        precision: ``"f32"`` or ``"f64"``.
-        copies: of each gait.
-        noise: standard deviation of the noise on the start positions [m].
-        seed: of the noise.
-    """
-
-    geometry: InflatableGeometry = PUBLISHED
-    actuation: InflatableActuation = ACTUATION
-    precision: str = "f64"
-    copies: Annotated[int, partial(checks.integer, low=1, high=1000)] = 8
-    noise: float = NOISE
-    seed: Whole = 0
+    geometry: InflatableGeometry = PUBLISHED  # shape and materials
+    actuation: InflatableActuation = ACTUATION  # rates, timing and friction
+    precision: str = "f64"  # ``"f32"`` or ``"f64"``
+    copies: Annotated[int, partial(checks.integer, low=1, high=1000)] = 8  # of each gait
+    noise: float = NOISE  # standard deviation of the noise on the start positions [m]
+    seed: Whole = 0  # of the noise
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -14,13 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
-from optim.experiments.pages import page
-from optim.experiments.parts import computed_arrays
-from optim.experiments.records import Record, column, distinct, where
-from optim.experiments.results import Progress, write_summary
-from optim.experiments.settings import Count, Settings
-from optim.experiments.study import Study
-from optim.experiments.tables import markdown
+from optim.experiments.results import Progress, computed_arrays, write_summary
+from optim.experiments.study import Count, Settings, Study
+from optim.experiments.tables import Record, column, distinct, markdown, page, where
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
 from optim.studies.chapter5.variations import VARIATIONS, Variant
 from robots.inflatable.actuation import ACTUATION
@@ -50,18 +46,14 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
 
 @dataclass(frozen=True)
 class Sensitivity(Settings):
-    """Parameters that are changed, and what is played with each of them.
+    """Parameters that are changed, and what is played with each of them."""
 
-    Attributes:
-        factors: by which parameters are multiplied, one at a time; names of ``VARIATIONS``.
-        robot: how it is simulated; its geometry and actuation are the published ones.
-        repeats: how often the columns of the gaits are played.
-        slope: of the hill [degrees].
-    """
-
+    # by which parameters are multiplied, one at a time; names of ``VARIATIONS``
     factors: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: FACTORS)
+    # how it is simulated; its geometry and actuation are the published ones
     robot: Robot = field(default_factory=lambda: Robot(copies=5))  # of 3 behaviours: 15 of 16 lanes
-    repeats: Count = 2
+    repeats: Count = 2  # how often the columns of the gaits are played
+    # of the hill [degrees]
     slope: Annotated[float, partial(checks.number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 15.0
 
     def __post_init__(self) -> None:
@@ -94,10 +86,7 @@ class Sensitivity(Settings):
 
 
 def study(folder: Path, settings: Sensitivity, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """Write a table, a figure and all numbers; more factors may follow in the same folder.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write a table, a figure and all numbers; more factors may follow in the same folder."""
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = {
         re.sub(r"\W+", "_", f"{name} {factor:.6g}"): partial(travelled, settings, variant, threads)

@@ -20,10 +20,7 @@ FILES = ("table.md", "table.csv", "curves.png", "curves.csv", "summary.json", RU
 
 
 def study(folder: Path, settings: ShapeChange, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """Write a run folder for each experiment in ``runs``, the table, curves and all numbers, after every generation.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write a run folder for each experiment in ``runs``, the table, curves and all numbers, after every generation."""
     check_folder(folder, (*FILES, KIND, "costs.jsonl"))
     costs = Costs(folder / "costs.jsonl")
     player = Player(settings, folder, costs, threads)
@@ -52,7 +49,6 @@ def write_curves(summary: Mapping[str, Any], path: Path) -> None:
 
     Args:
         summary: see ``optim.studies.chapter5.table.summarise``.
-        path: of the picture.
     """
     from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator

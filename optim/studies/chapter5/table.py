@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.pages import MISSING, cell, page
-from optim.experiments.records import Record
-from optim.experiments.tables import markdown, write_records
+from optim.experiments.tables import MISSING, Record, cell, markdown, page, write_records
 from optim.measures.statistics import effect, mean_band, welch
 from optim.studies.chapter5.champions import PLACES, Played
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PARTS, ROWS, Found, ShapeChange
@@ -37,13 +35,7 @@ AGAIN = ("flat_max_again", "hill_max_again")
 
 
 def summarise(settings: ShapeChange, found: Mapping[str, Found], played: Played) -> dict[str, Any]:
-    """Everything the study says, ready for JSON.
-
-    Args:
-        settings: of the study.
-        found: by experiment, as far as they have come.
-        played: gaits beside them.
-    """
+    """Everything the study says, ready for JSON."""
     return {
         "settings": asdict(settings),
         "rows": [*_searched(settings, found, played), *_by_hand(played)],
@@ -162,7 +154,6 @@ def write_tables(summary: Mapping[str, Any], folder: Path) -> None:
 
     Args:
         summary: see :func:`summarise`.
-        folder: takes them.
     """
     write_records(folder / "table.csv", [_record(row) for row in summary["rows"]])
     write_text(folder / "table.md", text_of(summary))

@@ -17,17 +17,11 @@ FULL_PRESSURE = ACTUATION.round_pressure  # Pa, of the round robot
 
 @dataclass(frozen=True)
 class Variant:
-    """A robot of which one thing is different.
+    """A robot of which one thing is different."""
 
-    Attributes:
-        geometry: shape and materials.
-        actuation: rates and timing.
-        pressure: of the core of the round robot [Pa].
-    """
-
-    geometry: InflatableGeometry = PUBLISHED
-    actuation: InflatableActuation = ACTUATION
-    pressure: float = FULL_PRESSURE
+    geometry: InflatableGeometry = PUBLISHED  # shape and materials
+    actuation: InflatableActuation = ACTUATION  # rates and timing
+    pressure: float = FULL_PRESSURE  # of the core of the round robot [Pa]
 
 
 def retimed(steps: float) -> InflatableActuation:

@@ -32,10 +32,6 @@ def difference(one: InflatableDesign, other: InflatableDesign, body: InflatableG
     """Distance between two gaits of as many columns, 0 to 1, wherever their cycles begin.
 
     Headings and times do not count: what moves when is the kind.
-
-    Args:
-        one, other: the gaits.
-        body: of the robot, whose cores' pressures count too: the larger of both differences is the result.
     """
     first, second = one.schedule.levels, other.schedule.levels
     turned = [np.roll(second, column, axis=1) for column in range(second.shape[1])]
@@ -50,10 +46,8 @@ def best_of_kinds(
     """Indices of the best designs of which none is of the kind of a better one, the best first.
 
     Args:
-        designs: N of them.
         scores: shape (N,); what failed, NaN, is none.
         count: how many, at most.
-        body: of the robot.
     """
     chosen: list[int] = []
     for number in (int(n) for n in np.argsort(-scores, kind="stable") if np.isfinite(scores[n])):
@@ -79,8 +73,6 @@ def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: M
     """Turn designs to where they go on flat ground, and judge them.
 
     Args:
-        problem: that judges them, of graded gaits.
-        designs: N of them.
         options: of the simulation on flat ground, see ``robots.inflatable.simulate``.
 
     Returns:
@@ -108,9 +100,7 @@ def history_of(problem: GaitProblem, found: Arrays, folder: Path) -> History:
     """Present what :func:`turned` found as a run of a single generation.
 
     Args:
-        problem: that judged the designs.
         found: the arrays that :func:`turned` returned.
-        folder: where it is kept.
     """
     scores, count = found["scores"], len(found["scores"])
     known = np.flatnonzero(np.isfinite(scores))

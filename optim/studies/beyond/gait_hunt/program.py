@@ -29,7 +29,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.results import Progress, cached
-from optim.experiments.settings import Count, Settings, Several, Whole
+from optim.experiments.study import Count, Settings, Several, Whole
 from optim.problems.inflatable.problem import HARD, GaitProblem
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
@@ -64,29 +64,19 @@ def check_parts(name: str, parts: Sequence[float]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Plan(Settings):
-    """How much the program does in each of its steps.
+    """How much the program does in each of its steps."""
 
-    Attributes:
-        looks: random gaits, with an empty core, and as many with any.
-        kept: of the best of either, which are turned, and among which kinds are sought.
-        kinds: that get a search of their own.
-        population: of these searches.
-        rounds: generations of each round of these; the better half of the kinds goes on to the next.
-        leads: parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best.
-        headings: near that of the best that are tried.
-        refined: population of the searches that lead, and of the last two.
-        generations: of each of these.
-    """
-
-    looks: Several = 192
-    kept: Count = 32
-    kinds: Count = 4
-    population: Several = 12
+    looks: Several = 192  # random gaits, with an empty core, and as many with any
+    kept: Count = 32  # of the best of either, which are turned, and among which kinds are sought
+    kinds: Count = 4  # that get a search of their own
+    population: Several = 12  # of these searches
+    # generations of each round of these; the better half of the kinds goes on to the next
     rounds: Annotated[tuple[int, ...], check_rounds] = (2, 2, 4)
+    # parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best
     leads: Annotated[tuple[float, ...], check_parts] = (0.0, 2 / 3)
-    headings: Several = 16
-    refined: Several = 16
-    generations: Whole = 20
+    headings: Several = 16  # near that of the best that are tried
+    refined: Several = 16  # population of the searches that lead, and of the last two
+    generations: Whole = 20  # of each of these
 
     @property
     def evaluations(self) -> int:
@@ -105,19 +95,12 @@ class NothingFound(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A search that the program made.
+    """A search that the program made."""
 
-    Attributes:
-        name: of its folder.
-        problem: what was searched.
-        history: of the run.
-        spent: by it [robot-steps].
-    """
-
-    name: str
-    problem: GaitProblem
-    history: History
-    spent: float
+    name: str  # of its folder
+    problem: GaitProblem  # what was searched
+    history: History  # of the run
+    spent: float  # by it [robot-steps]
 
     @property
     def last(self) -> Generation:
@@ -157,25 +140,15 @@ class Step:
 
 @dataclass(eq=False)
 class Program:
-    """The program for one seed.
+    """The program for one seed."""
 
-    Attributes:
-        folder: takes a run folder of every search; what is there is not computed again.
-        plan: how much is done.
-        seed: of all searches.
-        slope: to be climbed in the end [degrees].
-        progress: called with the fraction done, which is estimated from the number of gaits.
-        where: geometry, precision, device and threads of the simulations.
-        steps: made so far, by name, in the order in which they began.
-    """
-
-    folder: Path
-    plan: Plan
-    seed: int
-    slope: float
-    progress: Progress = None
-    where: Mapping[str, Any] = field(default_factory=dict)
-    steps: dict[str, Step] = field(default_factory=dict)
+    folder: Path  # takes a run folder of every search; what is there is not computed again
+    plan: Plan  # how much is done
+    seed: int  # of all searches
+    slope: float  # to be climbed in the end [degrees]
+    progress: Progress = None  # called with the fraction done, which is estimated from the number of gaits
+    where: Mapping[str, Any] = field(default_factory=dict)  # geometry, precision, device and threads of the simulations
+    steps: dict[str, Step] = field(default_factory=dict)  # made so far, by name, in the order in which they began
 
     def run(self) -> tuple[Step, ...]:
         """Run all steps; return the last three, any of which may hold the best. None if all gaits of a step failed."""

@@ -21,20 +21,14 @@ STEPPED: Mapping[str, Any] = MappingProxyType({**CYCLE, "encoding": "graded-patt
 
 @dataclass(frozen=True)
 class HuntSearch:
-    """A search.
+    """A search."""
 
-    Attributes:
-        label: what it is, in a few words.
-        method: its name in ``METHODS``.
-        settings: of the method, but for the seed.
-        problem: options of the problem, beside terrains and where it runs.
-        rungs: parts of the slope on which a gait has to get ahead before, flat ground (0) perhaps among them.
-    """
-
-    label: str
-    method: str
-    settings: Mapping[str, Any]
+    label: str  # what it is, in a few words
+    method: str  # its name in ``METHODS``
+    settings: Mapping[str, Any]  # of the method, but for the seed
+    # options of the problem, beside terrains and where it runs
     problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)
+    # parts of the slope on which a gait has to get ahead before, flat ground (0) perhaps among them
     rungs: tuple[float, ...] = ()
 
     def problem_on(self, terrain: Terrain, **where: Any) -> GaitProblem:

@@ -37,8 +37,6 @@ class PaidSearch(FolderSearch):
         """Restore the search and what it has spent.
 
         Args:
-            problem: what to search.
-            method: not yet used.
             run: open run folder; takes ``spent.json``, too.
         """
         super().__init__(problem, method, run)
@@ -74,12 +72,8 @@ def search_within(
     that turns out to cost more is completed; :func:`paid` leaves it away.
 
     Args:
-        problem: what to search.
-        method: its name in ``METHODS``.
-        settings: of the method, its seed among them.
         folder: of the run; beside its files ``spent.json``, what every generation has cost.
         budget: in robot-steps, see :func:`cost`.
-        progress: called with the part of the budget that is spent.
         generations: number of the last one, if the budget lasts.
 
     Raises:
