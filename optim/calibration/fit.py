@@ -16,8 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats.qmc import LatinHypercube
 
-from optim.calibration.misfit import REPLICAS, Linearised, Misfit
-from optim.calibration.uncertainty import Uncertainty, uncertainty
+from optim.calibration.misfit import REPLICAS, Linearised, Misfit, Uncertainty, uncertainty
 from robots.calibration import BOUNDS, KINDS, NAMES, Drag, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
 
@@ -54,7 +53,7 @@ def calibrate(
     bounds: Mapping[str, tuple[float, float]] = BOUNDS,
     progress: Told | None = None,
 ) -> Calibration:
-    """Fit properties to experiments, beginning with those of the laboratory's robot.
+    """Fit properties to experiments, beginning with those of the laboratory's robot, stiff enough for the bounds.
 
     Raises:
         ValueError: for unknown names, too few points, and properties that the data cannot tell.
@@ -70,8 +69,7 @@ def calibrate(
 def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None:
     """Check, before anything is simulated, that experiments may tell these properties.
 
-    Raises:
-        ValueError: for unknown names, too few points, and properties that act in no experiment.
+    Raises ValueError for unknown names, too few points, and properties that act in no experiment.
     """
     if unknown := [name for name in names if name not in NAMES]:
         raise ValueError(f"fit: {unknown[0]!r} is unknown; choose of {', '.join(NAMES)}")

@@ -14,8 +14,7 @@ from optim.wording import counted
 if TYPE_CHECKING:
     from optim.measures.statistics import Correlation
     from optim.studies.chapter3.sweep_table import SweepTable
-    from optim.studies.chapter4.training import Training
-    from optim.studies.chapter4.training_table import TrainingTable
+    from optim.studies.chapter4.training import Training, TrainingTable
 
 COMMAND = Command(
     "train",
@@ -84,7 +83,7 @@ def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -
 
 def _report(table: "TrainingTable", sweep: "SweepTable | None", out: Path, files: list[str]) -> Report:
     from optim.studies.chapter3.sensor_placement import correlation_of_metrics
-    from optim.studies.chapter4.training_table import metric_correlations
+    from optim.studies.chapter4.training import metric_correlations
 
     methods = [
         {"method": method, "runs": solved.size, "solved": int(solved.sum()), "mean_evaluations": float(spent.mean())}

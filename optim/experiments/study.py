@@ -62,8 +62,7 @@ class Study:
     def reproduce(self, folder: Path, budget: str = "full", progress: Progress = None, **options: Any) -> None:
         """Run the study, or continue it where its folder ended, with some of :attr:`options`.
 
-        Raises:
-            ValueError: if the study does not have the budget, or the folder holds something else.
+        Raises ValueError if the study does not have the budget, or the folder holds something else.
         """
         self.run(folder, self.scales[checks.choice("budget", budget, self.scales)], progress, **options)
 

@@ -59,8 +59,7 @@ def write_columns(path: Path, columns: Mapping[str, ArrayLike | Sequence[Any]]) 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
     """Read header and rows of a CSV file, compressed if its name ends in ``.gz``.
 
-    Raises:
-        ValueError: if it cannot be read or is empty.
+    Raises ValueError if it cannot be read or is empty.
     """
     try:
         content = path.read_bytes()
@@ -77,8 +76,7 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
 def read_records(path: Path) -> list[dict[str, Any]]:
     """Read the rows of a CSV file as records; numbers, truth values and lists get their types back, empty cells None.
 
-    Raises:
-        ValueError: if the file cannot be read, is empty, or has rows of another length than its header.
+    Raises ValueError if the file cannot be read, is empty, or has rows of another length than its header.
     """
     header, rows = read_table(path)
     if any(len(row) != len(header) for row in rows):

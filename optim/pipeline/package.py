@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.pipeline.changes import Change
-from optim.pipeline.crossing import Crossing
+from optim.pipeline.changes import Change, Crossing
 from optim.pipeline.machine import MACHINE, change_name, machine_document
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import PipelineTask
@@ -77,14 +76,7 @@ def _mean_and_deviation(speeds: Floats) -> list[float | None]:
 
 
 def write_package(package: Package, folder: Path) -> list[str]:
-    """Write the package; what is there of an earlier one is replaced.
-
-    Returns:
-        The files, relative to the folder.
-
-    Raises:
-        ValueError: if the rig's limits refuse a gait.
-    """
+    """Write the package in place of an earlier one, and list its files; raises ValueError if the rig refuses a gait."""
     from optim.pipeline.page import PLAYER, report_page
     from robots.view.picture import save_motion_picture
     from robots.view.player import MOST_MOTIONS, page

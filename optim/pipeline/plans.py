@@ -18,13 +18,7 @@ class Plan:
 
 
 def route_speed(speeds: Sequence[float], changes: Sequence[float], stretch: float) -> float:
-    """Mean speed over stretches of equal length at some speeds, with times of changes in between [body lengths/s].
-
-    Args:
-        speeds: on each terrain [body lengths/s], positive.
-        changes: time of each change of shape, the one back to the first among them [s].
-        stretch: length of a stretch [body lengths].
-    """
+    """Mean speed over equal stretches [body lengths], with times of changes in between [s] [body lengths/s]."""
     return len(speeds) * stretch / (sum(stretch / speed for speed in speeds) + sum(changes))
 
 
@@ -38,9 +32,7 @@ def rank_plans(
     """All plans whose gaits work on their terrains, the fastest first.
 
     Args:
-        designs: gaits by name.
         speeds: of each gait on each terrain [body lengths/s].
-        stretch: see :func:`route_speed`.
         least: speed of a gait that works [body lengths/s].
         times: that the core takes up and down [s].
     """

@@ -140,12 +140,7 @@ def slug(terrain: Terrain) -> str:
 
 
 def read_task(path: Path) -> PipelineTask:
-    """Read a task.
-
-    Raises:
-        ValueError: for a file that cannot be read, unknown keys (with the nearest known) and values that are not
-            allowed.
-    """
+    """Read a task; raises ValueError for what cannot be read, unknown keys, and values that are not allowed."""
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

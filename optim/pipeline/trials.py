@@ -87,11 +87,7 @@ def speeds_of(designs: Mapping[str, InflatableDesign], trials: Trials, progress:
 
 
 def check_working(speeds: Mapping[str, Floats], task: PipelineTask) -> None:
-    """Refuse a task of which a terrain has no gait that works.
-
-    Raises:
-        NoWorkingGait: with what was tried and how fast it was.
-    """
+    """Raise NoWorkingGait for a terrain without a gait that works, with what was tried and how fast it was."""
     for place, terrain in enumerate(task.terrains):
         means = {name: float(each[place].mean()) for name, each in speeds.items()}
         if not any(speed >= task.limits.least_speed for speed in means.values()):

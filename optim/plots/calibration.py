@@ -16,12 +16,7 @@ COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
 
 
 def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, path: Path) -> None:
-    """Plot each experiment in a panel: measurements, and the simulation before and after the fit.
-
-    Args:
-        experiments: with their measurements, and standard deviations if known.
-        predictions: predictions of all points before and after, shape (2, N).
-    """
+    """Plot experiments with their measurements, a panel each, and their simulation before and after the fit, (2, N)."""
     parts = np.split(np.asarray(predictions), np.cumsum([len(e.values) for e in experiments])[:-1], axis=1)
     columns = min(COLUMNS, len(experiments))
     rows = -(-len(experiments) // columns)

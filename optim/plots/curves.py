@@ -24,10 +24,7 @@ def draw_run(
 ) -> None:
     """Draw a run's best score so far, the mean score of what its search keeps, and each climber as a thin line.
 
-    Scores are missing as long as every evaluation has failed.
-
-    Args:
-        generations: as logged, at least one.
+    Scores are missing as long as every evaluation has failed; there must be one generation at least.
     """
     x = [generation.generation for generation in generations]
     climbers = all(generation.scores is not None for generation in generations)
@@ -42,12 +39,7 @@ def draw_run(
 
 
 def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[str, str]) -> None:
-    """Draw details of the best design so far, such as its speed on each terrain.
-
-    Args:
-        generations: as logged, at least one.
-        details: names of numbers in ``best_details``, and their labels in the legend.
-    """
+    """Draw details of the best design so far, such as speeds: names in ``best_details``, and labels in the legend."""
     for (name, label), colour in zip(details.items(), COLOURS[2:] + COLOURS[:2], strict=False):
         values = np.array([(g.best_details or {}).get(name) for g in generations], float)
         axes.plot([g.generation for g in generations], values, color=colour, label=label, **LINES)
@@ -74,11 +66,9 @@ def draw_band(
     label: str = "",
     steps: bool = False,
 ) -> None:
-    """Draw a mean and the band of its interval.
+    """Draw a mean and the band of its interval at P places, shape (P,) each; NaN leaves a gap.
 
-    Args:
-        x: places, shape (P,).
-        mean, low, high: there, shape (P,); NaN leaves a gap.
+    With ``steps``, values hold until the next place; otherwise they are joined.
     """
     axes.plot(x, mean, color=colour, label=label or None, drawstyle="steps-post" if steps else "default")
     axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0, step="post" if steps else None)
@@ -100,11 +90,7 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
 
 
 def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget: int, **line: Any) -> None:
-    """Draw the share of trials that have reached their goal, against the evaluations spent.
-
-    Args:
-        line: keyword arguments of ``Axes.plot``.
-    """
+    """Draw the share of trials that have reached their goal over evaluations: those of each success, and the budget."""
     x = np.concatenate([[0], np.sort(np.asarray(evaluations)), [budget]])
     y = np.append(np.arange(len(x) - 1), len(x) - 2) / trials
     axes.step(x, y, where="post", **line)

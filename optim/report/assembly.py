@@ -43,13 +43,9 @@ class Built:
 
 
 def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Built:
-    """The page of a run, of several that are judged alike, or of one study.
+    """The page of a run, of several that are judged alike, or of one study, in folders, or in folders of such.
 
-    Args:
-        paths: of run folders, folders of such, or of a study.
-
-    Raises:
-        ValueError: for what cannot be reported, before anything is simulated.
+    Raises ValueError for what cannot be reported, before anything is simulated.
     """
     for path in paths:
         if read := study_of(path):

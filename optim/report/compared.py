@@ -15,14 +15,7 @@ from optim.wording import counted
 
 
 def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Section], dict[str, Any]]:
-    """Sections, and the same for machines.
-
-    Args:
-        runs: at least two, whose scores mean the same.
-
-    Raises:
-        ValueError: if they cannot be compared, see ``optim.runs.comparison``.
-    """
+    """Sections of several runs whose scores mean the same, also for machines; raises ValueError for others."""
     curves = comparison.curves([run.history for run in runs], axis)
     end = comparison.shared_end(curves, axis)
     standings = [comparison.standing(curve, end) for curve in curves]

@@ -66,11 +66,7 @@ class OneRun:
 
     @classmethod
     def of(cls, history: History) -> "OneRun":
-        """The run of a history.
-
-        Raises:
-            ValueError: if it has no complete generation, or an unknown problem.
-        """
+        """The run of a history; raises ValueError if it has no complete generation, or an unknown problem."""
         if not history.generations:
             raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
         return cls(history, subject_of(history.path, history.config))
@@ -153,11 +149,7 @@ class OneRun:
         return None if self.best_point is None else self.subject.best(self.last, self.best_point, replays, rig)
 
     def sections(self, best: Best | None, name: str) -> list[Section]:
-        """Sections of the page.
-
-        Args:
-            best: the best design; None if every evaluation has failed.
-        """
+        """Sections of the page, the first by its name; without a best design if every evaluation has failed."""
         parts = [Section(name, self._run()), Section("How the search went", self._search())]
         if best is not None:
             parts.append(Section("The best design", best.content))

@@ -185,11 +185,7 @@ class RobotSubject(Subject):
 
 
 def subject_of(folder: Path, config: Mapping[str, Any]) -> Subject:
-    """The subject of a run with these settings.
-
-    Raises:
-        ValueError: for a problem that is unknown or cannot be read.
-    """
+    """The subject of a run with these settings; raises ValueError for a problem that is unknown or cannot be read."""
     problem = problem_of(folder, config, problem_of_description)
     return RobotSubject(problem) if isinstance(problem, RobotDesigning) else Subject(problem)
 

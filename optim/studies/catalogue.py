@@ -36,8 +36,8 @@ REPORTS: Registry[Callable[[Path], StudyReport]] = Registry(
     "morpholab.reports",
     "report",
     {
-        "sweep": "optim.studies.chapter3.sweep_report:report",
-        "training": "optim.studies.chapter4.training_report:report",
-        "interference": "optim.studies.chapter2.report:report",
+        "sweep": "optim.studies.chapter3.sweep_study:report",
+        "training": "optim.studies.chapter4.training_study:report",
+        "interference": "optim.studies.chapter2.study:report",
     },
 )

@@ -89,9 +89,7 @@ def train_alone(
 ) -> list[dict[str, Any]]:
     """Train each robot on each light alone, and write what its champions do as ``alone.csv``.
 
-    Args:
-        settings: whose lights are taken one by one; each has a folder of its own in ``out / "alone"``.
-        out: folder of the study.
+    Each of the lights has a folder of its own in ``out / "alone"``.
 
     Returns:
         For each robot and light: means of the champions' distance from the light at the end [m], and of the time that

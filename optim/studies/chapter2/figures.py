@@ -34,14 +34,7 @@ def _layout(treatments: Sequence[Treatment]) -> tuple[list[str], list[str]]:
 def _grid_of_treatments(
     treatments: Sequence[Treatment], path: Path, size: tuple[float, float], labels: tuple[str, str]
 ) -> Iterator[tuple[Any, dict[Treatment, Any]]]:
-    """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows.
-
-    Args:
-        size: width and height [in].
-
-    Yields:
-        The figure, and the panel of each treatment.
-    """
+    """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows."""
     rows, columns = _layout(treatments)
     shape: Any = {"nrows": len(rows), "ncols": len(columns), "sharex": True, "sharey": True}
     with figure(path, *size, letters=False, **shape) as (drawn, panels):

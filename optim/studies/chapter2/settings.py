@@ -66,11 +66,7 @@ def treatments(
     fitness: Sequence[str] = tuple(FITNESS),
     trainers: Sequence[str] = (HILL_CLIMB,),
 ) -> list[Treatment]:
-    """Every fitness with every robot, row by row, trainer by trainer.
-
-    Raises:
-        ValueError: for no names, unknown ones, or one given twice.
-    """
+    """Every fitness with every robot, row by row; raises ValueError for no names, unknown ones, or one given twice."""
     each = (("robots", robots, ROBOTS), ("fitness", fitness, FITNESS), ("trainers", trainers, TRAINERS))
     for field, names, known in each:
         if not names:
@@ -138,12 +134,7 @@ def controllers(points: Floats) -> Floats:
 
 
 def fitness_shares(fitness: str, light: Floats) -> Floats:
-    """Derivatives of the logarithm of a fitness by the readings of the environments, (P, E).
-
-    Args:
-        fitness: ``"sum"``, ``"product"`` or ``"min"``.
-        light: readings, (P, E) [1/m^2].
-    """
+    """Derivatives of the logarithm of a fitness by the environments' readings, (P, E) [1/m^2], shape (P, E)."""
     if fitness == "sum":
         return np.repeat(1 / light.sum(-1, keepdims=True), light.shape[-1], -1)
     if fitness == "product":

@@ -71,10 +71,7 @@ def cells_of(measured: Mapping[Treatment, Sequence[RunMeasures]]) -> dict[str, d
 
 
 def compare_cells(cells: Cells) -> list[dict[str, Any]]:
-    """Two-sided Mann-Whitney tests of all pairs in a row or column, corrected for their number.
-
-    Treatments with less than two values are left out.
-    """
+    """Two-sided Mann-Whitney tests of all pairs of several values in a row or column, corrected for their number."""
     pairs = [(a, b) for a, b in combinations(cells, 2) if (a.row == b.row) != (a.robot == b.robot)]
     known = [(a, b) for a, b in pairs if min(len(cells[a]), len(cells[b])) > 1]
     effects = [effect(cells[a], cells[b]) for a, b in known]
@@ -110,11 +107,7 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
 
 
 def write_tables(found: Runs, out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last.
-
-    Args:
-        out: folder.
-    """
+    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last."""
     environments = next(iter(found.values()))[0]["distance"].shape[1]
     runs, rows, tests, text, definitions = [], list[Any](), [], list[str](), {}
     for definition in DEFINITIONS:

@@ -22,7 +22,6 @@ from optim.experiments.trials import Trials, computed_trials, record_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
-from optim.studies.chapter3.rover_grid import RoverGrid
 from optim.studies.chapter3.rover_problem import (
     CONTROLLERS,
     DRIVES,
@@ -33,6 +32,7 @@ from optim.studies.chapter3.rover_problem import (
     distances,
     effort,
 )
+from optim.studies.chapter3.rover_success import RoverGrid
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder

@@ -17,8 +17,7 @@ from optim.experiments.study import Settings, Study, Whole
 from optim.experiments.tables import write_columns
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
-from optim.studies.chapter3.rover_grid import MODELS, RoverGrid, both_models
-from optim.studies.chapter3.rover_success import BODIES
+from optim.studies.chapter3.rover_success import BODIES, MODELS, RoverGrid, both_models
 from optim.studies.chapter3.sensor_placement import distribution
 from optim.studies.chapter3.sweep_table import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody

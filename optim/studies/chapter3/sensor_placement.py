@@ -77,14 +77,10 @@ def paths(body: VehicleBody, weights: ArrayLike, task: VehicleTask, every: int =
 
 
 def persistent(body: VehicleBody, weights: ArrayLike, task: VehicleTask, near: float = NEAR) -> Bools:
-    """Whether controllers show persistent phototaxis: having reached the light, they stay by it to the end.
+    """Whether controllers, (C, 2), show persistent phototaxis: having reached the light, they stay by it to the end.
 
-    Args:
-        weights: of controllers, shape (C, 2).
-        near: distance from the light [m] below which the centre must stay, by samples every ``EVERY`` steps.
-
-    Returns:
-        For every controller and environment, shape (C, E); False where it never reaches the light.
+    The centre must stay within ``near`` [m] of the light, by samples every ``EVERY`` steps. Shape (C, E); False where a
+    controller never reaches the light.
     """
     values = np.atleast_2d(np.asarray(weights, float))
     arrival = simulate([body], contralateral(values)[None], task).arrival[0]

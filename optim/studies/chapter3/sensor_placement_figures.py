@@ -77,9 +77,6 @@ def save_examples(table: SweepTable, designs: Mapping[int, str], sweep: Path, pa
 
     Matrices, weights and paths are written beside it, by the numbers of the bodies, and as CSV how many controllers
     solve all environments, and how many of these show persistent phototaxis in all of them.
-
-    Args:
-        sweep: folder of the sweep.
     """
     task, bodies = table.settings.task, [VehicleBody.published(design) for design in designs]
     overlaps = overlaps_of(bodies, table.settings, sweep)

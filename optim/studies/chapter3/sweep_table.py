@@ -52,11 +52,7 @@ class SweepTable:
         return {"M_L": self.learnability, "M_CI": self.interference}
 
     def rows(self, designs: ArrayLike) -> "SweepTable":
-        """The part of some bodies.
-
-        Raises:
-            ValueError: if some are missing.
-        """
+        """The part of some bodies; raises ValueError if some are missing."""
         wanted = np.asarray(designs, np.int64)
         missing = np.setdiff1d(wanted, self.designs)
         if missing.size:
@@ -74,10 +70,8 @@ def read_sweep_table(path: Path) -> SweepTable:
     """The table of a sweep's folder, of all bodies that are there, or of a CSV file with design, all, any first.
 
     Such a file, which may be compressed (``.csv.gz``), is of the sweep in whose folder it lies, or else of the
-    published one with 121 x 121 controllers.
-
-    Raises:
-        ValueError: for anything else; also for a table with M_L of another number of controllers.
+    published one with 121 x 121 controllers. Raises ValueError for anything else; also for a table with M_L of another
+    number of controllers.
     """
     if path.is_dir():
         settings, bodies = read_sweep(path)
@@ -130,8 +124,7 @@ def sweep_published(designs: Sequence[int], settings: Sweep, folder: Path, progr
 def sample_designs(count: int, seed: int = 1) -> list[int]:
     """Numbers of bodies drawn from the published grid without replacement, ascending; larger samples contain smaller.
 
-    Raises:
-        ValueError: for less than 1 or more than there are.
+    Raises ValueError for less than 1 or more than there are.
     """
     checks.integer("sample", count, 1)
     if count > DESIGNS:

@@ -69,8 +69,7 @@ def report(
 ) -> tuple[dict[str, Any], list[Record]]:
     """Write curves and raw times as CSV, and return the numbers of this study, and the curves.
 
-    Args:
-        reported: number of the point that each trial would report after each evaluation, shape (R, B).
+    ``reported`` is the number of the point that each trial would report after each evaluation, shape (R, B).
     """
     environments, times, curves, raw = len(settings.task.starts), {}, list[Record](), []
     summary: dict[str, Any] = {"evaluations_until_all_solved": {}, "environments_solved_at_the_end": {}}

@@ -93,11 +93,7 @@ def correlate(arrays: Arrays) -> dict[str, Any]:
 
 
 def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``.
-
-    Args:
-        sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
-    """
+    """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``."""
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
     bodies = list(chosen_bodies(settings, sweep_folder or folder / "sweep", part_of(progress, 0, 2)).items())
     parts = {

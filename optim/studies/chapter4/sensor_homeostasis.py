@@ -35,6 +35,8 @@ def sensor_distances(
 ) -> tuple[Floats, Floats]:
     """Mean warping distance of N controllers' light signals between environments, see ``homeostasis``.
 
+    Distances of signals of every so many steps differ from those of full ones.
+
     Args:
         sites: of the sensors, shape (N, S, 2) [m].
         controllers: matrices, shape (N, 2, S).
@@ -56,12 +58,7 @@ def sensor_distances(
 
 
 def distances_of(problem: VehicleProblem, points: Floats, chosen: Bools, every: int = 1) -> Arrays:
-    """The :func:`sensor_distances` of some points of a problem, by the names in ``MEASURES``; NaN for the others.
-
-    Args:
-        points: shape (..., D).
-        chosen: which of them, shape (...).
-    """
+    """The :func:`sensor_distances` of chosen points of a problem, (..., D), by ``MEASURES``; NaN for the others."""
     arrays = {name: np.full(chosen.shape, np.nan) for name in MEASURES}
     if chosen.any():
         sites, controllers = problem.split(points[chosen])

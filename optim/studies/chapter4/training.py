@@ -1,9 +1,10 @@
 """Training: how many evaluations search methods need to tune a controller, in each of many bodies.
 
-Source: dissertation, chapter 4, "Training": the weights w1 and w2 of a body are tuned by the sum of the smallest
-distances from the light, by four methods, five times each, with at most 500 evaluations, until one controller solves
-all four environments. The methods have the settings of that experiment, see ``optim.search.published``. It looked at
-its best point after every step of a method; here every point is looked at, in the order asked for.
+Source: dissertation, chapter 4, "Training" and figure "neurips_evolution_correlation": the weights w1 and w2 of a body
+are tuned by the sum of the smallest distances from the light, by four methods, five times each, with at most 500
+evaluations, until one controller solves all four environments. The methods have the settings of that experiment, see
+``optim.search.published``. It looked at its best point after every step of a method; here every point is looked at, in
+the order asked for.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,16 +17,81 @@ import numpy as np
 from optim.experiments.results import Progress, part_of
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.experiments.study import Count, Settings, Whole
+from optim.experiments.tables import read_table, write_table
+from optim.measures.statistics import Correlation, pearson
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.runs.requests import Request
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
-from optim.studies.chapter4.training_table import TrainingTable
+from optim.studies.chapter3.sweep_table import SweepTable
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody, VehicleTask
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder
+
+COLUMNS = ("design", "method", "repetition", "evaluations", "solved")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingTable:
+    """Outcomes of runs: M methods, each R times in each of D bodies."""
+
+    methods: tuple[str, ...]  # names, shape (M,)
+    designs: Ints  # numbers of the bodies, ascending, shape (D,)
+    # until one controller solved all environments; of a run that found none, all it had; shape (M, D, R)
+    evaluations: Ints
+    solved: Bools  # whether one was found, shape (M, D, R)
+
+    def write(self, path: Path) -> None:
+        """Write a row for each run as CSV, compressed if its name ends in ``.gz``."""
+        rows = [
+            (design, method, number, *map(int, run))
+            for method, *outcomes in zip(self.methods, self.evaluations, self.solved, strict=True)
+            for design, *runs in zip(self.designs.tolist(), *outcomes, strict=True)
+            for number, run in enumerate(zip(*runs, strict=True), 1)
+        ]
+        write_table(path, COLUMNS, rows)
+
+
+def read_training_table(path: Path) -> TrainingTable:
+    """Read what :meth:`TrainingTable.write` wrote; raises ValueError for any other file."""
+    header, rows = read_table(path)
+    try:
+        if tuple(header) != COLUMNS:
+            raise ValueError
+        methods = tuple(dict.fromkeys(row[1] for row in rows))
+        designs, numbers = np.unique([int(row[0]) for row in rows]), np.array([row[2:] for row in rows], np.int64)
+        repetitions = int(numbers[:, 0].max())
+        shape = len(methods), len(designs), repetitions
+        table = TrainingTable(methods, designs, numbers[:, 1].reshape(shape), numbers[:, 2].reshape(shape) == 1)
+    except (ValueError, IndexError):
+        raise ValueError(f"{path}: is not a table of training, with columns {','.join(COLUMNS)}") from None
+    return table
+
+
+@dataclass(frozen=True)
+class MetricCorrelation:
+    """Correlation of the evaluations that a method needs with a metric of the body."""
+
+    method: str  # its name
+    metric: str  # ``"M_L"`` or ``"M_CI"``
+    # ``"runs"``, each of them, those in one body not independent; or ``"bodies"``, the means of their runs, as
+    # published
+    over: str
+    found: Correlation  # Pearson's correlation, its p two-sided
+
+
+def metric_correlations(table: TrainingTable, sweep: SweepTable) -> list[MetricCorrelation]:
+    """Correlations of all methods with both metrics, over runs and bodies; raises ValueError if some are missing."""
+    found = []
+    for method, evaluations in zip(table.methods, table.evaluations, strict=True):
+        for metric, values in sweep.rows(table.designs).metrics.items():
+            runs = np.repeat(values, evaluations.shape[1]), evaluations.ravel()
+            for over, pairs in (("runs", runs), ("bodies", (values, evaluations.mean(axis=1)))):
+                found.append(MetricCorrelation(method, metric, over, pearson(*pairs, "two-sided")))
+    return found
+
 
 TRAINERS = tuple(BLACK_BOX_OPTIM)
 BODIES_PER_FILE = 25  # a file each half a minute or so
@@ -64,10 +130,9 @@ def train(
 ) -> TrainingTable:
     """Tune controllers of bodies by search methods, and count evaluations until success.
 
-    Args:
-        methods: names in ``TRAINERS``.
-        out: folder that takes the outcomes as they come. A study of the same settings that finds it goes on from there,
-            also with other bodies and methods; killed at any moment, it loses half a minute of work or so.
+    The folder takes the outcomes as they come. A study of the same settings that finds it goes on from there, also with
+    other bodies and methods; killed at any moment, it loses half a minute of work or so. Designs are numbers of the
+    published grid, from 1 to 6561.
 
     Returns:
         Outcomes of all runs. A run's depends on its body, method, repetition and the settings only.

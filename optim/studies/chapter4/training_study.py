@@ -1,19 +1,29 @@
-"""Whether the metrics of bodies predict how many evaluations trainers need in them (chapter 4)."""
+"""Whether the metrics of bodies predict how many evaluations trainers need in them (chapter 4); and their report."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
 from optim.experiments.results import Progress, part_of, write_json
-from optim.experiments.study import Study
+from optim.experiments.study import Study, StudyReport, StudySection
 from optim.experiments.tables import write_columns
+from optim.plots.curves import draw_share_solved
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import SweepTable, sample_designs, sweep_published
-from optim.studies.chapter4.training import TRAINERS, Training, train
-from optim.studies.chapter4.training_table import TrainingTable, metric_correlations
+from optim.studies.chapter4.training import (
+    TRAINERS,
+    Training,
+    TrainingTable,
+    metric_correlations,
+    read_training_table,
+    train,
+)
+from optim.wording import counted
 from robots.braitenberg import DESIGNS, Sweep
-from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.results_folder import ResultsFolder, read_settings
 
 
 @dataclass(frozen=True)
@@ -41,11 +51,7 @@ class TrainingInBodies:
 def study(
     folder: Path, settings: TrainingInBodies, progress: Progress = None, sweep_folder: Path | None = None
 ) -> None:
-    """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``.
-
-    Args:
-        sweep_folder: of a sweep of these bodies, or that takes it; one beside the results if None.
-    """
+    """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``."""
     ResultsFolder(folder, "training", settings.describe())
     designs, overlaps = settings.designs, sweep_folder or folder / "overlaps"
     sweep = sweep_published(designs, Sweep(weights=settings.weights), overlaps, part_of(progress, 0, 2))
@@ -93,3 +99,37 @@ STUDY = Study(
     run=study,
     writes=("summary.json", "runs.csv", "training.png"),
 )
+
+
+def report(folder: Path) -> StudyReport:
+    """What a report tells of training; raises ValueError if there is no table yet."""
+    settings, found = read_settings(folder, "training"), read_training_table(folder / "runs.csv")
+    budget = int(settings.get("budget", found.evaluations.max()))
+    methods = list(zip(found.methods, found.evaluations, found.solved, strict=True))
+
+    def draw(axes: Any) -> None:
+        for (name, spent, solved), colour in zip(methods, COLOURS, strict=False):
+            draw_share_solved(axes, spent[solved], solved.size, budget, color=colour, label=name)
+        axes.set_ylabel("share of runs with all solved")
+
+    words = f"Share of runs of {counted(len(methods), 'method')} that solve all environments, against evaluations"
+    section = StudySection(
+        "Methods",
+        "Runs of each method",
+        ("Method", "Runs", "Solve all", "Evaluations, mean", "Median"),
+        [
+            (name, solved.size, int(solved.sum()), float(spent.mean()), float(np.median(spent)))
+            for name, spent, solved in methods
+        ],
+        digits=1,
+        charts={words: draw},
+        size=(5.0, 3.0),
+    )
+    return StudyReport(
+        "training",
+        "Evaluations until a controller solves all four environments, in bodies of vehicles.",
+        {"bodies": len(found.designs), "methods": len(methods)},
+        settings,
+        [section],
+        {"methods": list(found.methods)},
+    )

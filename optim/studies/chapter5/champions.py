@@ -38,11 +38,7 @@ class Player:
     """Plays gaits beside the searches of a study, and keeps their speeds."""
 
     def __init__(self, settings: ShapeChange, folder: Path, costs: Costs, threads: int | None = None) -> None:
-        """Open the folder of these gaits, new or of the same settings; more generations may follow.
-
-        Args:
-            folder: of the study; takes a folder of speeds.
-        """
+        """Open the folder of these gaits, new or of the same settings; more generations may follow."""
         lasting = {name: value for name, value in asdict(settings).items() if name != "generations"}
         self.settings, self.costs, self.threads = settings, costs, threads
         self.folder = ResultsFolder(folder / KIND, KIND, lasting)

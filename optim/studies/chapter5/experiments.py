@@ -142,13 +142,8 @@ def search(
 ) -> None:
     """Run all experiments, a generation of each in turn; each is a run folder of its own, that ``codesign`` knows.
 
-    A study that is interrupted has something of each experiment, and a kill loses at most one generation.
-
-    Args:
-        folder: takes the run folders.
-
-    Raises:
-        ValueError: for run folders of other settings, in use, or that went further.
+    A study that is interrupted has something of each experiment, and a kill loses at most one generation. Raises
+    ValueError for run folders of other settings, in use, or that went further.
     """
     turns = len(EXPERIMENTS) * (settings.generations + 1)
 

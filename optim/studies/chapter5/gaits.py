@@ -70,11 +70,7 @@ class Robot(Settings):
         return described
 
     def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:
-        """Play all cases as one batch.
-
-        Returns:
-            Speeds by the published convention [body lengths/s], shape (cases, copies); NaN of copies that diverged.
-        """
+        """Published speeds of all cases in one batch [body lengths/s], shape (cases, copies); NaN of what diverged."""
         return np.asarray(self.play(cases, threads, progress).speed, float).reshape(len(cases), self.copies)
 
     def play(
@@ -110,10 +106,7 @@ def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:
 
 
 def spread(speeds: ArrayLike) -> dict[str, float | int | None]:
-    """Mean, standard deviation and range of copies, shape (copies,), and how many of them diverged.
-
-    What too few are left to tell is None.
-    """
+    """Mean, deviation and range of copies, shape (copies,), None where too few are left, and how many diverged."""
     speeds = np.asarray(speeds, float)
     valid = speeds[~np.isnan(speeds)]
     return {

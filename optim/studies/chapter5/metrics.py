@@ -157,9 +157,6 @@ def draw(rows: Sequence[Record], path: Path) -> None:
     """A row for each metric, a column for each threshold; pressure across, orientation upwards.
 
     A body has no M_CI, "none", where no gait succeeds anywhere.
-
-    Args:
-        rows: see :func:`rows_of`.
     """
     pressures, orientations = (distinct(rows, key) for key in ("pressure", "orientation"))
     height = 2 * (0.9 + 0.32 * len(orientations))

@@ -68,7 +68,7 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
 
     Args:
         slopes: ascending, shape (S,) [degrees].
-        rolling: speeds, shape (S, copies); NaN of copies that diverged.
+        rolling, inching: speeds, shape (S, copies); NaN of copies that diverged.
 
     Returns:
         ``slope``, the 95 % bootstrap interval ``low`` to ``high`` over the copies that are there at every slope, the
@@ -98,10 +98,7 @@ def told_at(speeds: Floats) -> Bools:
 
 
 def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, float, float] | None:
-    """Find the slope at which a positive difference, shape (S,), becomes negative, and the slopes beside it.
-
-    None if it never does.
-    """
+    """Find the slope at which a positive difference, (S,), becomes negative, and those beside it; None without."""
     negative = np.flatnonzero(ahead < 0)
     if not negative.size or negative[0] == 0:
         return None

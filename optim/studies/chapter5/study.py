@@ -45,11 +45,7 @@ PANELS = {FLAT: ("flat ground", ("rolling by hand", "inching by hand")), HILL: (
 
 
 def write_curves(summary: Mapping[str, Any], path: Path) -> None:
-    """Draw the curves, and write their numbers as CSV beside the picture.
-
-    Args:
-        summary: see ``optim.studies.chapter5.table.summarise``.
-    """
+    """Draw the curves of a summary, and write their numbers as CSV beside the picture."""
     from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 

@@ -85,13 +85,9 @@ def _by_hand(played: Played) -> Iterator[dict[str, Any]]:
 
 
 def best_on_both(elsewhere: Mapping[str, Floats]) -> dict[str, Any] | None:
-    """The design that is fastest in the mean of both terrains.
+    """The design that is fastest in the mean of both terrains, and where it was found; None if all failed.
 
-    Args:
-        elsewhere: by the terrain on which designs were found, their speeds there and on the other one, shape (2, n).
-
-    Returns:
-        Its speeds and where it was found; None if there is none that did not fail.
+    ``elsewhere`` is, by the terrain on which designs were found, their speeds there and on the other one, shape (2, n).
     """
     best: dict[str, Any] | None = None
     for place, (own, other) in elsewhere.items():
@@ -150,11 +146,7 @@ def _mean(a: float | None, b: float | None) -> float | None:
 
 
 def write_tables(summary: Mapping[str, Any], folder: Path) -> None:
-    """Write ``table.csv`` and ``table.md``.
-
-    Args:
-        summary: see :func:`summarise`.
-    """
+    """Write ``table.csv`` and ``table.md`` of a summary, see :func:`summarise`."""
     write_records(folder / "table.csv", [_record(row) for row in summary["rows"]])
     write_text(folder / "table.md", text_of(summary))
 

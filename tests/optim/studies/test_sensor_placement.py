@@ -11,8 +11,8 @@ from optim.experiments.figures import figure, legend_above, logarithmic
 from optim.studies.chapter3 import sensor_placement as study
 from optim.studies.chapter3 import sensor_placement_figures as figures
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
+from optim.studies.chapter4.training import TrainingTable
 from optim.studies.chapter4.training_study import save_training
-from optim.studies.chapter4.training_table import TrainingTable
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, simulate, sweep
 
 TABLE = SweepTable(np.array([80, 162, 5841, 6553]), np.array([9, 9, 0, 2]), np.array([12, 12, 8, 8]), Sweep(weights=9))

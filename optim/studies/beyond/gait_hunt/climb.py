@@ -27,7 +27,7 @@ from optim.studies.beyond.gait_hunt.finalists import (
     write_gaits,
 )
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
-from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
+from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 
@@ -119,13 +119,7 @@ def _step_row(step: Step) -> dict[str, Any]:
 
 
 def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: Sequence[Record]) -> None:
-    """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the tables.
-
-    Args:
-        folder: takes the files.
-        rows: the records of ``seeds.csv``, one of each seed.
-        steps: the records of ``steps.csv``, one of each step of each seed.
-    """
+    """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the records of both tables."""
     write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
     write_text(folder / "table.md", text_of(rows))
     _draw(settings, rows, steps, folder / "climb.png")

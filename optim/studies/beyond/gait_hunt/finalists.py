@@ -105,11 +105,8 @@ def cached_finalists(
     """The last bests of each run of a search, played in full: from the file, if they are of these runs and conditions.
 
     All of them are one batch under either condition, since a few robots take as long as a vector full of them. The
-    noise of each follows from its place among them.
-
-    Args:
-        path: of the JSON file, which may be missing, damaged, or of fewer generations.
-        where: options of the simulations; ``precision`` is ``"f32"`` unless it is given.
+    noise of each follows from its place among them. The file may be missing, damaged, or of fewer generations; the
+    ``precision`` of the simulations is ``"f32"`` unless it is given.
     """
     where = {"precision": "f32", **where}
     found = [last_bests(history, problem, settings.finalists) for history in histories]
@@ -143,12 +140,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:
-    """Write the gaits found, by the names of their files; what earlier reports named there goes.
-
-    Args:
-        folder: of gaits alone, which may be new.
-        found: None where nothing was.
-    """
+    """Write the gaits found by their names to a folder of gaits alone; what earlier reports named there goes."""
     folder.mkdir(exist_ok=True)
     for path in folder.glob("*.json"):
         if not found.get(path.stem):

@@ -15,7 +15,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.runs.requests import Request
-from optim.studies.beyond.gait_hunt.spending import cost
+from optim.studies.beyond.gait_hunt.searches import cost
 from robots.inflatable import simulation
 from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.cores import each_pressure
@@ -31,7 +31,8 @@ PRESSURE = 12_000.0  # [Pa], which counts as a full stroke of everything
 def difference(one: InflatableDesign, other: InflatableDesign, body: InflatableGeometry) -> float:
     """Distance between two gaits of as many columns, 0 to 1, wherever their cycles begin.
 
-    Headings and times do not count: what moves when is the kind.
+    Headings and times do not count: what moves when is the kind. Pressures of the cores count too: the larger of both
+    differences is the result.
     """
     first, second = one.schedule.levels, other.schedule.levels
     turned = [np.roll(second, column, axis=1) for column in range(second.shape[1])]
@@ -43,12 +44,7 @@ def difference(one: InflatableDesign, other: InflatableDesign, body: InflatableG
 def best_of_kinds(
     designs: Sequence[InflatableDesign], scores: Floats, count: int, body: InflatableGeometry
 ) -> list[int]:
-    """Indices of the best designs of which none is of the kind of a better one, the best first.
-
-    Args:
-        scores: shape (N,); what failed, NaN, is none.
-        count: how many, at most.
-    """
+    """Indices of the best designs of which none is of the kind of a better one, the best first; scores may be NaN."""
     chosen: list[int] = []
     for number in (int(n) for n in np.argsort(-scores, kind="stable") if np.isfinite(scores[n])):
         if len(chosen) == count:
@@ -59,21 +55,14 @@ def best_of_kinds(
 
 
 def heading_of(displacement: Floats) -> Floats:
-    """The heading, 0 to 90 degrees, along which robots that go so far get furthest.
-
-    Args:
-        displacement: along x and y, shape (..., 2).
-    """
+    """The heading, 0 to 90 degrees, along which robots with displacements x and y, shape (..., 2), get furthest."""
     angle = np.rad2deg(np.arctan2(displacement[..., 1], displacement[..., 0]))
     away = np.where(angle < -135.0, angle + 360.0, angle)  # the nearer end of the range is the better one
     return np.asarray(np.clip(away, 0.0, 90.0))
 
 
 def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: Mapping[str, Any]) -> Arrays:
-    """Turn designs to where they go on flat ground, and judge them.
-
-    Args:
-        options: of the simulation on flat ground, see ``robots.inflatable.simulate``.
+    """Turn N designs to where they go on flat ground, and judge them; ``options`` are those of ``simulate`` there.
 
     Returns:
         ``points`` of the problem, shape (N, D); ``scores``, shape (N,), NaN of what failed; ``speeds`` on every
@@ -97,11 +86,7 @@ def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: M
 
 
 def history_of(problem: GaitProblem, found: Arrays, folder: Path) -> History:
-    """Present what :func:`turned` found as a run of a single generation.
-
-    Args:
-        found: the arrays that :func:`turned` returned.
-    """
+    """Present what :func:`turned` found as a run of a single generation."""
     scores, count = found["scores"], len(found["scores"])
     known = np.flatnonzero(np.isfinite(scores))
     value: float | None = None

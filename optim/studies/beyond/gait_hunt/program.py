@@ -34,8 +34,7 @@ from optim.problems.inflatable.problem import HARD, GaitProblem
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
 from optim.studies.beyond.gait_hunt.kinds import best_of_kinds, history_of, turned
-from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
-from optim.studies.beyond.gait_hunt.spending import first_of, read_spent, search_within
+from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED, first_of, read_spent, search_within
 from robots.inflatable.design import InflatableDesign
 from robots.world import Terrain
 from taichi_sim.base import checks

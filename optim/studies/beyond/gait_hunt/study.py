@@ -34,8 +34,7 @@ from optim.studies.beyond.gait_hunt.finalists import (
     columns_of,
     write_gaits,
 )
-from optim.studies.beyond.gait_hunt.searches import SEARCHES
-from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
+from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST, SEARCHES, paid, read_spent, search_within
 from robots.inflatable.robustness import LEAST_HARD_SPEED
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import write_text
@@ -116,12 +115,7 @@ def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, 
 
 
 def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping[Run, Finalist | None]) -> None:
-    """Write what some runs have found: tables, what follows from them, and gaits.
-
-    Args:
-        folder: takes the files.
-        bests: the best finalists of those that were judged; None where all failed.
-    """
+    """Write what some runs have found: tables, what follows from them, and gaits, of those that were judged."""
     rows, generations = [], []
     for run, (history, spent) in found.items():
         about, last = dict(zip(("search", "seed"), run, strict=True)), history.generations[-1]
@@ -138,13 +132,7 @@ def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping
 
 
 def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations: Sequence[Record]) -> None:
-    """Write ``summary.json``, ``table.md`` and ``hunt.png``, all that follows from the tables.
-
-    Args:
-        folder: takes the files.
-        rows: the records of ``table.csv``, one of each run.
-        generations: the records of ``generations.csv``, one of each generation of each run.
-    """
+    """Write ``summary.json``, ``table.md`` and ``hunt.png``, all that follows from the records of both tables."""
     every = {name: where(rows, search=name) for name in hunt.searches}
     groups = {name: group for name, group in every.items() if group}
     summary = {name: _group(name, group) for name, group in groups.items()}
