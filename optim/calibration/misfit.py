@@ -129,13 +129,10 @@ class Uncertainty:
 def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
     """Uncertainty of a fit that ended at a point.
 
-    Variances that are assumed are scaled by what the residuals say. So are given ones if the residuals are larger
-    than these allow, never if they are smaller. The simulator's scatter counts once for the rig, whose one run is as
-    chaotic, and once for the mean of the replicas.
-
-    Args:
-        given: which points' standard deviations are given, shape (N,).
-        share: of the measurement in the variance that each residual is weighted by, shape (N,).
+    Variances that are assumed, of points that are not ``given``, shape (N,), are scaled by what the residuals say. So
+    are given ones if the residuals are larger than these allow, never if they are smaller. The simulator's scatter
+    counts once for the rig, whose one run is as chaotic, and once for the mean of the replicas. ``share`` is that of
+    the measurement in the variance that each residual is weighted by, shape (N,).
     """
     slopes, freedom = found.slopes, found.slopes.shape[0] - found.slopes.shape[1]
     scale = float(found.residuals @ found.residuals) / freedom

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> Report:
     table.write(args.out / "runs.csv")
     files = ["runs.csv"]
     if sweep and args.figures:
-        from optim.studies.chapter4.training_study import save_training
+        from optim.studies.chapter4.training import save_training
 
         save_training(table, sweep, args.out / "training.png")
         files += ["training.png"]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
@@ -17,19 +17,15 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None  # called with the fraction done
 Part = Callable[[Progress], Arrays]
+Key = TypeVar("Key", str, int)
 RAW = "runs"  # folder of raw results
 
 
 def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
     """Check that a folder is free for a study, or belongs to it, before the study fills it.
 
-    Args:
-        folder: the study's folder, which may be new.
-        names: names of all files and folders that the study puts there.
-        kind: kind of study, kept in a file of the folder if names alone do not tell it.
-
-    Raises:
-        ValueError: for a file, a folder that holds anything else, or one that cannot be made.
+    It may be new, or hold files and folders of these ``names``, and the file of its ``kind`` if names alone do not tell
+    it. Raises ValueError for a file, a folder that holds anything else, or one that cannot be made.
     """
     known = {*names, f"{kind}.json"}
 
@@ -46,18 +42,10 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
 def read_alone(
     folder: Path, kind: str, tables: Sequence[str], names: Sequence[str], settings: Mapping[str, Any]
 ) -> list[list[dict[str, Any]]]:
-    """Check a study's folder, and read its tables where it holds these without the runs that they were made from.
+    """Check a folder as :func:`check_folder`, and read the records of its tables if the runs behind these are missing.
 
-    Args:
-        folder, names, kind: see :func:`check_folder`.
-        tables: names of the tables.
-        settings: the values asked for, by their names in ``summary.json``.
-
-    Returns:
-        The records of each table; none for any other folder of the study.
-
-    Raises:
-        ValueError: if the folder holds something else, or tables whose summary tells of other settings.
+    Settings are those asked for, by their names in ``summary.json``. Without such tables there are no records. Raises
+    ValueError if the folder holds something else, or tables whose summary tells of other settings.
     """
     check_folder(folder, names, kind)
     if (folder / RAW).exists() or not all((folder / name).is_file() for name in tables):
@@ -91,11 +79,16 @@ def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays
     return found
 
 
-def computed(folder: ResultsFolder | None, parts: Mapping[str, Part], progress: Progress = None) -> dict[str, Arrays]:
-    """Load or compute the parts of a study one after the other; a kill loses at most one; see :func:`cached`."""
+def computed(
+    folder: ResultsFolder | None, parts: Mapping[Key, Part], progress: Progress = None, name: str = "{}"
+) -> dict[Key, Arrays]:
+    """Load or compute the parts of a study one after the other; a kill loses at most one; see :func:`cached`.
+
+    Parts are kept by ``name``, in which their key stands for ``{}``.
+    """
     found = {}
-    for number, (name, compute) in enumerate(parts.items()):
-        found[name] = cached(folder, name, partial(compute, part_of(progress, number, len(parts))))
+    for number, (key, compute) in enumerate(parts.items()):
+        found[key] = cached(folder, name.format(key), partial(compute, part_of(progress, number, len(parts))))
         if progress:
             progress((number + 1) / len(parts))
     return found

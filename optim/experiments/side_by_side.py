@@ -39,9 +39,8 @@ def run_side_by_side(
 ) -> None:
     """Let searches take turns until all are done; those with the fewest completed turns move first.
 
-    Args:
-        judge: evaluates the requests of the searches of a round, in their order. A search is told each evaluation
-            before the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
+    ``judge`` evaluates the requests of the searches of a round, in their order. A search is told each evaluation before
+    the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
     """
     active = [search for search in searches if not search.done]
     while active:
@@ -61,15 +60,10 @@ def judge_together(
     judge: Callable[[Sequence[AnySearch], Request], Evaluation],
     kind: Callable[[AnySearch], Hashable] = lambda search: None,
 ) -> Iterator[Evaluation]:
-    """Evaluate the requests of several searches in as few batches as possible.
+    """Evaluate the requests of several searches in as few batches as possible; yield their evaluations in order.
 
-    Args:
-        judge: called with the search of each point, and the points of one batch.
-        requests: request of each search; a point's evaluation must not depend on the points beside it.
-        kind: requests go into one batch if this is equal for their searches, and they want the same.
-
-    Yields:
-        The evaluation of each request, in order.
+    ``judge`` is called with the search of each point, and the points of one batch; a point's evaluation must not depend
+    on those beside it. One batch takes requests of searches of an equal ``kind`` that want the same.
     """
     batches: dict[Hashable, list[int]] = {}
     for number, (search, request) in enumerate(zip(searches, requests, strict=True)):
@@ -92,8 +86,7 @@ class BudgetedSearch:
     name: int  # its name for the observer, such as a number
     method: Method  # the method, not yet used
     budget: int  # evaluations of the search; those of its last turn beyond the budget are not observed
-    # called with the name, new points and their evaluation, in order; returns whether to end
-    observe: Callable[[int, Floats, Evaluation], bool]
+    observe: Callable[[int, Floats, Evaluation], bool]  # called with the name and what is new; returns whether to end
     turns: int = 0  # number of turns so far
     spent: int = 0  # evaluations so far, those of the last turn beyond the budget included
     done: bool = False  # whether the budget is spent, or the observer has ended the search

@@ -1,7 +1,7 @@
 """Trials: all evaluations of searches with several seeds, in order, and when they found solutions."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -29,15 +29,10 @@ class Trials:
     solved: NDArray[np.int8]  # environments that each point solves, shape (R, B)
     with_gradient: Bools  # whether the gradient was asked for, shape (R, B)
 
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
-        """Build trials from arrays by name, as :attr:`arrays` gives them."""
-        return cls(**{f.name: arrays[f.name] for f in fields(cls)})
-
     @property
     def arrays(self) -> Arrays:
-        """Arrays of the trials by name, to be saved in a file."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        """Arrays of the trials by name, to be saved in a file; ``Trials(**arrays)`` are the same again."""
+        return dict(vars(self))
 
     @property
     def evaluations(self) -> Ints:
@@ -78,11 +73,6 @@ class Trials:
         """Take the values of chosen points from ``values``, shape (R, B); ``missing`` where none is chosen."""
         taken = np.take_along_axis(values, np.maximum(chosen, 0), axis=1)
         return np.where(chosen == NOTHING, missing, taken)
-
-    @property
-    def runs(self) -> int:
-        """Number R of trials."""
-        return len(self.points)
 
 
 def first_time(happens: Bools) -> Ints:
@@ -132,5 +122,5 @@ def computed_trials(
     def arrays(run: Callable[..., Trials], progress: Progress) -> Arrays:
         return run(progress=progress).arrays
 
-    found = computed(folder, {f"trials_{name}": partial(arrays, run) for name, run in arms.items()}, progress)
-    return dict(zip(arms, map(Trials.from_arrays, found.values()), strict=True))
+    found = computed(folder, {name: partial(arrays, run) for name, run in arms.items()}, progress, "trials_{}")
+    return {name: Trials(**arrays) for name, arrays in found.items()}

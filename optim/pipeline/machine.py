@@ -149,28 +149,19 @@ class Replayed:
 def replay_package(folder: Path, progress: Progress = None, threads: int | None = None) -> list[Replayed]:
     """Play every gait of a package from the rows of its table, with the noise with which it was measured."""
     machine = read_machine(folder)
-    found = []
-    for n, state in enumerate(machine["states"]):
-        speed = _speed(folder, state, machine["simulated"], part_of(progress, n, len(machine["states"])), threads)
-        found.append(Replayed(state["name"], state["speed_bl_per_s"], speed))
-    return found
-
-
-def _speed(
-    folder: Path, state: Mapping[str, Any], simulated: Mapping[str, Any], progress: Progress, threads: int | None
-) -> float:
-    """Mean speed of a state's table."""
-    design = read_design(folder / state["table"], from_rows=True)
+    states, simulated, found = machine["states"], machine["simulated"], []
     geometry, actuation = robot_of(simulated["geometry"], "published", properties_of(simulated))
-    run = simulation.simulate(
-        [design] * simulated["runs"],
-        Terrain(**state["terrain"]),
-        geometry=geometry,
-        actuation=actuation,
-        precision=simulated["precision"],
-        perturbation=NOISE,
-        seed=simulated["seed"],
-        threads=threads,
-        progress=progress,
-    )
-    return float(np.mean(run.speed))
+    for n, state in enumerate(states):
+        run = simulation.simulate(
+            [read_design(folder / state["table"], from_rows=True)] * simulated["runs"],
+            Terrain(**state["terrain"]),
+            geometry=geometry,
+            actuation=actuation,
+            precision=simulated["precision"],
+            perturbation=NOISE,
+            seed=simulated["seed"],
+            threads=threads,
+            progress=part_of(progress, n, len(states)),
+        )
+        found.append(Replayed(state["name"], state["speed_bl_per_s"], float(np.mean(run.speed))))
+    return found

@@ -13,8 +13,7 @@ class Plan:
     """A gait for each terrain."""
 
     gaits: tuple[str, ...]  # names of gaits, one per terrain, in the order of the terrains
-    # over the terrains one after the other and back to the first, see :func:`route_speed` [body lengths/s]
-    speed: float
+    speed: float  # over all terrains and back to the first, see :func:`route_speed` [body lengths/s]
 
 
 def route_speed(speeds: Sequence[float], changes: Sequence[float], stretch: float) -> float:
@@ -29,12 +28,9 @@ def rank_plans(
     least: float,
     times: tuple[float, float],
 ) -> list[Plan]:
-    """All plans whose gaits work on their terrains, the fastest first.
+    """All plans whose gaits work on their terrains, with ``least`` speed [body lengths/s], the fastest first.
 
-    Args:
-        speeds: of each gait on each terrain [body lengths/s].
-        least: speed of a gait that works [body lengths/s].
-        times: that the core takes up and down [s].
+    Speeds are those of each gait on each terrain [body lengths/s], times those that the core takes up and down [s].
     """
     terrains = len(next(iter(speeds.values())))
     able = [[name for name, each in speeds.items() if each[place] >= least] for place in range(terrains)]

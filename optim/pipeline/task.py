@@ -30,8 +30,7 @@ class Limits:
     """What a gait and a change of shape must keep to."""
 
     least_speed: float = 0.005  # of a gait that works on a terrain [body lengths/s]
-    # time steps that a gait may take; a file that says nothing asks for those of a published gait
-    most_steps: int = PUBLISHED_STEPS
+    most_steps: int = PUBLISHED_STEPS  # time steps that a gait may take; by default those of a published gait
     shape_error: float = 5e-3  # distance from the shape that a change may end with [m]
     moved: float = 0.5  # how far the robot may move during a change [body lengths]
     next_speed: float = 0.95  # part of its speed that the next gait must reach from there

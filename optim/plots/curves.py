@@ -77,9 +77,7 @@ def draw_band(
 def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
     """Draw the mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
 
-    Args:
-        curves: one for each group, as ``optim.runs.comparison.curves`` makes them.
-        axis: quantity on the horizontal axis: ``"evaluations"``, ``"generations"`` or ``"seconds"``.
+    Curves and their axis are those of ``optim.runs.comparison``.
     """
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.results import Progress
 from optim.report.compared import comparison_sections
 from optim.report.markup import Html, Section, paragraph, picture
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun
-from optim.report.robot_run import Progress
 from optim.report.studies import study_of, study_page
 from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below

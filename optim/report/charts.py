@@ -18,23 +18,16 @@ if TYPE_CHECKING:
 INK = "#33302b"
 # What follows the page from day to night.
 VARIABLES = {INK: "ink", "#000000": "ink", "#ffffff": "paper", "#f3f1ec": "ground", "#f2f2f2": "ground"}
-PIXELS = 200  # an inch, of pictures in charts
+PIXELS, PRINTED = 200, 110  # an inch, of pictures in charts, and of those for print
 SMALL = (3.7, 2.5)  # in
 
 
 def charted(
     draw: "Callable[[Axes], None]", alt: str, caption: str = "", *, size: tuple[float, float] = SMALL, kind: str = ""
 ) -> Html:
-    """A chart with its caption, which is ``alt`` by default; ``kind`` is a class of the style."""
-    return picture(chart(draw, alt, size), caption or alt, kind)
+    """A chart as SVG with its caption, which is ``alt`` by default; ``kind`` is a class of the style.
 
-
-def chart(draw: "Callable[[Axes], None]", alt: str, size: tuple[float, float] = SMALL) -> Html:
-    """A chart as SVG.
-
-    Args:
-        draw: draws it on axes; a legend is added if anything has a label.
-        size: width and height [in]; the page stretches it.
+    It is drawn on axes of some width and height [in], and has a legend if anything has a label.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -50,7 +43,7 @@ def chart(draw: "Callable[[Axes], None]", alt: str, size: tuple[float, float] = 
         if axes.get_legend_handles_labels()[0]:
             figure.legend(loc="outside upper left", ncols=2, fontsize=7, frameon=False)
         figure.savefig(content, format="svg", dpi=PIXELS, metadata={"Date": None})
-    return _inline(content.getvalue(), alt)
+    return picture(_inline(content.getvalue(), alt), caption or alt, kind)
 
 
 def _inline(svg: str, alt: str) -> Html:
@@ -68,10 +61,10 @@ def _inline(svg: str, alt: str) -> Html:
     return Html(re.sub(r"<svg[^>]*>", lambda _: opened, svg, count=1).strip())
 
 
-def image(figure: "Figure", alt: str, *, pixels: int = 130) -> Html:
-    """A picture as PNG, so many pixels an inch."""
+def image(figure: "Figure", alt: str) -> Html:
+    """A picture as PNG, for print."""
     content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=pixels)
+    figure.savefig(content, format="png", dpi=PRINTED)
     return picture_of(content.getvalue(), alt)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.results import Progress
 from optim.plots.curves import draw_best, draw_run
 from optim.report.charts import charted
 from optim.report.front import front_section
@@ -31,7 +32,7 @@ from optim.report.markup import (
     table,
     tiles,
 )
-from optim.report.robot_run import Best, Progress, Subject, subject_of
+from optim.report.robot_run import Best, Subject, subject_of
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.generation import Generation
 from optim.runs.history import History

@@ -2,12 +2,12 @@
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.results import Progress, part_of
 from optim.problem import Objective, Problem, objectives_of, score_of
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotDesigning
@@ -20,9 +20,6 @@ from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot
 from taichi_sim.base.arrays import Floats
-
-Progress = Callable[[float], None]
-PIXELS = 110  # an inch, of printed strips
 
 
 @dataclass(frozen=True)
@@ -111,8 +108,7 @@ class RobotSubject(Subject):
         problem, robot = self.problem, self.problem.robot_of(point)
         found = []
         for n, world in enumerate(problem.tried_in):
-            tick = partial(_tick, progress, n, len(problem.tried_in))
-            name = world.spoken or robot.name
+            tick, name = part_of(progress, n, len(problem.tried_in)), world.spoken or robot.name
             found.append(robot.replay((), world, frames=frames, name=name, compute=problem.compute, progress=tick))
         return found
 
@@ -160,7 +156,7 @@ class RobotSubject(Subject):
         for world, replay in zip(self.problem.tried_in, replays, strict=False):
             words = f"Six poses of the best design {world.spoken}".strip() + ", above the chart of what drives it"
             strip = motion_picture(replay.motion, title=replay.title or None)
-            strips.append(picture(image(strip, words, pixels=PIXELS), words))
+            strips.append(picture(image(strip, words), words))
         printed = [Html(f'<div class="print-only">{joined(strips, "")}</div>')] if strips else []
         return [*styled, *([side_by_side(plain)] if plain else []), *printed]
 
@@ -205,11 +201,6 @@ def _shown(rows: Facts) -> list[tuple[str, Text]]:
         (name, number(told.value, told.digits, told.unit) if isinstance(told, Quantity) else told)
         for name, told in rows
     ]
-
-
-def _tick(report: Progress, number: int, count: int, fraction: float) -> None:
-    """Tell the progress of one of several trials as that of all."""
-    report((number + fraction) / count)
 
 
 def _finite(value: float) -> float | None:

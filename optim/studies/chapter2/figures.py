@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.experiments.figures import COLOURS, PAGE, figure, save_arrays
+from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic, save_arrays
 from optim.experiments.tables import write_table
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
@@ -98,13 +98,11 @@ def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
 
 def _scale_by_decades(axes: Any) -> None:
     """A logarithmic scale whose few labels are plain numbers, also within a decade."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+    from matplotlib.ticker import LogLocator
 
-    axes.set_yscale("log")
+    logarithmic(axes, "y")
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5) if high > 4 * low else "all"))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference, path: Path) -> None:

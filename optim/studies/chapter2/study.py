@@ -26,8 +26,14 @@ TABLES = (
     *("tables.md", "tables.csv", "runs.csv", "tests.csv", "curves.csv"),
     *("likeness.md", "likeness.csv", "summary.json", "champions"),
 )
-PICTURES = ("curves.png", "traces.png")
-PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
+PICTURES = {
+    "curves.png": "Worst distance and fitness over generations, mean of runs with 95 % bands",
+    "traces.png": "Paths of a typical champion of each treatment, from above",
+}
+PICTURES_OF_TWO = {
+    "changes.png": "What beneficial mutations change in two environments",
+    "changes-of-champions.png": "The same along the lines of champions",
+}
 DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 
@@ -54,7 +60,7 @@ def train(
     progress: Progress = None,
 ) -> dict[str, Any]:
     """Train treatments as :func:`evolve` does, and write tables, and pictures if asked for; return ``summary.json``."""
-    drawn = [path.with_suffix(suffix).name for path in map(Path, (*PICTURES, *PICTURES_OF_TWO)) for suffix in DRAWN]
+    drawn = [str(Path(name).with_suffix(suffix)) for name in (PICTURES | PICTURES_OF_TWO) for suffix in DRAWN]
     check_folder(out, (*TABLES, *drawn, "runs", "alone", "alone.csv"))
     found = by_treatment(evolve(settings, chosen, runs, generations, out / "runs", threads, progress))
     about = {**asdict(settings), "runs": runs, "generations": generations}
@@ -70,14 +76,14 @@ def train(
         draw_curves(curves, out / "curves.png")
         draw_traces(champions, settings, out / "traces.png")
         if len(settings.lights) == 2:
-            draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
-            draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
+            draw_changes(all_mutations(found), out / "changes.png")
+            draw_changes(all_mutations(found, measure(found)), out / "changes-of-champions.png")
     return summary
 
 
 def files_of(settings: Interference, figures: bool) -> list[str]:
     """Names of what :func:`train` writes, beside raw results."""
-    two = PICTURES_OF_TWO if len(settings.lights) == 2 else ()
+    two = PICTURES_OF_TWO if len(settings.lights) == 2 else {}
     return [*TABLES, *((*PICTURES, *two) if figures else ())]
 
 
@@ -110,20 +116,6 @@ STUDY = Study(
 )
 
 
-SHOWN = dict(
-    zip(
-        (*PICTURES, *PICTURES_OF_TWO),
-        (
-            "Worst distance and fitness over generations, mean of runs with 95 % bands",
-            "Paths of a typical champion of each treatment, from above",
-            "What beneficial mutations change in two environments",
-            "The same along the lines of champions",
-        ),
-        strict=True,
-    )
-)
-
-
 def report(folder: Path) -> StudyReport:
     """What a report tells of a study of interference; raises ValueError if it is not complete."""
     summary = folder / "summary.json"
@@ -137,7 +129,8 @@ def report(folder: Path) -> StudyReport:
         raise ValueError(f"{summary}: is not the summary of a study of interference") from None
     named = [(" ".join(row[:4]), row[4], *(float(cell) if cell else None for cell in row[5:])) for row in rows]
     table = StudySection("Measures", "M1 to M4", [" ".join(header[:4]), *header[4:]], named, digits=3)
-    pictures = {words: folder / name for name, words in SHOWN.items() if (folder / name).is_file()}
+    shown = PICTURES | PICTURES_OF_TWO
+    pictures = {words: folder / name for name, words in shown.items() if (folder / name).is_file()}
     return StudyReport(
         "interference",
         "Quadrupeds trained to reach the light in several environments, and how what helps in one harms in another.",

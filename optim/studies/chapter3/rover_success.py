@@ -27,7 +27,6 @@ from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 MODELS = ("rigid bodies", "theoretical")
-KIND = "rover-grid"  # of folders
 MIRRORED_LIGHTS = [1, 0, 3, 2]  # those that lie where each lies in a mirror
 
 
@@ -37,7 +36,7 @@ class RoverGrid(Settings):
 
     weights: Several = 121  # values of each of the two weights, from -1 to 1
     steps: Count = STEPS  # looks at the light in every rollout
-    precision: Literal["f32", "f64"] = "f32"  # ``"f32"`` or ``"f64"``
+    precision: Literal["f32", "f64"] = "f32"
 
     @property
     def pairs(self) -> Floats:
@@ -47,21 +46,13 @@ class RoverGrid(Settings):
 
 
 def successes(
-    designs: Sequence[int],
-    settings: RoverGrid,
-    folder: Path | None = None,
-    *,
-    device: str = "cpu",
-    threads: int | None = None,
-    progress: Progress = None,
+    designs: Sequence[int], settings: RoverGrid, folder: Path | None = None, progress: Progress = None, **where: Any
 ) -> Bools:
     """Which lights each controller reaches in bodies of the published grid.
 
     The folder takes a file a body as they come. A sweep of the same settings that finds it goes on from there, also for
-    other bodies; killed at any moment, it loses the body at hand.
-
-    Args:
-        designs: numbers of the bodies, D of them, from 1 to 6561; see ``Rover.published``.
+    other bodies; killed at any moment, it loses the body at hand. Designs are D numbers, from 1 to 6561, see
+    ``Rover.published``; ``where`` are device and threads.
 
     Returns:
         S, shape (D, n, n, 4): whether body d reaches light k with the weights grid[i] and grid[j].
@@ -70,16 +61,16 @@ def successes(
         ValueError: for a number that is no body's, or a folder of other settings.
     """
     stand_ins = [_stand_in(design) for design in designs]
-    results = ResultsFolder(folder, KIND, {**settings.describe(), "base": asdict(Rover())}) if folder else None
+    results = ResultsFolder(folder, "rover-grid", {**settings.describe(), "base": asdict(Rover())}) if folder else None
 
     def reached(design: int, _: Progress) -> Arrays:
-        where: dict[str, Any] = {"precision": settings.precision, "device": device, "threads": threads}
-        done = simulate(Rover.published(design), settings.pairs, steps=settings.steps, **where)
+        how: dict[str, Any] = {"steps": settings.steps, "precision": settings.precision, **where}
+        done = simulate(Rover.published(design), settings.pairs, **how)
         return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
 
-    parts = {f"design_{design}": partial(reached, design) for design in sorted({design for design, _ in stand_ins})}
-    found = computed(results, parts, progress)
-    known = [(found[f"design_{design}"]["success"], mirrored) for design, mirrored in stand_ins]
+    parts = {design: partial(reached, design) for design in sorted({design for design, _ in stand_ins})}
+    found = computed(results, parts, progress, "design_{}")
+    known = [(found[design]["success"], mirrored) for design, mirrored in stand_ins]
     return np.array([s.transpose(1, 0, 2)[..., MIRRORED_LIGHTS] if mirrored else s for s, mirrored in known])
 
 
@@ -105,7 +96,7 @@ def both_models(
         reaches, shape (D, n, n).
     """
     designs = [body.design for body in bodies if body.design is not None]  # all are of the grid
-    reached = successes(designs, settings, folder / "success", **where, progress=part_of(progress, 0, 2))
+    reached = successes(designs, settings, folder / "success", part_of(progress, 0, 2), **where)
     expected = overlaps_of(bodies, theory, folder / "theory", **where, progress=part_of(progress, 1, 2))
     return reached, dict(zip(MODELS, (reached.sum(-1, dtype=np.uint8), expected), strict=True))
 

@@ -34,8 +34,7 @@ SHARES = (0.5, 0.9, 0.99)  # quantiles reported
 class RoverSweep(Settings):
     """Bodies that are drawn, and their sweeps in both models."""
 
-    # how many of the 6561 of the published grid, drawn at random
-    bodies: Annotated[int, partial(checks.integer, low=2, high=DESIGNS)] = 500
+    bodies: Annotated[int, partial(checks.integer, low=2, high=DESIGNS)] = 500  # of the published grid, drawn
     seed: Whole = 1  # of the draw
     grid: RoverGrid = field(default_factory=lambda: RoverGrid(31))  # of weights
     theory: Sweep = field(default_factory=lambda: Sweep(31))  # of the theoretical model, with as many weights

@@ -1,7 +1,7 @@
 """The sweep of chapters 3 and 4: its metrics, its pictures, and what a report tells of it."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +9,7 @@ import numpy as np
 
 from optim.experiments.results import Progress
 from optim.experiments.study import Study, StudyReport, StudySection
-from optim.studies.chapter3.sensor_placement import notable_designs
-from optim.studies.chapter3.sensor_placement_figures import save_figures
+from optim.studies.chapter3.sensor_placement import notable_designs, save_figures
 from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table, sample_designs, sweep_published
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
@@ -73,7 +72,7 @@ def report(folder: Path) -> StudyReport:
     for design, solving, overlap in zip(designs, found.rows(designs).solving_all, overlaps, strict=True):
         known = f" ({names[design]})" if design in names else ""
         words = f"Design {design}{known}: {solving} of {controllers} controllers solve all environments"
-        charts[words] = _matrix(overlap)
+        charts[words] = partial(_draw_matrix, overlap)
     labels = [f"design {design}" for design in best.designs]
     columns = (best.solving_all, best.solving_any, best.learnability, best.interference)
     part = "" if len(labels) == len(found.designs) else f", the best {len(labels)} of {len(found.designs)} by M_L"
@@ -96,10 +95,6 @@ def report(folder: Path) -> StudyReport:
     )
 
 
-def _matrix(overlap: Bytes) -> Callable[[Any], None]:
-    """Draws a success matrix with its colours beside it."""
-
-    def draw(axes: Any) -> None:
-        add_overlap_bar(axes.figure, draw_overlap(axes, overlap), [axes])
-
-    return draw
+def _draw_matrix(overlap: Bytes, axes: Any) -> None:
+    """Draw a success matrix with its colours beside it."""
+    add_overlap_bar(axes.figure, draw_overlap(axes, overlap), [axes])

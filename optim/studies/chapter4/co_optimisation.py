@@ -110,7 +110,7 @@ def distances_of_reported(problem: VehicleProblem, trials: Trials, reported: Int
 
 def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
-    rows, last = np.arange(trials.runs), reported[:, -1]
+    rows, last = np.arange(len(reported)), reported[:, -1]
     chosen = (last != NOTHING) & (trials.solved[rows, last] == len(problem.task.starts))
     return distances_of(problem, trials.points[rows, last], chosen)
 
@@ -168,9 +168,7 @@ def _curve(values: Floats) -> list[dict[str, Any]]:
 def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
     """Compare the first and the last solution that each trial reports, over trials that report any.
 
-    Args:
-        values: of what is reported after each evaluation, shape (R, B).
-        solved: whether that solves all environments, shape (R, B).
+    Values are those of what is reported after each evaluation, shape (R, B), ``solved`` whether that solves all.
 
     Returns:
         Medians, trials in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test; for

@@ -88,7 +88,6 @@ OUTCOMES = {
 class HomeostasisObjective(Settings):
     """Both searches, and how what they report is judged."""
 
-    # runs, budget, seeds and task of both searches
     searches: CoOptimisation = CoOptimisation()  # noqa: RUF009 (immutable)
     samples: Count = 1000  # of a trace in the searches, at most
     weights: Several = 61  # values of each weight in the sweeps of reported bodies
@@ -132,7 +131,7 @@ def _largest(values: Floats, allowed: Bools) -> Ints:
 
 
 def _points(trials: Trials, chosen: Ints) -> Floats:
-    points = trials.points[np.arange(trials.runs), np.maximum(chosen, 0)]
+    points = trials.points[np.arange(len(chosen)), np.maximum(chosen, 0)]
     return np.where((chosen == NOTHING)[:, None], np.nan, points)
 
 
@@ -166,8 +165,8 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
     }
     found = computed_trials(results, arms, part_of(progress, 0, 2))
     points = reported(settings, found, results)
-    parts = {f"judged_{way}": partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
-    outcomes = dict(zip(points, computed(results, parts, part_of(progress, 1, 2)).values(), strict=True))
+    parts = {way: partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
+    outcomes = computed(results, parts, part_of(progress, 1, 2), "judged_{}")
     write_json(folder / "summary.json", report(settings, found, outcomes))
     rows = [
         (way, seed, *(float(arrays[name][n]) for name in OUTCOMES), *points[way][n].tolist())

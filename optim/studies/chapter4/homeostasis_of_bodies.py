@@ -36,8 +36,7 @@ BODIES_PER_PART = 50
 class BodyHomeostasis(Settings):
     """Bodies and controllers whose homeostasis is measured."""
 
-    # how many, of those with a controller that solves all environments
-    bodies: Annotated[int, partial(checks.integer, low=3)] = 500
+    bodies: Annotated[int, partial(checks.integer, low=3)] = 500  # with a controller that solves all
     controllers: Count = 5  # of each body, at most
     seed: Whole = 1  # with which bodies and controllers are drawn
     sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep
@@ -97,10 +96,10 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
     bodies = list(chosen_bodies(settings, sweep_folder or folder / "sweep", part_of(progress, 0, 2)).items())
     parts = {
-        f"bodies_{first}": partial(measure, settings, dict(bodies[first : first + BODIES_PER_PART]))
+        first: partial(measure, settings, dict(bodies[first : first + BODIES_PER_PART]))
         for first in range(0, len(bodies), BODIES_PER_PART)
     }
-    found = list(computed(results, parts, part_of(progress, 1, 2)).values())
+    found = list(computed(results, parts, part_of(progress, 1, 2), "bodies_{}").values())
     table = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
     write_columns(folder / "bodies.csv", table)
     numbers = {"bodies": len(bodies), "steps_between_samples": decimation(settings.sweep.task, settings.samples)}

@@ -144,8 +144,8 @@ def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_f
     """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``."""
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     swept = sweep_folder or folder / "sweep"
-    parts = {f"design_{design}": partial(measure, settings, design, swept) for design in DESIGNS}
-    found = dict(zip(DESIGNS, computed(results, parts, progress).values(), strict=True))
+    parts = {design: partial(measure, settings, design, swept) for design in DESIGNS}
+    found = computed(results, parts, progress, "design_{}")
     rows: list[Record] = []
     for design, arrays in found.items():
         for perturbation, shares in zip(PERTURBATIONS, arrays["survival"], strict=True):

@@ -35,11 +35,8 @@ def sensor_distances(
 ) -> tuple[Floats, Floats]:
     """Mean warping distance of N controllers' light signals between environments, see ``homeostasis``.
 
-    Distances of signals of every so many steps differ from those of full ones.
-
-    Args:
-        sites: of the sensors, shape (N, S, 2) [m].
-        controllers: matrices, shape (N, 2, S).
+    Sites have shape (N, S, 2) [m], controllers (N, 2, S). Distances of signals of every so many steps differ from those
+    of full ones.
 
     Returns:
         Of the readings [1/m^2], and of the same shifted and scaled to mean 0 and standard deviation 1, shape (N,)

@@ -44,8 +44,7 @@ class Experiment:
     place: str  # ``"flat"`` or ``"hill"``
     free: tuple[str, ...]  # what may change; what may not is as in ``fixed``
     fixed: InflatableDesign  # a design
-    # values with which every climber starts; else they are random
-    start: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    start: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of every climber; else it is random
 
 
 # As published, what is not free is as in rolling on flat ground and as in inching on the hill. Whether shape has to
@@ -114,8 +113,7 @@ class ShapeChange(Settings):
 class Found:
     """The designs and scores that an experiment has found so far."""
 
-    # speeds of the climbers' best designs after every generation [body lengths/s], shape (G + 1, C); NaN while all of
-    # a climber's designs have failed
+    # best speeds of the climbers after every generation [body lengths/s], shape (G + 1, C); NaN while all have failed
     scores: Floats
     designs: tuple[InflatableDesign, ...]  # the climbers' best, C
     evaluations: int  # made

@@ -46,7 +46,6 @@ class SoftRobotMetrics(Settings):
     gaits: Annotated[int, partial(checks.integer, low=1, high=100_000)] = 512
     slope: Uphill = 15.0  # of the hill [degrees]
     seed: Whole = 1  # of the sample
-    # how it is simulated; one copy, without noise
     robot: Robot = Robot(precision="f32", copies=1, noise=0.0)  # noqa: RUF009 (immutable)
 
     def __post_init__(self) -> None:

@@ -143,9 +143,9 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
 class Sensitivity(Settings):
     """Parameters that are changed, and what is played with each of them."""
 
-    # by which parameters are multiplied, one at a time; names of ``VARIATIONS``
-    factors: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: FACTORS)
-    # how it is simulated; its geometry and actuation are the published ones
+    factors: Mapping[str, tuple[float, ...]] = field(
+        default_factory=lambda: FACTORS
+    )  # of ``VARIATIONS``, one at a time
     robot: Robot = field(default_factory=lambda: Robot(copies=5))  # of 3 behaviours: 15 of 16 lanes
     repeats: Count = 2  # how often the columns of the gaits are played
     # of the hill [degrees]

@@ -69,8 +69,7 @@ class Plan(Settings):
     kept: Count = 32  # of the best of either, which are turned, and among which kinds are sought
     kinds: Count = 4  # that get a search of their own
     population: Several = 12  # of these searches
-    # generations of each round of these; the better half of the kinds goes on to the next
-    rounds: Annotated[tuple[int, ...], check_rounds] = (2, 2, 4)
+    rounds: Annotated[tuple[int, ...], check_rounds] = (2, 2, 4)  # generations; the better half goes on to the next
     # parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best
     leads: Annotated[tuple[float, ...], check_parts] = (0.0, 2 / 3)
     headings: Several = 16  # near that of the best that are tried

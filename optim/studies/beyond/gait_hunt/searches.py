@@ -39,10 +39,8 @@ class HuntSearch:
     label: str  # what it is, in a few words
     method: str  # its name in ``METHODS``
     settings: Mapping[str, Any]  # of the method, but for the seed
-    # options of the problem, beside terrains and where it runs
-    problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)
-    # parts of the slope on which a gait has to get ahead before, flat ground (0) perhaps among them
-    rungs: tuple[float, ...] = ()
+    problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)  # options, beside terrains and where it runs
+    rungs: tuple[float, ...] = ()  # parts of the slope on which a gait has to get ahead before, perhaps flat ground (0)
 
     def problem_on(self, terrain: Terrain, **where: Any) -> GaitProblem:
         """The problem that it searches on a terrain: orientation, shape and control."""
