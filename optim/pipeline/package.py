@@ -17,8 +17,20 @@ from optim.pipeline.plans import Plan, core_of
 from optim.pipeline.task import PipelineTask
 from optim.pipeline.trials import State
 from optim.problems.inflatable.told import RIG_FILE
-from optim.report.charts import picture_of
-from optim.report.markup import Html, Section, Text, code, facts, number, page, paragraph, picture, table, tiles
+from optim.report.markup import (
+    Html,
+    Section,
+    Text,
+    code,
+    facts,
+    number,
+    page,
+    paragraph,
+    picture,
+    picture_of,
+    table,
+    tiles,
+)
 from robots.calibration import save_properties
 from robots.hardware import export_csv
 from robots.inflatable.design import InflatableDesign

@@ -1,18 +1,32 @@
-"""From folders to a page."""
+"""From folders to a page: of runs, and of studies, which the registry of their reports tells of."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Progress
+from optim.experiments.study import StudyReport, StudySection
 from optim.report.compared import comparison_sections
-from optim.report.markup import Html, Section, paragraph, picture
+from optim.report.markup import (
+    Html,
+    Section,
+    charted,
+    code,
+    facts,
+    paragraph,
+    picture,
+    picture_of,
+    side_by_side,
+    table,
+    tiles,
+)
 from optim.report.markup import page as page_of
-from optim.report.one_run import OneRun
-from optim.report.studies import study_of, study_page
+from optim.report.one_run import OneRun, files_of
 from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below
+from optim.studies.catalogue import REPORTS
 from optim.wording import spoken_size
 from robots.hardware import PneumaticRig
 from robots.view.motion import Motion
@@ -127,3 +141,44 @@ def _player(motions: Sequence[Motion]) -> Html:
     element = Html(embedded(page(motions), title="Player: the best design in motion"))
     words = "The best design in motion: drag to orbit, space to play. Simulated again when this page was made."
     return picture(element, words, "player")
+
+
+MOST_FILES = 60
+
+
+def study_of(folder: Path) -> Callable[[Path], StudyReport] | None:
+    """The function that tells of the study in a folder, known by its file of settings; None for other folders."""
+    for name in REPORTS:
+        if any((settings / f"{name}.json").is_file() for settings in (folder, folder / "runs")):
+            return REPORTS[name]
+    return None
+
+
+def study_page(told: StudyReport, folder: Path, foot: str) -> str:
+    """The page of a study in a folder."""
+    lead = [paragraph(told.lead, "lead"), tiles(told.counts.items())]
+    sections = [Section(part.title, _content(part)) for part in told.sections]
+    settings = Section("Settings and files", [_settings(told.settings), _files(folder)])
+    return page_of(f"{told.kind.capitalize()} {folder.resolve().name}", lead, [*sections, settings], foot)
+
+
+def _content(part: StudySection) -> list[Html]:
+    content = [table(part.caption, part.header, part.rows, part.digits)] if part.rows else []
+    if part.note:
+        content.append(paragraph(part.note))
+    content += [picture(picture_of(path.read_bytes(), words), words) for words, path in part.pictures.items()]
+    drawn = [charted(draw, words, size=part.size) for words, draw in part.charts.items()]
+    return [*content, *([side_by_side(drawn)] if drawn else [])]
+
+
+def _settings(settings: Mapping[str, Any]) -> Html:
+    rows = [
+        (name.replace("_", " "), json.dumps(value) if isinstance(value, dict | list) else str(value))
+        for name, value in settings.items()
+    ]
+    return facts("Settings", rows)
+
+
+def _files(folder: Path) -> Html:
+    rows = [(code(path.name), path.stat().st_size) for path in files_of(folder)[:MOST_FILES]]
+    return table(f"Files of {folder}", ("File", "Bytes"), rows)

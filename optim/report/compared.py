@@ -6,8 +6,7 @@ from typing import Any
 
 from optim.plots.curves import draw_curves
 from optim.problem import Objective
-from optim.report.charts import charted
-from optim.report.markup import Html, Section, code, number, paragraph, table
+from optim.report.markup import Html, Section, charted, code, number, paragraph, table
 from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing

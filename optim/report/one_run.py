@@ -15,12 +15,12 @@ import numpy as np
 
 from optim.experiments.results import Progress
 from optim.plots.curves import draw_best, draw_run
-from optim.report.charts import charted
 from optim.report.front import front_section
 from optim.report.markup import (
     Html,
     Section,
     Text,
+    charted,
     code,
     facts,
     folded,

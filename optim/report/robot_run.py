@@ -11,8 +11,20 @@ from optim.experiments.results import Progress, part_of
 from optim.problem import Objective, Problem, objectives_of, score_of
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotDesigning
-from optim.report.charts import charted, image
-from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, side_by_side, table
+from optim.report.markup import (
+    Html,
+    Section,
+    Text,
+    charted,
+    facts,
+    image,
+    joined,
+    number,
+    paragraph,
+    picture,
+    side_by_side,
+    table,
+)
 from optim.report.rig import rig_section
 from optim.runs.config import problem_of
 from optim.runs.generation import Generation
