@@ -19,9 +19,7 @@ LINES: dict[str, Any] = {"linewidth": 1.8, "drawstyle": "steps-post", **END}
 UNIT_LINES: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "steps-post"}
 
 
-def draw_run(
-    axes: "Axes", generations: Sequence[Generation], *, best: str = COLOURS[0], mean: str = COLOURS[1]
-) -> None:
+def draw_run(axes: "Axes", generations: Sequence[Generation]) -> None:
     """Draw a run's best score so far, the mean score of what its search keeps, and each climber as a thin line.
 
     Scores are missing as long as every evaluation has failed; there must be one generation at least.
@@ -30,9 +28,9 @@ def draw_run(
     climbers = all(generation.scores is not None for generation in generations)
     if climbers:
         scores = np.array([generation.scores for generation in generations], float)
-        axes.plot(x, scores, color=mean, **UNIT_LINES)
+        axes.plot(x, scores, color=COLOURS[1], **UNIT_LINES)
     kept = "mean of the climbers" if climbers else "mean of what the search keeps"
-    for label, colour, name in ((kept, mean, "mean"), ("best", best, "best")):
+    for label, colour, name in ((kept, COLOURS[1], "mean"), ("best", COLOURS[0], "best")):
         values = np.array([getattr(generation, name) for generation in generations], float)
         axes.plot(x, values, color=colour, label=label, **LINES)
     _by_generation(axes)

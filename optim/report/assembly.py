@@ -29,6 +29,7 @@ from optim.runs.history import read_history, runs_below
 from optim.studies.catalogue import REPORTS
 from optim.wording import spoken_size
 from robots.hardware import PneumaticRig
+from robots.robot import Replay
 from robots.view.motion import Motion
 from robots.view.player import MOST_MOTIONS, embedded, page
 
@@ -102,9 +103,10 @@ def _page(
 ) -> Built:
     """The page of a run, after sections that compare several, given as markup and for machines."""
     before, more = compared
-    replays = run.replays(settings.frames, progress) if settings.player else []
-    best = run.best(replays, settings.rig)
-    if best:
+    replays, best, point = list[Replay](), None, run.best_point
+    if point is not None:
+        replays = run.subject.replays(point, settings.frames, progress) if settings.player else []
+        best = run.subject.best(run.last, point, replays, settings.rig)
         best = replace(best, content=[PLAYER, *best.content])
     shown, notes = [replay.motion for replay in replays[:MOST_MOTIONS]], []
     if len(shown) < len(replays):

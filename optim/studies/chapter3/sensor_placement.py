@@ -51,9 +51,7 @@ def notable_designs(table: SweepTable) -> dict[int, str]:
 
 def solving_controllers(overlap: Bytes, environments: int = 4) -> Floats:
     """Weights (w1, w2) of the controllers of a sweep that solve every environment, shape (C, 2)."""
-    grid = weight_grid(len(overlap))
-    first, second = np.nonzero(overlap == environments)
-    return np.stack([grid[first], grid[second]], axis=1)
+    return weight_grid(len(overlap))[np.argwhere(overlap == environments)]
 
 
 def some_solving_controllers(overlap: Bytes, count: int, seed: Sequence[int]) -> Floats:
@@ -73,9 +71,7 @@ def central_controller(overlap: Bytes, environments: int = 4) -> Floats | None:
     depth = distance_transform_edt(np.pad(overlap == environments, 1))[1:-1, 1:-1]
     if not depth.any():
         return None
-    first, second = np.unravel_index(np.argmax(depth), depth.shape)
-    grid = weight_grid(len(overlap))
-    return np.array([grid[first], grid[second]])
+    return weight_grid(len(overlap))[list(np.unravel_index(np.argmax(depth), depth.shape))]
 
 
 def paths(body: VehicleBody, weights: ArrayLike, task: VehicleTask, every: int = EVERY) -> Floats:
@@ -106,12 +102,11 @@ STEPS_PER_POINT = 2
 
 def save_figures(table: SweepTable, sweep: Path, folder: Path) -> list[str]:
     """Metrics, their correlation, and the most notable bodies of a sweep's folder; the names of the pictures."""
-    notable, names = notable_designs(table), ["distributions.png", "correlation.png", "examples.png"]
-    distributions, correlation, examples = (folder / name for name in names)
-    save_distributions(table, distributions)
-    save_correlation(table, notable, correlation)
-    save_examples(table, notable, sweep, examples)
-    return names
+    notable = notable_designs(table)
+    save_distributions(table, folder / "distributions.png")
+    save_correlation(table, notable, folder / "correlation.png")
+    save_examples(table, notable, sweep, folder / "examples.png")
+    return ["distributions.png", "correlation.png", "examples.png"]
 
 
 def save_distributions(table: SweepTable, path: Path) -> None:
